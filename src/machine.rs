@@ -102,7 +102,7 @@ impl Bearing {
         }
     }
 
-    /// What its backup bearing is called.
+    /// The name of its backup bearing.
     pub(crate) fn backup(&self) -> String {
         match self.kind {
             Kind::Axial => "axial stop".into(),
@@ -228,12 +228,13 @@ impl Machine {
         self.before(self.bearings.len())[0]
     }
 
-    /// Number of magnets, and of groups, before those of a bearing.
-    const fn before(&self, bearing: usize) -> [usize; 2] {
-        let (mut before, mut b) = ([0; 2], 0);
+    /// Number of magnets, of groups, and of readings, before those of a bearing.
+    const fn before(&self, bearing: usize) -> [usize; 3] {
+        let (mut before, mut b) = ([0; 3], 0);
         while b < bearing {
             before[0] += self.bearings[b].magnets;
             before[1] += self.bearings[b].groups();
+            before[2] += self.bearings[b].directions();
             b += 1;
         }
         before
@@ -247,6 +248,11 @@ impl Machine {
     /// The groups of a bearing, by their places among all.
     pub(crate) const fn groups_of(&self, bearing: usize) -> Range<usize> {
         self.before(bearing)[1]..self.before(bearing + 1)[1]
+    }
+
+    /// The readings of a bearing, by their places among all.
+    pub(crate) const fn readings_of(&self, bearing: usize) -> Range<usize> {
+        self.before(bearing)[2]..self.before(bearing + 1)[2]
     }
 
     /// Bearing, and number in it, of each group of magnets that has a smallest force of its own, both counted from 0.

@@ -31,7 +31,7 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
 
 impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
     /// Checks what this machine alone has, under its name in the interface.
-    pub(super) fn check_bearing<const N: usize>(&self, machine: &Names, checks: &mut Checks) {
+    pub(super) fn check_bearing<const N: usize>(&self, checks: &mut Checks) {
         let (m_kg, BearingConfig { gap_m, alpha_rad, .. }) = (self.geometry.shaft.m_kg, self.geometry.bearings[0]);
         let alpha_rad = &alpha_rad[..K];
         let paper = self.method != Method::PredictionError;
@@ -55,7 +55,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
                 checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
             }
         }
-        for (name, value, unit) in self.tolerance.listed(machine) {
+        for (name, value, unit) in self.tolerance.listed(Names::of::<N, K>()) {
             let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
             let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
             checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);

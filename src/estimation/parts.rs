@@ -23,7 +23,7 @@ macro_rules! of_sizes {
             type Method = $method;
 
             fn check(config: &EstimatorConfigOf<Self, $k>, checks: &mut Checks) {
-                config.$check::<$n>(Names::of::<$n, $k>(), checks);
+                config.$check::<$n>(checks);
             }
 
             fn method($config: &EstimatorConfigOf<Self, $k>) -> Result<$method, Vec<Invalid>> {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
 use super::parts::Parts;
-use super::{Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, Machine, Names, StateOf};
+use super::{Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, Machine, StateOf};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
@@ -81,7 +81,7 @@ impl ShaftTolerance {
 
 impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
     /// Reports what [`Rotor::new`] refuses; planes of unbalance that are not on the shaft, or at the same place; a tolerance beyond it.
-    pub(super) fn check_shaft<const N: usize>(&self, _: &Names, checks: &mut Checks) {
+    pub(super) fn check_shaft<const N: usize>(&self, checks: &mut Checks) {
         Rotor::<N, A, B>::checked(self.geometry, checks);
         let [first_m, second_m] = self.unbalance_position_m;
         self.geometry.check_position("unbalance[1].position", first_m, checks);

@@ -2,9 +2,9 @@
 //! voltages, loads, sensitivity.
 
 use std::f64::consts::TAU;
-use std::ops::Range;
 
-use crate::machine::{Bearing, Kind, Machine, Reading};
+use super::titled;
+use crate::machine::{Bearing, Machine, Reading};
 use crate::report::SensitivityCurves;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -81,16 +81,6 @@ pub(super) fn errors(machine: &Machine, recording: &Recording) -> Vec<Option<Vec
     names.map(of_reading).collect()
 }
 
-/// The bearings with their readings, by their places among all.
-pub(super) fn readings_of_bearings(machine: &Machine) -> Vec<(&'static Bearing, Range<usize>)> {
-    let ends = machine.bearings.iter().scan(0, |end, bearing| {
-        let begin = *end;
-        *end += if bearing.kind == Kind::Radial { 2 } else { 1 };
-        Some((bearing, begin..*end))
-    });
-    ends.collect()
-}
-
 /// The sample at which the controller first used an estimate, if any.
 #[must_use]
 pub fn update(recording: &Recording) -> Option<usize> {
@@ -138,7 +128,7 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     }
 }
 
-/// What [`stretches`] are, in words.
+/// The length of each of the [`stretches`] in words.
 pub(super) fn interval(recording: &Recording, stretches: &[Stretch]) -> String {
     let turns = recording.get("plant.theta").zip(stretches.last());
     match turns.is_some_and(|(theta, last)| (theta[last.to - 1] - theta[last.from]).abs() > TAU) {
@@ -161,9 +151,9 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]
     };
     let rms = |values: &[f64]| mean(&values.iter().map(|value| value * value).collect::<Vec<_>>()).sqrt();
     let limit_v = scenario.real("coil.uMax");
-    for (bearing, readings) in readings_of_bearings(machine) {
-        let Bearing { prefix, magnets, .. } = bearing;
-        let at = if prefix.is_empty() { String::new() } else { format!(", bearing {}", bearing.name()) };
+    for (b, bearing) in machine.bearings.iter().enumerate() {
+        let (Bearing { prefix, magnets, .. }, readings) = (bearing, machine.readings_of(b));
+        let at = titled("", bearing);
         let columns: Vec<&[f64]> =
             positions[readings.clone()].iter().map(|name| get(format!("plant.{name}"))).collect::<Option<_>>()?;
         let radius = lengths(&columns);

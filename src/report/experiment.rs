@@ -3,19 +3,18 @@
 use std::path::Path;
 
 use super::{after_colon, evaluation, tables};
-use crate::estimation::{STD_LIMIT, paper};
+use crate::estimation::{STD_LIMIT, Verdict, paper};
 use crate::fmu::estimator::{METHOD, VERDICT};
 use crate::report::{self, Answer, ComparedEstimator, Event, Paper, Parameter, Report, Scene};
 use crate::simulation::closed_loop::Loop;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use crate::table::Table;
+use crate::variables::Choice;
 use fmu_export::variable::{Type, Value, Variable};
 
 /// Estimates in the paper: figure 2, simulation, after less than 0.1 s.
 pub(super) const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
-/// The verdict that all tests passed, by its place in [`VERDICT`].
-const PASSED: f64 = 1.0;
 /// Lengths from here on, in m, are shown in mm: dimensions of a machine, not displacements.
 const LONG_M: f64 = 1e-3;
 
@@ -75,13 +74,14 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     let names = machine.of_magnets("lambdaHat").into_iter().zip(machine.of_magnets("lambdaStdTotal")).enumerate();
     let of_magnet = |(k, (hat, std)): (usize, (String, String))| {
         let last = |name: &str| column(name)?.last().copied();
-        scenario.uses(k).then_some([last(&hat)?, last(&std)?]).map_or(Some(None), |both| Some(Some(both)))
+        Some(scenario.uses(k).then_some([last(&hat)?, last(&std)?]))
     };
     let lambda = names.map(of_magnet).collect::<Option<_>>()?;
     let valid = *column("valid")?.last()? == 1.0;
     // That of the part of the motion whose tests fail, if one fails.
     let verdicts = machine.of_parts("verdict").into_iter().filter_map(|name| column(&name));
-    let verdicts = verdicts.max_by_key(|verdicts| verdicts.last().is_some_and(|last| *last != PASSED))?;
+    let passed = f64::from(Verdict::Valid.number());
+    let verdicts = verdicts.max_by_key(|verdicts| verdicts.last().is_some_and(|last| *last != passed))?;
     let verdict = *verdicts.last()?;
     let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
     let since_s = report::instant(run.recording.time_s[since]);
@@ -190,7 +190,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     report::page(&report)
 }
 
-/// What the animation shows, if there is one for the machine.
+/// The scene of the animation, if there is one for the machine.
 fn scene(scenario: &Scenario) -> Option<Scene> {
     let both = |names: [&str; 2]| Some([scenario.real(names[0])?, scenario.real(names[1])?]);
     if scenario.machine.is_planar() {

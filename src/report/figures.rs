@@ -5,9 +5,9 @@ use std::f64::consts::TAU;
 use maud::{Markup, html};
 use serde_json::{Value as Json, json};
 
-use super::{ComparedEstimator, Paper, Report, Scene, title_of};
+use super::{ComparedEstimator, Paper, Report, Scene, title_of, titled};
 use crate::machine::{Bearing, Kind};
-use crate::report::evaluation::{self, Stretch, lengths, readings_of_bearings};
+use crate::report::evaluation::{self, Stretch, lengths};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::studies::sensitivity::ZONES;
 
@@ -109,11 +109,6 @@ impl<'r> Signals<'r> {
         self.all(element, &names)
     }
 
-    /// A title, with the bearing if there are several.
-    fn titled(&self, title: &str, bearing: &Bearing) -> String {
-        if bearing.prefix.is_empty() { title.to_owned() } else { format!("{title}, bearing {}", bearing.name()) }
-    }
-
     /// A plot of each method and bearing, with the name of what distinguishes it.
     fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<(String, Plot)> {
         let bearings = self.report.machine.bearings;
@@ -123,7 +118,7 @@ impl<'r> Signals<'r> {
                 let title = match (self.report.methods.len(), bearings.len()) {
                     (1, 1) => String::new(),
                     (1, _) => title_of(bearing),
-                    _ => self.titled(&method.label, bearing),
+                    _ => titled(&method.label, bearing),
                 };
                 (title, plot(&method.element, b))
             })
@@ -199,7 +194,8 @@ fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
 /// λ̂ of an element at the bearing of that index, with its band of two standard deviations; dotted where it is not valid.
 fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> Plot {
     let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
-    let (bearing, magnets) = run.report.machine.magnets_of_bearings().swap_remove(bearing);
+    let machine = run.report.machine;
+    let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
     let truth = run.report.truth.as_ref().and_then(|truth| truth.get(magnets));
     let of_magnets = |name: &str| run.of_magnets(element, bearing, name);
     let Some(lambda) = of_magnets("lambdaHat") else { return plot };
@@ -368,7 +364,7 @@ fn errors(run: &Signals) -> Option<Figure> {
     let machine = run.report.machine;
     let relative = |values: &[f64], truth: f64| values.iter().map(|value| (value / truth - 1.0).abs()).collect();
     let lambda = |element: &str, bearing: usize| -> Vec<Vec<f64>> {
-        let (bearing, magnets) = machine.magnets_of_bearings().swap_remove(bearing);
+        let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
         let columns = run.of_magnets(element, bearing, "lambdaHat").unwrap_or_default();
         columns.into_iter().zip(&truth[magnets]).map(|(values, truth)| relative(values, *truth)).collect()
     };
@@ -382,7 +378,7 @@ fn errors(run: &Signals) -> Option<Figure> {
     let positive = |values: &[f64]| values.iter().map(|value| if *value > 0.0 { *value } else { f64::NAN }).collect();
     let plots = run.of_methods(|element, b| {
         let mut plot = run.plot("|λ̂ − λ|/λ", PlotUnit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
-        let (bearing, magnets) = machine.magnets_of_bearings().swap_remove(b);
+        let (magnets, bearing) = (machine.magnets_of(b), &machine.bearings[b]);
         for (k, error) in lambda(element, b).iter().enumerate() {
             let error: Vec<f64> = positive(error);
             let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
@@ -426,7 +422,8 @@ fn tracking(run: &Signals) -> Figure {
         plots.push((format!("Position along {}", reading.axis), plot));
     }
     let errors = evaluation::errors(machine, &run.report.recording);
-    for (bearing, readings) in readings_of_bearings(machine) {
+    for (b, bearing) in machine.bearings.iter().enumerate() {
+        let readings = machine.readings_of(b);
         let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
         let of_bearing = machine.readings[readings.clone()].iter().zip(&errors[readings]);
         for ((reading, error), colour) in of_bearing.zip(colour::MAGNETS) {
@@ -434,7 +431,7 @@ fn tracking(run: &Signals) -> Figure {
                 run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
             }
         }
-        plots.push((run.titled("Tracking error", bearing), plot));
+        plots.push((titled("Tracking error", bearing), plot));
     }
     for (n, (coordinate, observed)) in machine.coordinates.iter().zip(machine.of_loads("p", "Hat")).enumerate() {
         let (quantity, unit) = machine.either(n, ("force", PlotUnit::NEWTON), ("moment", MOMENT));
@@ -461,11 +458,11 @@ fn currents(run: &Signals) -> Figure {
         let measured = run.of_magnets("plant", bearing, "im");
         let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
         let currents = measured.or_else(|| run.of_magnets("controller", bearing, "i"));
-        add(run.titled(name, bearing), "i", PlotUnit::AMPERE, currents);
-        add(run.titled("Forces", bearing), "F", PlotUnit::NEWTON, run.of_magnets("plant", bearing, "F"));
+        add(titled(name, bearing), "i", PlotUnit::AMPERE, currents);
+        add(titled("Forces", bearing), "F", PlotUnit::NEWTON, run.of_magnets("plant", bearing, "F"));
         let voltages = run.of_magnets("controller", bearing, "u");
         let voltages = voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0)));
-        add(run.titled("Voltages", bearing), "u", PlotUnit::VOLT, voltages);
+        add(titled("Voltages", bearing), "u", PlotUnit::VOLT, voltages);
     }
     let caption = "The magnets only pull: the sign of a current has no meaning.";
     run.figure("currents", "Currents of the magnets", plots, caption)
@@ -479,13 +476,15 @@ fn orbit(run: &Signals) -> Option<Figure> {
     let machine = run.report.machine;
     let (positions, references) = (machine.positions(), machine.of_references());
     let all_errors = evaluation::errors(machine, &run.report.recording);
-    let colours = if run.stretches.len() > 1 { &colour::MAGNETS[..2] } else { &colour::MAGNETS[1..2] };
+    // The last stretch has the first colour.
+    let colours = colour::MAGNETS[..run.stretches.len()].iter().rev();
     let mut plots = Vec::new();
-    for (bearing, at) in readings_of_bearings(machine).into_iter().filter(|(of, _)| of.kind == Kind::Radial) {
+    for (b, bearing) in machine.bearings.iter().enumerate().filter(|(_, of)| of.kind == Kind::Radial) {
+        let at = machine.readings_of(b);
         let (mut path, mut errors) = (axes(""), axes("error"));
         let position = run.all("plant", &positions[at.clone()]);
         let error: Option<Vec<&[f64]>> = all_errors[at.clone()].iter().map(Option::as_deref).collect();
-        for (stretch, colour) in run.stretches.iter().zip(colours.iter().rev()) {
+        for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
             for (plot, signals) in [(&mut path, &position), (&mut errors, &error)] {
                 if let Some([y, z]) = signals.as_deref() {
                     plot.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
@@ -503,8 +502,8 @@ fn orbit(run: &Signals) -> Option<Figure> {
                 errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
             }
         }
-        plots.push((run.titled("Orbit", bearing), path));
-        plots.push((run.titled("Error", bearing), errors));
+        plots.push((titled("Orbit", bearing), path));
+        plots.push((titled("Error", bearing), errors));
     }
     let mut caption = String::from(
         "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.",
@@ -521,14 +520,15 @@ fn clearance(run: &Signals) -> Option<Figure> {
     let machine = run.report.machine;
     let positions = machine.positions();
     let (mut plots, mut touched) = (Vec::new(), false);
-    for ((bearing, at), clearance_m) in readings_of_bearings(machine).into_iter().zip(&run.report.clearance_m) {
+    for (b, (bearing, clearance_m)) in machine.bearings.iter().zip(&run.report.clearance_m).enumerate() {
+        let at = machine.readings_of(b);
         let radius = lengths(&run.all("plant", &positions[at.clone()])?);
         let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(*clearance_m, f64::max);
         let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
         distance = distance.range(1, [0.0, 1.1 * most]);
         run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
         distance.level(*clearance_m, "clearance");
-        plots.push((run.titled("Distance from the centre", bearing), distance));
+        plots.push((titled("Distance from the centre", bearing), distance));
         let axes = if bearing.kind == Kind::Radial { &["Y", "Z"][..] } else { &["X"] };
         let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
         let push_n = run.all("plant", &names).map(|forces| lengths(&forces)).unwrap_or_default();
@@ -536,7 +536,7 @@ fn clearance(run: &Signals) -> Option<Figure> {
             touched = true;
             let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);
             run.line(&mut push, Line::new("backup bearing", colour::MAGNETS[1]).unlisted(), &push_n);
-            plots.push((run.titled("Force of the backup bearing", bearing), push));
+            plots.push((titled("Force of the backup bearing", bearing), push));
         }
     }
     let caption =

@@ -53,7 +53,7 @@ pub struct Report<'a> {
     pub methods: Vec<ComparedEstimator>,
     /// Clearance of the backup bearing at each bearing, in m, if known.
     pub clearance_m: Vec<f64>,
-    /// What the animation shows.
+    /// The scene of the animation.
     pub scene: Option<Scene>,
     /// Sensitivity functions of the loop.
     pub sensitivities: Vec<SensitivityCurves>,
@@ -105,7 +105,7 @@ pub struct Event {
     pub label: String,
 }
 
-/// What an animation shows beside the motion.
+/// The scene of an animation, in which the rotor moves.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Scene {
     /// The rotor in the plane of its bearing.
@@ -321,6 +321,11 @@ pub(super) fn cards(machine: &Machine, estimates: &[Option<[f64; 2]>], truth: Op
             }
         }
     }
+}
+
+/// A title, with the bearing if there are several: `Forces, bearing A`.
+fn titled(title: &str, bearing: &Bearing) -> String {
+    if bearing.prefix.is_empty() { title.to_owned() } else { format!("{title}, bearing {}", bearing.name()) }
 }
 
 /// `Bearing A`, or `Bearing` where there is but one.

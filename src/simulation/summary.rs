@@ -5,7 +5,6 @@ use serde_json::{Map, Value as Json, json};
 use crate::fmu::estimator::METHOD;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
-use fmu_export::variable::Value;
 
 /// The run as JSON: scenario, whether the run was completed, the final estimates of every method beside the true values, and
 /// last, smallest and largest value of every output. Values are in the units of the interface.
@@ -13,7 +12,7 @@ use fmu_export::variable::Value;
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
     let magnets = scenario.magnets();
     let names = |name: &str| magnets.iter().map(|(bearing, k)| format!("{bearing}{name}{k}")).collect::<Vec<_>>();
-    let truth: Vec<_> = names("lambda").iter().map(|name| scenario.value("plant", name).map(Value::as_f64)).collect();
+    let truth: Vec<_> = names("lambda").iter().map(|name| scenario.real(name)).collect();
     let estimates = scenario.elements[2..].iter().map(|element| {
         let last = |name: &str| run.recording.get(&format!("{}.{name}", element.name))?.last().copied();
         let of_magnets = |name: &str| names(name).iter().map(|name| last(name)).collect::<Vec<_>>();

@@ -421,7 +421,7 @@ impl Figure {
         let last = column.last().copied();
         let value = match &self.of {
             Of::Last => last,
-            Of::Error(truth) => last.zip(scenario.value("plant", truth)).map(|(hat, truth)| hat / truth.as_f64() - 1.0),
+            Of::Error(truth) => last.zip(scenario.real(truth)).map(|(hat, truth)| hat / truth - 1.0),
             Of::Tracking => {
                 let points = (STRETCH_S / scenario.step_s).round() as usize;
                 column.iter().rev().take(points).map(|error| error.abs()).reduce(f64::max)

@@ -16,7 +16,6 @@ use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 use crate::machine::{MACHINES, Machine};
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
-use fmu_export::variable::Value;
 
 type C = Complex<f64>;
 
@@ -62,7 +61,7 @@ impl Whirl {
                 if least { "from 0 on" } else { "above 0" }
             )),
         };
-        let real = |name: &str| scenario.value("plant", name).map_or(f64::NAN, Value::as_f64);
+        let real = |name: &str| scenario.real(name).unwrap_or(f64::NAN);
         Ok(Self {
             m_kg: positive("m", real("m"), "kg", false)?,
             inertia_kgm2: [positive("Jt", real("Jt"), "kg.m2", false)?, positive("Jp", real("Jp"), "kg.m2", true)?],
