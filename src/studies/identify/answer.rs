@@ -299,6 +299,7 @@ pub(super) fn words_on_dynamics(of: &str, kappa: f64, std: f64, worth: &str) -> 
 
 /// Whether recordings of one bearing disagree by estimates of their own, and about what.
 fn differ(recordings: &[likelihood::Recording<'_>], options: &Options, names: &[String]) -> Option<String> {
+    let [_, _, ..] = recordings else { return None };
     let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
     let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
     if own.iter().any(|own| !own.converged) {
