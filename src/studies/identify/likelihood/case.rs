@@ -166,7 +166,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, part: &Part, usable: &[b
         unknown_a: unknown_a(&current),
     };
     let n = position.len();
-    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new() };
+    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new(), predicted: Vec::new() };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));

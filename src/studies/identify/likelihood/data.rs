@@ -50,10 +50,20 @@ impl Data<'_> {
         &self.missing[row].current[self.first..][..self.current.len()]
     }
 
+    /// Whether a current is known well enough to be counted on.
+    fn is_known(&self, origin: Origin) -> bool {
+        origin == Origin::Recorded || origin == Origin::Filled && !self.distrusts_filled
+    }
+
     /// Whether a current of a row is not known.
     #[inline(always)]
-    pub fn is_unknown(&self, row: usize) -> bool {
-        !self.missing.is_empty() && self.origins(row).iter().any(|of| self.trusted(*of) == Origin::Unknown)
+    fn is_unknown(&self, row: usize) -> bool {
+        !self.missing.is_empty() && self.origins(row).iter().any(|of| !self.is_known(*of))
+    }
+
+    /// Whether the force of a magnet is not known in the interval that ends at a row.
+    pub fn is_adrift(&self, row: usize) -> bool {
+        !self.missing.is_empty() && (0..self.current.len()).any(|k| !self.is_known(self.origin(row, k)))
     }
 
     /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
@@ -63,20 +73,13 @@ impl Data<'_> {
             || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
     }
 
-    #[inline(always)]
-    fn trusted(&self, origin: Origin) -> Origin {
-        if origin == Origin::Filled && self.distrusts_filled { Origin::Unknown } else { origin }
-    }
-
-    /// The origin of the current `k` of the interval that ends at a row. Where a current is not known on either side the interval is not, whatever a sample stands
-    /// for: the readings of the currents are then compared over the same intervals.
+    /// The origin of the current `k` of the interval that ends at a row.
     fn origin(&self, row: usize, k: usize) -> Origin {
         let [before, here] = [row - 1, row].map(|row| self.origins(row)[k]);
-        match (self.hold, self.trusted(before.max(here))) {
-            (_, Origin::Unknown) => Origin::Unknown,
-            (Hold::HeldBefore, _) => here,
-            (Hold::HeldAfter, _) => before,
-            (Hold::Linear, either) => either,
+        match self.hold {
+            Hold::HeldBefore => here,
+            Hold::HeldAfter => before,
+            Hold::Linear => before.max(here),
         }
     }
 
@@ -115,6 +118,9 @@ pub(super) struct Track {
     /// Expected values of every row, in single precision, for there are many: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
     /// and rates. Empty as long as it is not known.
     pub expected: Vec<f32>,
+    /// Squared currents that were not recorded, of the interval that ends at a row, as they were to be expected, with their standard deviations, A². Empty as long
+    /// as they are not known.
+    pub predicted: Vec<[f32; 2]>,
 }
 
 /// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
@@ -193,19 +199,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         let between = data.shaft_between(row, from, to);
         let states = [&self.state[row - 1], &self.state[row]];
         let expected = self.expected(row).map(|(pulls, _)| pulls);
-        let mut interval = rotor.interval(states, &self.squares(row), expected, [*from, between, *to]);
-        if !data.missing.is_empty() {
-            for k in 0..K {
-                let error_a = match data.origin(row, k) {
-                    Origin::Recorded => continue,
-                    Origin::Filled => data.filled_a[k],
-                    Origin::Unknown => data.unknown_a[k],
-                };
-                let factor = (error_a / rotor.noise).max(1.0);
-                interval.noise[k] = interval.noise[k].map(|noise| noise * factor);
-            }
-        }
-        (interval, between)
+        (rotor.interval(states, &self.squares(row), expected, [*from, between, *to]), between)
     }
 
     /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
@@ -221,12 +215,28 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Squared currents that the interval ending at `row` is driven by, A².
     #[inline(always)]
     pub fn squares(&self, row: usize) -> Squares<K> {
-        let (rotor, read) = (self.on.rotor, |row: usize| self.current.map(|current| current[row]));
-        match self.on.data.hold {
+        let On { data, rotor, track, .. } = self.on;
+        let read = |row: usize| self.current.map(|current| current[row]);
+        let mut squares = match data.hold {
             Hold::HeldBefore => rotor.squares(read(row), None),
             Hold::HeldAfter => rotor.squares(read(row - 1), None),
             Hold::Linear => rotor.squares(read(row), Some(read(row - 1))),
+        };
+        for k in 0..if data.missing.is_empty() { 0 } else { K } {
+            let error_a = match (data.origin(row, k), track.predicted.get(K * row + k)) {
+                (Origin::Recorded, _) => continue,
+                (Origin::Filled, Some(predicted)) => {
+                    let [square, std] = predicted.map(f64::from);
+                    (squares.start[k], squares.middle[k], squares.end[k]) = (square, square, square);
+                    squares.std[k] = std;
+                    continue;
+                }
+                (Origin::Filled, None) if !data.distrusts_filled => data.filled_a[k],
+                _ => data.unknown_a[k],
+            };
+            squares.std[k] *= (error_a / rotor.noise).max(1.0);
         }
+        squares
     }
 
     /// Readings of the positions in a row, m.

@@ -23,6 +23,12 @@ const RIDGE: f64 = 1e-6;
 /// Innovations that are looked back at. With 16 instead of 8, λ and its deviation are the same within a per cent; with 4, the deviation of a bearing that
 /// noise excites is a tenth larger (seeds 63006, 92016, 92025 of drawn bearings, 24 seeds of the noise each).
 const PAST: usize = 8;
+/// The same where currents have to be predicted, and lags at which the answer of a controller changes with so many terms of the angle: another magnet may pull least.
+const LONG_PAST: usize = 40;
+const NEAR: usize = 3;
+const TURNING: usize = 13;
+/// Factor of a variance that leaves nothing known.
+const NOTHING: f64 = 100.0;
 
 type Terms = [f64; TERMS];
 fn terms([cos, sin]: [f64; 2]) -> Terms {
@@ -40,13 +46,18 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
 /// Fourier series over the shaft angle, one for each stretch of rows, fitted to the stretches before and after it. The rest is what the controller and the
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with
 /// those that follow.
-pub(super) fn expected(passes: &dyn Passes, on: On<'_>, segments: &[Range<usize>], innovations: &[f64]) -> Vec<f32> {
+pub(super) fn expected(
+    passes: &dyn Passes,
+    on: On<'_>,
+    segments: &[Range<usize>],
+    innovations: &[f64],
+) -> (Vec<f32>, Vec<[f32; 2]>) {
     let data = on.data;
     let (n, magnets) = (data.position.len(), data.current.len());
     let count_of = magnets + 2 * n;
     let all = data.at.len();
     let all_rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
-    let rows = || all_rows().filter(|(row, _)| !data.is_unknown(*row));
+    let rows = || all_rows().filter(|(row, _)| !data.is_adrift(*row));
     let signals = |row: usize, to: &mut [f64]| {
         let [gaps, squares] = passes.driven(on, row);
         (0..magnets).for_each(|k| to[k] = squares[k] / (gaps[k] * gaps[k]));
@@ -56,7 +67,7 @@ pub(super) fn expected(passes: &dyn Passes, on: On<'_>, segments: &[Range<usize>
     let turns = angle / std::f64::consts::TAU;
     // A rotor at rest repeats at every row; one that turns, once a turn.
     if turns > AT_REST && turns < FEWEST * STRETCHES as f64 {
-        return Vec::new();
+        return (Vec::new(), Vec::new());
     }
     let per_turn = rows().count() as f64 / turns.max(1e-9);
     let length = ((TURNS * per_turn) as usize).min(all / STRETCHES).max(1);
@@ -85,43 +96,73 @@ pub(super) fn expected(passes: &dyn Passes, on: On<'_>, segments: &[Range<usize>
         }
     };
 
-    // Innovations are white and of variance 1: correlations are coefficients. The answer of the signals to those of the past, the next one and its first axis first.
-    let past = |row: usize, first: usize| {
-        let before = (first..row).rev().take(PAST);
-        before.flat_map(|before| innovations[n * before..n * (before + 1)].iter().copied())
+    // Innovations are white: the coefficient of each is that of it alone. The answers of the signals to those of the past, the next one first, behind the sums of their
+    // squares.
+    let has_gaps = !data.missing.is_empty();
+    let terms_of = |lag: usize| {
+        let turning = if has_gaps && lag <= NEAR { TURNING } else { 1 };
+        (0..n).flat_map(move |axis| (0..turning).map(move |term| [lag, axis, term]))
     };
-    let nothing = || (0.0, vec![0.0; PAST * n * count_of]);
-    let mut answers: Vec<(f64, Vec<f64>)> = (0..count).map(|_| nothing()).collect();
+    let of_past: Vec<[usize; 3]> = (1..=if has_gaps { LONG_PAST } else { PAST }).flat_map(terms_of).collect();
+    let past = |row: usize, first: usize| {
+        let turned = terms(data.middle[row]);
+        let known = of_past.iter().take_while(move |[lag, ..]| first + lag <= row);
+        known.map(move |[lag, axis, term]| innovations[n * (row - lag) + axis] * turned[*term])
+    };
+    let size = 1 + count_of;
+    let mut total = vec![0.0; of_past.len() * size];
+    let mut answers = vec![total.clone(); count];
     let mut rest = vec![0.0; count_of];
     for (row, first) in rows() {
         signals(row, &mut own);
         repeating(row, &mut rest);
         rest.iter_mut().zip(&own).for_each(|(rest, own)| *rest = own - *rest);
-        let (number, answer) = &mut answers[row / length];
-        *number += 1.0;
-        for (of, w) in answer.chunks_exact_mut(count_of).zip(past(row, first)) {
-            of.iter_mut().zip(&rest).for_each(|(of, rest)| *of += w * rest);
+        for (of, w) in answers[row / length].chunks_exact_mut(size).zip(past(row, first)) {
+            of[0] += w * w;
+            of[1..].iter_mut().zip(&rest).for_each(|(of, rest)| *of += w * rest);
         }
     }
-    let mut total = nothing();
-    for (number, answer) in &answers {
-        total.0 += number;
-        total.1.iter_mut().zip(answer).for_each(|(sum, of)| *sum += of);
+    answers.iter().flat_map(|answer| answer.iter().enumerate()).for_each(|(at, of)| total[at] += of);
+    for answer in &mut answers {
+        for (of, all) in answer.chunks_exact_mut(size).zip(total.chunks_exact(size)) {
+            let squares = (all[0] - of[0]).max(1.0);
+            of[1..].iter_mut().zip(&all[1..]).for_each(|(of, all)| *of = (all - *of) / squares);
+        }
     }
-    let mut expected = vec![0.0; count_of * all];
+    let mut values = vec![0.0; count_of * all];
     for (row, first) in all_rows() {
-        let (number, answer) = &answers[row / length];
-        let per_row = 1.0 / (total.0 - number).max(1.0);
         repeating(row, &mut own);
-        let each = answer.chunks_exact(count_of).zip(total.1.chunks_exact(count_of));
-        for ((of, all), w) in each.zip(past(row, first)) {
-            let others = all.iter().zip(of).map(|(all, of)| all - of);
-            own.iter_mut().zip(others).for_each(|(signal, others)| *signal += w * per_row * others);
+        for (of, w) in answers[row / length].chunks_exact(size).zip(past(row, first)) {
+            own.iter_mut().zip(&of[1..]).for_each(|(signal, of)| *signal += w * of);
         }
-        let to = &mut expected[count_of * row..count_of * (row + 1)];
-        to.iter_mut().zip(&own).for_each(|(to, of)| *to = *of as f32);
+        values[count_of * row..][..count_of].iter_mut().zip(&own).for_each(|(to, of)| *to = *of as f32);
     }
-    expected
+    if !has_gaps {
+        return (values, Vec::new());
+    }
+
+    // What was not recorded is not explained: an interval that would follow from it by more than by all else is not known at all.
+    let lacks = |row: usize, lag: usize| row < lag || data.is_missing(row - lag);
+    let (mut usual, mut whole) = (vec![0.0; magnets], 0.0_f64);
+    for (row, _) in rows().filter(|(row, _)| !(1..=LONG_PAST).any(|lag| lacks(*row, lag))) {
+        signals(row, &mut own);
+        let off = own.iter().zip(&values[count_of * row..]).map(|(own, value)| own - f64::from(*value));
+        usual.iter_mut().zip(off).for_each(|(sum, off)| *sum += off * off);
+        whole += 1.0;
+    }
+    let mut predicted = vec![[0.0; 2]; magnets * all];
+    for (row, _) in all_rows().filter(|(row, _)| data.is_adrift(*row)) {
+        let [gaps, _] = passes.driven(on, row);
+        for k in 0..magnets {
+            let answers = answers[row / length].chunks_exact(size).zip(&of_past);
+            let missing = answers.filter(|(_, [lag, ..])| lacks(row, *lag)).map(|(of, _)| of[1 + k] * of[1 + k]);
+            let (usual, missing) = (usual[k] / whole.max(1.0), missing.sum::<f64>());
+            let variance = usual + if missing > usual { NOTHING * missing } else { missing };
+            let value = f64::from(values[count_of * row + k]);
+            predicted[magnets * row + k] = [value, variance.sqrt()].map(|of| (of * gaps[k] * gaps[k]) as f32);
+        }
+    }
+    (values, predicted)
 }
 
 /// The series that fits the stretches before and after one.

@@ -85,7 +85,7 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
     let ([mut ki, mut ks], mut rows) = ([ByMagnet::<f64>::default(); 2], 0);
     for piece in &case.pieces {
         let first = usize::from(piece.counted.start == piece.filtered.start);
-        for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_unknown(*row)) {
+        for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_adrift(*row)) {
             let on = On { data: &case.data, rotor: &rotor, track: &case.track, variance: 0.0, piece };
             let [gaps, squares] = search.kind.passes.driven(on, row);
             for k in 0..layout.magnets {

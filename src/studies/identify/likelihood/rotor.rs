@@ -247,6 +247,8 @@ pub(super) struct Squares<const K: usize> {
     pub start: [f64; K],
     pub middle: [f64; K],
     pub end: [f64; K],
+    /// Standard deviations of those in the middle.
+    pub std: [f64; K],
 }
 
 /// Forces (y, z) of unbalances by plane, and of backward forces by bearing.
@@ -359,10 +361,13 @@ impl Rotor {
         // The noise of a mean of two has half the variance.
         let part = if before.is_some() { 0.5 } else { 1.0 };
         let square = |i: f64, variance: f64| i * i - variance;
+        let middle = std::array::from_fn(|k| square(0.5 * (start[k] + end[k]), part * variance[k]));
         Squares {
             start: std::array::from_fn(|k| square(start[k], variance[k])),
-            middle: std::array::from_fn(|k| square(0.5 * (start[k] + end[k]), part * variance[k])),
+            middle,
             end: std::array::from_fn(|k| square(end[k], variance[k])),
+            // Var (i + n)² = 4 i² σ² + 2 σ⁴.
+            std: std::array::from_fn(|k| ((4.0 * middle[k].max(0.0) + 2.0 * variance[k]) * variance[k]).sqrt()),
         }
     }
 
@@ -457,10 +462,7 @@ impl Rotor {
         let (mut stiffness, mut noise) = ([[0.0; N]; N], [[0.0; N]; K]);
         let expected = expected.unwrap_or_else(|| regressors(gaps, squares.middle));
         for k in 0..K {
-            let own = self.noise / self.current[k][1];
-            // Var (i + n)² = 4 i² σ² + 2 σ⁴.
-            let square_std = (4.0 * squares.middle[k].max(0.0) + 2.0 * own * own).sqrt() * own;
-            let by_noise = self.theta[k] / (gaps[k] * gaps[k]) * square_std;
+            let by_noise = self.theta[k] / (gaps[k] * gaps[k]) * squares.std[k];
             noise[k] = scaled(&self.machine.magnets[k], by_noise);
             let stiff = 2.0 * self.theta[k] * expected[k] / gaps[k];
             for a in 0..N {

@@ -231,7 +231,7 @@ impl Search<'_> {
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
             let variance = case.position_noise * case.position_noise;
             let on = On { data: &case.data, rotor, track: &case.track, variance, piece: &case.pieces[0] };
-            case.track.expected = expected(self.kind.passes, on, &case.segments, innovations);
+            (case.track.expected, case.track.predicted) = expected(self.kind.passes, on, &case.segments, innovations);
         }
     }
 
