@@ -216,6 +216,8 @@ class Fault:
 
 BLIND = HEADER.split(",theta")[0]
 rpm = lambda off: lambda recording: ["--speed", f"{recording.rows[0, 7] * 30 / np.pi * off:.9g}"]
+TYPICAL = "s=1% alpha=0.5deg sensor.offset=5um sensor.gain=0.5% current.gain=0.5% current.offset=5mA m=1%"
+TOLERANCES = [part for tolerance in TYPICAL.split() for part in ("--tolerance", tolerance)]
 SENSORS = r"(Ym|Zm|im\[\d\]): "
 FAULTS = [
     Fault("none"),
@@ -227,6 +229,7 @@ FAULTS = [
     Fault("λ2 +5 % in the middle", cause="force constants are others", world=(("step_of_lambda", 0.05),)),
     Fault("3 % of rows missing", lost(0.03), cause="gaps"),
     Fault("10 % of rows missing", lost(0.10), cause="gaps"),
+    Fault("3 % of rows missing, tolerances", lost(0.03), cause="gaps", options=lambda _: TOLERANCES),
     Fault("quantised: 0.24 µm, 1.2 mA", quantised, cause="|quantised in steps"),
     Fault("quantised: 1 µm, 10 mA", coarse, cause="quantised in steps"),
     Fault("saturated amplifiers", world=(("limit_a", 0.95),)),

@@ -105,19 +105,21 @@ fn what_says_nothing_is_not_valid() {
     assert!(answer.valid, "{} {:?}", answer.verdict, answer.findings);
 }
 
-/// Rows that are missing at random, alone and in bursts, and single cells: the answer has the stated standard deviation.
+/// Rows that are missing at random, alone and in bursts, and single cells: the answer has the stated standard deviation, which is small: 3.2 % on the noisy
+/// bench where the force of a row that is missing counts as unknown, 1.2 % where it is predicted.
 #[test]
 fn what_is_missing_is_a_gap() {
-    let (_, recording) = run(montecarlo::NOISE, 0.4);
-    let text = csv(&recording);
     type Missing = fn(usize, &[f64], &[f64]) -> bool;
-    let cases: [(&str, Missing); 4] = [
-        ("3 % at random", |row, single, _| single[row] < 0.03),
-        ("20 % at random", |row, single, _| single[row] < 0.2),
-        ("half, in bursts", |row, _, bursts| bursts[row / 40] < 0.5),
-        ("four of every 24", |row, _, _| row % 24 < 4),
+    let cases: [(&str, [f64; 2], Missing); 5] = [
+        ("3 % at random", montecarlo::NOISE, |row, single, _| single[row] < 0.03),
+        ("20 % at random", montecarlo::NOISE, |row, single, _| single[row] < 0.2),
+        ("half, in bursts", montecarlo::NOISE, |row, _, bursts| bursts[row / 40] < 0.5),
+        ("four of every 24", montecarlo::NOISE, |row, _, _| row % 24 < 4),
+        ("10 %, noisy", [0.5e-6, 15e-3], |row, single, _| single[row] < 0.1),
     ];
-    for (name, is_missing) in cases {
+    for (name, noise, is_missing) in cases {
+        let (_, recording) = run(noise, 0.4);
+        let text = csv(&recording);
         let mut random = crate::support::Random::new(7);
         let mut draw = || (0..recording.time_s.len()).map(|_| random.between(0.0, 1.0)).collect::<Vec<f64>>();
         let (single, bursts) = (draw(), draw());
@@ -132,6 +134,7 @@ fn what_is_missing_is_a_gap() {
             let ratio = (lambda.value - truth) / lambda.total_std;
             println!("  {lambda:?}: {ratio:.1} standard deviations");
             assert!(ratio.abs() < 4.0, "{name}: {lambda:?}: {ratio:.1} standard deviations");
+            assert!(lambda.total_std < 0.02 * lambda.value, "{name}: {lambda:?}");
         }
     }
 }
