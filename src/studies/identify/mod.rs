@@ -121,54 +121,44 @@ impl Stated {
         options
     }
 
-    /// Mass, gaps and angles in words.
-    fn told(&self) -> Vec<String> {
-        let degrees = |alpha_rad: &[f64]| {
-            alpha_rad.iter().map(|alpha| significant(alpha.to_degrees(), 5)).collect::<Vec<_>>().join(", ")
-        };
-        let bearing = |prefix: &str, gap_m: f64, alpha_rad: &[f64]| {
-            let gap_mm = significant(1e3 * gap_m, 6);
-            [format!("{prefix}s = {gap_mm} mm"), format!("{prefix}alpha = {} °", degrees(alpha_rad))]
-        };
-        let mut words = vec![format!("m = {} kg", significant(self.bodies[0].m_kg(), 6))];
-        for body in &self.bodies {
-            match body {
-                Body::Disc { gap_m, alpha_rad, .. } => words.extend(bearing("", *gap_m, alpha_rad)),
-                Body::Shaft { geometry, magnets, .. } => {
-                    let shaft = geometry.shaft;
-                    for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
-                        words.push(format!("{name} = {} kg·m²", significant(value, 6)));
-                    }
-                    for (prefix, of) in body.prefixes().iter().zip(&geometry.bearings) {
-                        words.extend(bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets]));
-                    }
-                }
-                Body::Axis { gap_m, .. } => words.push(format!("X.s = {} mm", significant(1e3 * gap_m, 6))),
+    /// Stated numbers and loads that are known; the angles of a bearing under one name.
+    fn numbers(&self) -> Vec<(String, Vec<f64>)> {
+        let mut all: Vec<(String, Vec<f64>)> = Vec::new();
+        for (name, value) in self.bodies.iter().flat_map(Body::numbers).chain(self.known_loads()) {
+            let name = name.split_once('[').filter(|(group, _)| group.ends_with("alpha")).map_or(&*name, |of| of.0);
+            match all.iter_mut().find(|(known, _)| known == name) {
+                // The axis of a shaft has its mass.
+                Some((_, values)) => values.extend(name.ends_with("alpha").then_some(value)),
+                None => all.push((name.into(), vec![value])),
             }
         }
-        let unit = |name: &str| if name.starts_with('M') { "N·m" } else { "N" };
-        words.extend(
-            self.known_loads().map(|(name, load)| format!("{name} = {} {}", significant(load, 6), unit(&name))),
-        );
-        words
+        all
+    }
+
+    /// The same in words.
+    fn told(&self) -> Vec<String> {
+        let words = |(name, values): (String, Vec<f64>)| {
+            let (factor, digits, unit) = match plain(&name) {
+                "m" => (1.0, 6, "kg"),
+                "s" => (1e3, 6, "mm"),
+                "alpha" => (180.0 / std::f64::consts::PI, 5, "°"),
+                "Jt" | "Jp" => (1.0, 6, "kg·m²"),
+                _ if name.starts_with('M') => (1.0, 6, "N·m"),
+                _ if name.starts_with('p') => (1.0, 6, "N"),
+                _ => return None,
+            };
+            let values: Vec<String> = values.iter().map(|value| significant(factor * value, digits)).collect();
+            Some(format!("{name} = {} {unit}", values.join(", ")))
+        };
+        self.numbers().into_iter().filter_map(words).collect()
     }
 
     /// The same as JSON, in SI units.
     fn json(&self) -> Json {
         let mut told = json!({"hold": name_of(self.hold)});
-        let numbers = self.bodies.iter().flat_map(Body::numbers);
-        let mut alpha_rad: Vec<(String, Vec<f64>)> = Vec::new();
-        for (name, value) in numbers {
-            match name.split_once('[').filter(|(group, _)| group.ends_with("alpha")) {
-                Some((group, _)) => match alpha_rad.iter_mut().find(|(known, _)| known == group) {
-                    Some((_, all)) => all.push(value),
-                    None => alpha_rad.push((group.into(), vec![value])),
-                },
-                None => told[name.as_str()] = value.into(),
-            }
+        for (name, values) in self.numbers() {
+            told[name.as_str()] = if name.ends_with("alpha") { values.into() } else { values[0].into() };
         }
-        alpha_rad.into_iter().for_each(|(name, all)| told[name.as_str()] = all.into());
-        self.known_loads().for_each(|(name, load)| told[name.as_str()] = load.into());
         told
     }
 

@@ -33,86 +33,53 @@ impl Stated {
     pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
         // κ is one of the mass.
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));
-        let mut values = vec![("m".to_owned(), self.bodies[0].m_kg() * heavier)];
+        let mut values = Vec::new();
         for body in &self.bodies {
-            match body {
-                Body::Disc { gap_m, alpha_rad, .. } => {
-                    values.extend(bearing("", *gap_m, alpha_rad, alpha_rad.len(), &of));
-                    values.extend(sensors("", &of));
-                    // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
-                    let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
-                    for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {
-                        values.push((format!("perturbation.amplitude{axis}"), cos.hypot(sin)));
-                        if cos != 0.0 || sin != 0.0 {
-                            values.push((format!("perturbation.phase{axis}"), libm::atan2(cos, sin) + theta0_rad));
-                            values.push(("perturbation.omega".to_owned(), omega_rad_s));
-                        }
+            let is_axis = matches!(body, Body::Axis { .. });
+            for (name, stated) in body.numbers() {
+                let error = of(&name);
+                let value = match plain(&name) {
+                    "m" if is_axis => continue,
+                    "m" => stated * heavier,
+                    "Jt" | "Jp" => stated * heavier * (1.0 + error),
+                    "s" => stated * (1.0 + error) + of(&format!("{}gap.iron", name.trim_end_matches('s'))),
+                    _ => stated + error,
+                };
+                values.push((name, value));
+            }
+            let prefixes = body.prefixes();
+            for prefix in prefixes {
+                let of = |name: &str| of(&format!("{prefix}{name}"));
+                let mut put = |name: &str, value: f64| values.push((format!("{prefix}{name}"), value));
+                for k in 1..=body.magnets() / prefixes.len() {
+                    put(&format!("sensor.currentOffset[{k}]"), of(&format!("current.offset[{k}]")));
+                    put(&format!("sensor.currentGainError[{k}]"), of(&format!("current.gain[{k}]")));
+                }
+                let (gain, half) = (of("sensor.gain"), of("sensor.gainDifference"));
+                if is_axis {
+                    put("sensor.offset", of("sensor.offset"));
+                    put("sensor.gainError", gain);
+                } else {
+                    for (axis, own, gain) in [("Y", "y", gain + half), ("Z", "z", gain - half)] {
+                        put(&format!("sensor.offset{axis}"), of(&format!("sensor.offset[{own}]")));
+                        put(&format!("sensor.gainError{axis}"), gain);
                     }
                 }
-                Body::Shaft { geometry, magnets, planes_m } => {
-                    let shaft = geometry.shaft;
-                    for (name, value) in [("Jt", shaft.transverse_kgm2), ("Jp", shaft.polar_kgm2)] {
-                        values.push((name.into(), value * heavier * (1.0 + of(name))));
+            }
+            if let Body::Disc { .. } = body {
+                // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
+                let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
+                for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {
+                    values.push((format!("perturbation.amplitude{axis}"), cos.hypot(sin)));
+                    if cos != 0.0 || sin != 0.0 {
+                        values.push((format!("perturbation.phase{axis}"), libm::atan2(cos, sin) + theta0_rad));
+                        values.push(("perturbation.omega".to_owned(), omega_rad_s));
                     }
-                    for (prefix, stated) in body.prefixes().iter().zip(&geometry.bearings) {
-                        values.extend(bearing(prefix, stated.gap_m, &stated.alpha_rad[..*magnets], *magnets, &of));
-                        values.extend(sensors(prefix, &of));
-                        for (name, at_m) in
-                            [("position", stated.position_m), ("sensorPosition", stated.sensor_position_m)]
-                        {
-                            let name = format!("{prefix}{name}");
-                            let error_m = of(&name);
-                            values.push((name, at_m + error_m));
-                        }
-                    }
-                    for (plane, at_m) in (1..).zip(planes_m) {
-                        let name = format!("unbalance[{plane}].position");
-                        let error_m = of(&name);
-                        values.push((name, at_m + error_m));
-                    }
-                }
-                Body::Axis { gap_m, .. } => {
-                    values.extend(bearing("X.", *gap_m, &[], body.magnets(), &of));
-                    values.push(("X.sensor.offset".into(), of("X.sensor.offset")));
-                    values.push(("X.sensor.gainError".into(), of("X.sensor.gain")));
                 }
             }
         }
         values
     }
-}
-
-/// Gap and angles of a bearing, and errors of the current sensors of its magnets.
-fn bearing(
-    prefix: &str,
-    gap_m: f64,
-    alpha_rad: &[f64],
-    magnets: usize,
-    of: impl Fn(&str) -> f64,
-) -> Vec<(String, f64)> {
-    let error = |name: &str| of(&format!("{prefix}{name}"));
-    let mut values = vec![(format!("{prefix}s"), gap_m * (1.0 + error("s")) + error("gap.iron"))];
-    for (k, alpha_rad) in (1..).zip(alpha_rad) {
-        values.push((format!("{prefix}alpha[{k}]"), alpha_rad + error(&format!("alpha[{k}]"))));
-    }
-    for k in 1..=magnets {
-        values.push((format!("{prefix}sensor.currentOffset[{k}]"), error(&format!("current.offset[{k}]"))));
-        values.push((format!("{prefix}sensor.currentGainError[{k}]"), error(&format!("current.gain[{k}]"))));
-    }
-    values
-}
-
-/// Errors of the position sensors of a radial bearing.
-fn sensors(prefix: &str, of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
-    let error = |name: &str| of(&format!("{prefix}sensor.{name}"));
-    let (common, half) = (error("gain"), error("gainDifference"));
-    let of_axis = |(axis, own, gain): (&str, &str, f64)| {
-        [
-            (format!("{prefix}sensor.offset{axis}"), error(&format!("offset[{own}]"))),
-            (format!("{prefix}sensor.gainError{axis}"), gain),
-        ]
-    };
-    [("Y", "y", common + half), ("Z", "z", common - half)].into_iter().flat_map(of_axis).collect()
 }
 
 /// Values by element and variable, gathered before they are set.

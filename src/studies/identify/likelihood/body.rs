@@ -111,21 +111,25 @@ impl Body {
     /// Stated numbers.
     pub(in crate::studies::identify) fn numbers(&self) -> Vec<(String, f64)> {
         let mut numbers = vec![("m".to_owned(), self.m_kg())];
-        let mut bearing = |prefix: &str, gap_m: f64, alpha_rad: &[f64]| {
+        if let Self::Shaft { geometry, .. } = self {
+            numbers.push(("Jt".into(), geometry.shaft.transverse_kgm2));
+            numbers.push(("Jp".into(), geometry.shaft.polar_kgm2));
+        }
+        let mut bearing = |prefix: &str, gap_m: f64, alpha_rad: &[f64], places: &[(&str, f64)]| {
             numbers.push((format!("{prefix}s"), gap_m));
             numbers.extend((1..).zip(alpha_rad).map(|(k, alpha)| (format!("{prefix}alpha[{k}]"), *alpha)));
+            numbers.extend(places.iter().map(|(name, at_m)| (format!("{prefix}{name}"), *at_m)));
         };
         match self {
-            Self::Disc { gap_m, alpha_rad, .. } => bearing("", *gap_m, alpha_rad),
+            Self::Disc { gap_m, alpha_rad, .. } => bearing("", *gap_m, alpha_rad, &[]),
             Self::Shaft { geometry, magnets, planes_m } => {
                 for (prefix, of) in SHAFT.iter().zip(&geometry.bearings) {
-                    bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets]);
+                    let places = [("position", of.position_m), ("sensorPosition", of.sensor_position_m)];
+                    bearing(prefix, of.gap_m, &of.alpha_rad[..*magnets], &places);
                 }
-                numbers.push(("Jt".into(), geometry.shaft.transverse_kgm2));
-                numbers.push(("Jp".into(), geometry.shaft.polar_kgm2));
                 numbers.extend((1..).zip(planes_m).map(|(n, at_m)| (format!("unbalance[{n}].position"), *at_m)));
             }
-            Self::Axis { gap_m, .. } => bearing("X.", *gap_m, &[]),
+            Self::Axis { gap_m, .. } => bearing("X.", *gap_m, &[], &[]),
         }
         numbers
     }
