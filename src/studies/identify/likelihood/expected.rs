@@ -23,7 +23,7 @@ const RIDGE: f64 = 1e-6;
 /// Innovations that are looked back at. With 16 instead of 8, λ and its deviation are the same within a per cent; with 4, the deviation of a bearing that
 /// noise excites is a tenth larger (seeds 63006, 92016, 92025 of drawn bearings, 24 seeds of the noise each).
 const PAST: usize = 8;
-/// The same where currents have to be predicted, and lags at which the answer of a controller changes with so many terms of the angle: another magnet may pull least.
+/// The same where currents have to be predicted; lags at which the answer of a controller changes with so many terms of the angle: another magnet may pull least.
 const LONG_PAST: usize = 40;
 const NEAR: usize = 3;
 const TURNING: usize = 13;
@@ -45,7 +45,8 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
 ///
 /// Fourier series over the shaft angle, one for each stretch of rows, fitted to the stretches before and after it. The rest is what the controller and the
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with
-/// those that follow.
+/// those that follow. The same predicts squared currents that were not recorded, in A², with their standard deviations (`scripts/faults.py`, 10 % of the rows missing:
+/// ± is a third of that with unknown forces; with 8 innovations instead of 40 errors were 1.35 deviations instead of 1.04, rms, and without terms of the angle 2.2).
 pub(super) fn expected(
     passes: &dyn Passes,
     on: On<'_>,

@@ -4,7 +4,7 @@
 //! them, and its error belongs to innovations that are past: with 10 % of the rows missing, λ at the true parameters was off by −1.4 deviations on average, and
 //! its rms error was 2.0 deviations (80 seeds of `scripts/faults.py` from 9001, those known to 0.5 % or worse). With the answer to the last eight innovations added, both are
 //! what they are without gaps: 0.2 and 1.2. With noise of 0.5 µm, λ remains off by several per cent. Where the bench is exactly as stated, such a current is therefore
-//! not known, and instruments find λ.
+//! predicted from what is past alone ([`expected`](super::expected)), and instruments find λ.
 
 use std::ops::Range;
 
