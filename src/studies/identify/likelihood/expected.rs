@@ -27,6 +27,9 @@ const PAST: usize = 8;
 const LONG_PAST: usize = 40;
 const NEAR: usize = 3;
 const TURNING: usize = 13;
+/// Rows up to which currents are predicted. Longer recordings need it less: with 3 % of 1.2 million rows missing, λ is known to 0.016 % without it, and what the answers leave
+/// unexplained looked like a backward force.
+const PREDICTED_ROWS: usize = 100_000;
 /// Factor of a variance that leaves nothing known.
 const NOTHING: f64 = 100.0;
 
@@ -99,7 +102,7 @@ pub(super) fn expected(
 
     // Innovations are white: the coefficient of each is that of it alone. The answers of the signals to those of the past, the next one first, behind the sums of their
     // squares.
-    let has_gaps = !data.missing.is_empty();
+    let has_gaps = !data.missing.is_empty() && all <= PREDICTED_ROWS;
     let terms_of = |lag: usize| {
         let turning = if has_gaps && lag <= NEAR { TURNING } else { 1 };
         (0..n).flat_map(move |axis| (0..turning).map(move |term| [lag, axis, term]))
