@@ -63,7 +63,7 @@ impl Parse for Item {
 }
 
 /// Keys without a value.
-const FLAGS: [&str; 7] = ["fixed", "tunable", "calculated", "discrete", "exact", "state", "constant"];
+const FLAGS: [&str; 8] = ["fixed", "tunable", "calculated", "discrete", "exact", "state", "constant", "default"];
 
 /// The role of a field with what is in its parentheses.
 pub struct Attributes {

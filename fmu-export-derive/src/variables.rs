@@ -14,17 +14,19 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
         return Err(Error::new(input.ident.span(), "expected a structure: an enum has `#[derive(Choice)]`"));
     };
     let parameters: Vec<String> = input.generics.type_params().map(|parameter| parameter.ident.to_string()).collect();
-    let keys: Vec<&str> = ["context"].into_iter().chain(parameters.iter().map(String::as_str)).collect();
-    let (mut context, mut chosen) = (None, Vec::new());
+    let keys: Vec<&str> = ["context", "default"].into_iter().chain(parameters.iter().map(String::as_str)).collect();
+    let (mut context, mut has_default, mut chosen) = (None, false, Vec::new());
     for attribute in input.attrs.iter().filter(|attribute| attribute.path().is_ident("variables")) {
         for Item { key, value } in items(attribute, "variables", &keys)? {
             match value {
                 Some(value) if key == "context" => context = Some(value),
+                None => has_default = true,
                 value => chosen.push((key, value)),
             }
         }
     }
     let target = Target::new(input, &chosen);
+    let default = has_default.then(|| default(&target, &data.fields));
     let mut seen: Vec<String> = Vec::new();
     let (mut lenses, mut members) = (Vec::new(), Vec::new());
     for (at, field) in data.fields.iter().enumerate() {
@@ -59,6 +61,7 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
         const _: () = {
             #(#aliases)*
             #(#lenses)*
+            #default
 
             impl #bounds ::fmu_export::Variables for #ident #types #conditions {
                 type Context = #context;
@@ -84,6 +87,30 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             }
         };
     })
+}
+
+/// `Default` with the default of every field, also of arrays whose length is a parameter, for which Rust has none.
+fn default(target: &Target<'_>, fields: &Fields) -> TokenStream {
+    let values = fields.iter().enumerate().map(|(at, field)| {
+        let member = field.ident.clone().map_or_else(|| Member::Unnamed(at.into()), Member::Named);
+        match &field.ty {
+            Type::Array(array) => {
+                let length = &array.len;
+                quote!(#member: [::core::default::Default::default(); #length])
+            }
+            _ => quote!(#member: ::core::default::Default::default()),
+        }
+    });
+    let ident = &target.input.ident;
+    let (_, types, _) = target.input.generics.split_for_impl();
+    let (bounds, _, conditions) = target.generics.split_for_impl();
+    quote! {
+        impl #bounds ::core::default::Default for #ident #types #conditions {
+            fn default() -> Self {
+                Self { #(#values,)* }
+            }
+        }
+    }
 }
 
 /// The structure, and what it stays generic over: the other type parameters become aliases of their arguments.

@@ -65,7 +65,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Default for
 
 /// Inputs of the controller at a sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
+#[variables(context = Machine, default)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     /// Angular velocity on the reference, in rad/s; of a shaft that tilts also that of the gyroscopic moments.
@@ -97,23 +97,9 @@ pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     pub reference_m: [f64; N],
 }
 
-impl<const N: usize, const K: usize> Default for ControllerInput<N, K> {
-    /// All 0.
-    fn default() -> Self {
-        Self {
-            omega_rad_s: 0.0,
-            position_m: [0.0; N],
-            current_a: [0.0; K],
-            lambda_hat_nm2_a2: [0.0; K],
-            lambda_valid: false,
-            reference_m: [0.0; N],
-        }
-    }
-}
-
 /// Outputs of the controller at a sample.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
+#[variables(context = Machine, default)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
     /// Current reference of {magnet}; with drive = voltage for the end of the sample
@@ -164,24 +150,6 @@ pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
     /// Whether a voltage command is at the limit, with drive = voltage
     #[output(discrete)]
     pub limited: bool,
-}
-
-impl<const N: usize, const K: usize> Default for ControllerOutput<N, K> {
-    /// All 0.
-    fn default() -> Self {
-        Self {
-            current_a: [0.0; K],
-            voltage_v: [0.0; K],
-            tracking_error_m: [0.0; N],
-            perturbation_n: [0.0; N],
-            lambda_used_nm2_a2: [0.0; K],
-            force_n: [0.0; N],
-            reference_m: [0.0; N],
-            reference_ahead_m: [0.0; N],
-            saturated: false,
-            limited: false,
-        }
-    }
 }
 
 /// State of a [`Controller`].

@@ -23,7 +23,7 @@ use crate::variables::{Saved, Variables};
 
 /// The values of all variables of a plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
+#[variables(context = Machine, default)]
 #[serde(
     bound = "PlantConfigOf<f64, N, K, B>: Saved, PlantInput<f64, N, K>: Saved, PlantOutput<f64, N, K>: Saved, [AtBearing; B]: Saved, [bool; B]: Saved, [bool; K]: Saved, [f64; N]: Saved, [f64; K]: Saved"
 )]
@@ -85,27 +85,6 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
         with = |row| row.depends(Constant, ["omega"])
     )]
     omega_rad_s: f64,
-}
-
-impl<const N: usize, const K: usize, const B: usize> Default for Values<N, K, B> {
-    fn default() -> Self {
-        Self {
-            config: PlantConfigOf::default(),
-            open: [false; K],
-            input: PlantInput::default(),
-            position_m: [0.0; N],
-            at_bearings: [AtBearing::default(); B],
-            contact: [false; B],
-            measured_position_m: [0.0; N],
-            measured_current_a: [0.0; K],
-            measured_theta_rad: 0.0,
-            measured_omega_rad_s: 0.0,
-            output: PlantOutput::default(),
-            velocity_m_s: [0.0; N],
-            theta_rad: 0.0,
-            omega_rad_s: 0.0,
-        }
-    }
 }
 
 /// A state, with its start among the parameters.

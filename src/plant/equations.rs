@@ -44,7 +44,7 @@ impl<const N: usize, const K: usize> Vector for Motion<f64, N, K> {
 
 /// Inputs of the plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Machine)]
+#[variables(T = f64, context = Machine, default)]
 #[serde(bound = "T: Saved, [T; N]: Saved, [T; K]: Saved")]
 pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Current through {magnet}, held over the step, with drive = current
@@ -65,14 +65,6 @@ pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Speed of the rotor{turning}
     #[input(name = "omega", unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: T,
-}
-
-impl<T: Scalar, const N: usize, const K: usize> Default for PlantInput<T, N, K> {
-    /// No currents, no forces, standstill.
-    fn default() -> Self {
-        let zero = T::constant(0.0);
-        Self { current_a: [zero; K], voltage_v: [zero; K], perturbation_n: [zero; N], omega_rad_s: zero }
-    }
 }
 
 impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
@@ -105,7 +97,7 @@ impl<T: Scalar, const K: usize, const B: usize> Default for Conditions<T, K, B> 
 
 /// The outputs of the plant at an instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Machine)]
+#[variables(T = f64, context = Machine, default)]
 #[serde(bound = "[T; N]: Saved, [T; K]: Saved")]
 pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Force of {magnet} on the rotor
@@ -157,25 +149,6 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Energy of the field of each coil, in J.
     #[hidden]
     pub energy_j: [T; K],
-}
-
-impl<T: Scalar, const N: usize, const K: usize> Default for PlantOutput<T, N, K> {
-    /// All 0.
-    fn default() -> Self {
-        let (of_magnets, of_coordinates) = ([T::constant(0.0); K], [T::constant(0.0); N]);
-        Self {
-            gap_m: of_magnets,
-            current_a: of_magnets,
-            linkage_wb: of_magnets,
-            energy_j: of_magnets,
-            force_n: of_magnets,
-            resultant_n: of_coordinates,
-            perturbation_n: of_coordinates,
-            induced_v: of_magnets,
-            contact_n: of_coordinates,
-            acceleration_m_s2: of_coordinates,
-        }
-    }
 }
 
 impl<T: Copy, const N: usize, const K: usize> PlantOutput<T, N, K> {
