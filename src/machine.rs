@@ -38,17 +38,6 @@ pub struct Reading {
     pub axis: &'static str,
 }
 
-impl Reading {
-    const fn new(
-        name: &'static str,
-        around: (&'static str, &'static str),
-        place: &'static str,
-        axis: &'static str,
-    ) -> Self {
-        Self { name, around, place, axis }
-    }
-}
-
 /// In which direction a bearing holds the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
@@ -610,7 +599,10 @@ pub const PLANAR: Machine = Machine {
     bearings: &[Bearing::radial("", 3)],
     planes: 1,
     coordinates: &IN_PLANE,
-    readings: &[Reading::new("Ym", ("", "Y"), "along y", "y"), Reading::new("Zm", ("", "Z"), "along z", "z")],
+    readings: &[
+        Reading { name: "Ym", around: ("", "Y"), place: "along y", axis: "y" },
+        Reading { name: "Zm", around: ("", "Z"), place: "along z", axis: "z" },
+    ],
     resultant: &["Y", "Z"],
 };
 
@@ -649,17 +641,17 @@ pub const AXIAL: Machine = Machine {
     bearings: &[Bearing::axial("")],
     planes: 0,
     coordinates: &ALONG_AXIS,
-    readings: &[Reading::new("Xm", ("", "X"), "along x", "x")],
+    readings: &[Reading { name: "Xm", around: ("", "X"), place: "along x", axis: "x" }],
     resultant: &[X],
 };
 
 /// Readings of a shaft: the axial one is the last.
 const READINGS_OF_SHAFT: &[Reading] = &[
-    Reading::new("A.Ym", ("A.", "Y"), "along y at the sensors of bearing A", "y at bearing A"),
-    Reading::new("A.Zm", ("A.", "Z"), "along z at the sensors of bearing A", "z at bearing A"),
-    Reading::new("B.Ym", ("B.", "Y"), "along y at the sensors of bearing B", "y at bearing B"),
-    Reading::new("B.Zm", ("B.", "Z"), "along z at the sensors of bearing B", "z at bearing B"),
-    Reading::new("Xm", ("X.", ""), "along the shaft", "x"),
+    Reading { name: "A.Ym", around: ("A.", "Y"), place: "along y at the sensors of bearing A", axis: "y at bearing A" },
+    Reading { name: "A.Zm", around: ("A.", "Z"), place: "along z at the sensors of bearing A", axis: "z at bearing A" },
+    Reading { name: "B.Ym", around: ("B.", "Y"), place: "along y at the sensors of bearing B", axis: "y at bearing B" },
+    Reading { name: "B.Zm", around: ("B.", "Z"), place: "along z at the sensors of bearing B", axis: "z at bearing B" },
+    Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x" },
 ];
 
 /// Words in braces for what they stand for, on a single bearing and on a shaft.

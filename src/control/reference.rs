@@ -35,7 +35,7 @@ use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{Choice, Saved, Variables};
+use crate::variables::{Choice, Saved, Variables, numbers};
 
 /// The most lobes of a curve; no sample time in use resolves more.
 pub const MOST_LOBES: i32 = 1000;
@@ -408,6 +408,10 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         checks: &mut Checks,
     ) -> Self {
         let machine = Rotor::<N, K, B>::MACHINE;
+        let coefficients = match machine.tilts() {
+            true => Vec::new(),
+            false => numbers("reference.", &config.contour, machine),
+        };
         for ((bearing, path), magnets) in machine.bearings.iter().zip(&config.paths).zip(rotor.bearings()) {
             checks.of(bearing.prefix, |checks| match bearing.if_beside() {
                 0 => {
@@ -416,7 +420,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
                     checks.finite("reference.phase", path.phase_rad, "rad");
                     match config.shape {
                         Shape::External => (),
-                        Shape::Fourier => check_contour_reach(&config.contour, bearing, magnets, checks),
+                        Shape::Fourier => check_contour_reach(&config.contour, &coefficients, magnets, checks),
                         Shape::Ellipse => check_ellipse_reach(path, 0.0, bearing, magnets, checks),
                         Shape::Lobes => check_ellipse_reach(path, config.lobe_amplitude_m, bearing, magnets, checks),
                     }
@@ -432,7 +436,9 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         );
         checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
         config.transition.check(checks);
-        check_contour(&config.contour, &machine.bearings[0], checks);
+        for (name, value, unit) in coefficients {
+            checks.finite(name, value, unit);
+        }
         checks.finite("reference.omega", config.omega_rad_s, "rad/s");
         checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
         let external = config.shape == Shape::External;
@@ -626,31 +632,14 @@ fn along_first(name: &str, bearing: &Bearing) -> String {
     format!("{name}{}", bearing.first_axis().to_uppercase())
 }
 
-/// The arrays of a contour with their names in the interface.
-fn coefficients<'c>(contour: &'c Contour, bearing: &Bearing) -> [(String, &'c [f64; HARMONICS]); 4] {
-    [
-        (along_first("reference.cos", bearing), &contour.cos_y_m),
-        (along_first("reference.sin", bearing), &contour.sin_y_m),
-        ("reference.cosZ".to_owned(), &contour.cos_z_m),
-        ("reference.sinZ".to_owned(), &contour.sin_z_m),
-    ]
-}
-
-fn check_contour(contour: &Contour, bearing: &Bearing, checks: &mut Checks) {
-    let centres = [along_first("reference.centre", bearing), "reference.centreZ".to_owned()];
-    for (name, value) in centres.into_iter().zip(contour.centre_m) {
-        checks.finite(name, value, "m");
-    }
-    for (name, values) in coefficients(contour, bearing) {
-        for (index, value) in values.iter().enumerate() {
-            checks.finite(format!("{name}[{}]", index + 1), *value, "m");
-        }
-    }
-}
-
 /// Refuses a contour that touches a magnet at one of these angles, 45 per shortest wave; the finding names the largest
 /// coefficient.
-fn check_contour_reach(contour: &Contour, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
+fn check_contour_reach(
+    contour: &Contour,
+    coefficients: &[(String, f64, &str)],
+    magnets: &Magnets,
+    checks: &mut Checks,
+) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
     for index in 0..ANGLES {
@@ -663,19 +652,15 @@ fn check_contour_reach(contour: &Contour, bearing: &Bearing, magnets: &Magnets, 
             }
         }
     }
-    let mut largest = (along_first("reference.centre", bearing), contour.centre_m[0]);
-    for (name, values) in coefficients(contour, bearing) {
-        for (index, value) in values.iter().enumerate() {
-            if value.abs() > largest.1.abs() {
-                largest = (format!("{name}[{}]", index + 1), *value);
-            }
-        }
-    }
+    let size = |(_, value, _): &&(String, f64, &str)| value.abs();
+    let Some((name, value, unit)) = coefficients.iter().rev().max_by(|a, b| size(a).total_cmp(&size(b))) else {
+        return;
+    };
     let (gap, number) = least;
     checks.require(
         gap > 0.0 || gap.is_infinite(),
-        largest.0,
-        format_args!("{} m", largest.1),
+        name.clone(),
+        format_args!("{value} {unit}"),
         format!("a reference trajectory that does not touch magnet {number} (the least gap would be {} m)", Short(gap)),
     );
 }

@@ -3,14 +3,13 @@
 
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::Row;
-use fmu_export::variable::{Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
 use crate::bearing::rotor::Rotor;
 use crate::control::controller::{
-    Controller, ControllerConfig, ControllerConfigOf, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
+    Controller, ControllerConfigOf, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
 use crate::machine::Machine;
 use crate::variables::{Saved, Variables};
@@ -35,11 +34,6 @@ fn config<const N: usize, const K: usize, const B: usize, const G: usize>(
     let mut config = values.config.clone();
     config.reference.omega_rad_s = values.input.omega_rad_s;
     config
-}
-
-/// The configuration of a controller of the planar rotor with the given values by index, and start values elsewhere.
-pub fn configuration(settings: &[(usize, Value)]) -> ControllerConfig {
-    config(&Table::new(ControllerModel::<2, 3, 1, 1>::table()).values(settings))
 }
 
 /// Logs that force constants have been replaced.

@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use super::{after_colon, evaluation, tables};
-use crate::estimation::{STD_LIMIT, Verdict, paper};
+use crate::estimation::{self, STD_LIMIT, Verdict};
 use crate::fmu::estimator::{METHOD, VERDICT};
 use crate::report::{self, Answer, ComparedEstimator, Event, Paper, Parameter, Report, Scene};
-use crate::simulation::closed_loop::Loop;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
+use crate::studies::montecarlo::real;
 use crate::table::Table;
 use crate::variables::Choice;
 use fmu_export::variable::{Type, Value, Variable};
@@ -18,9 +18,14 @@ pub(super) const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
 /// Lengths from here on, in m, are shown in mm: dimensions of a machine, not displacements.
 const LONG_M: f64 = 1e-3;
 
-/// Whether the scenario is the paper's, so that its numbers can be compared with ours.
-fn is_paper(name: &Path, scenario: &Scenario) -> bool {
-    name == Path::new("paper") && scenario.changes.is_empty()
+/// The section of the paper that a scenario repeats, so that its numbers and figures can be compared with ours.
+fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
+    match name.to_str()? {
+        _ if !scenario.changes.is_empty() => None,
+        "paper" => Some(Paper::Simulation),
+        "experiment" => Some(Paper::Experiment),
+        _ => None,
+    }
 }
 
 /// The estimators of a scenario: those beside the loop, or that of the loop if there are none.
@@ -36,21 +41,21 @@ pub(super) fn methods(scenario: &Scenario) -> Vec<ComparedEstimator> {
 
 /// The tables of results of a scenario.
 pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
-    tables::all(scenario, run, is_paper(name, scenario))
+    tables::all(scenario, run, paper(name, scenario) == Some(Paper::Simulation))
 }
 
 /// The error that a harmonic perturbation in phase with the reference trajectory causes in any estimator that does not model
 /// it.
 pub(super) fn coherence_note(scenario: &Scenario) -> String {
-    let Ok(Loop { plant, controller, .. }) = scenario.closed_loop() else { return String::new() };
-    let force_n = plant.harmonic.amplitude_n[1];
-    let omega = plant.harmonic.omega_rad_s;
-    let path_omega = controller.reference.omega_rad_s;
+    let of = |element: &str, name: &str| real(scenario, element, name);
+    let force_n = of("plant", "perturbation.amplitudeZ");
+    let omega = of("plant", "perturbation.omega");
     // The two come from different conversions of the same speed.
-    if force_n == 0.0 || (omega / path_omega - 1.0).abs() > 1e-9 {
+    let alike = (omega / of("controller", "reference.omega") - 1.0).abs() <= 1e-9;
+    if force_n == 0.0 || !alike {
         return String::new();
     }
-    let inertia_n = plant.rotor.shaft.m_kg * omega * omega * controller.reference.paths[0].r_z_m;
+    let inertia_n = of("plant", "m") * omega * omega * of("controller", "reference.rZ");
     format!(
         "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² r_Z = \
          {inertia_n:.1} N look like magnets weaker by {:.2} %. No filter removes that; the paper's method attributes it to λ. ",
@@ -104,7 +109,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
         valid,
         verdict,
         lambda,
-        limit: if is_paper { paper::STD_LIMIT } else { STD_LIMIT },
+        limit: if is_paper { estimation::paper::STD_LIMIT } else { STD_LIMIT },
         expectation: if is_paper { coherence_note(scenario) } else { String::new() },
     })
 }
@@ -160,12 +165,6 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
     tables.extend(evaluation::table(scenario, run, &sensitivities));
-    let paper = match name.to_str() {
-        _ if !scenario.changes.is_empty() => None,
-        Some("paper") => Some(Paper::Simulation),
-        Some("experiment") => Some(Paper::Experiment),
-        _ => None,
-    };
     let machine = scenario.machine;
     let magnitudes = machine.of_planes("magnitude");
     let report = Report {
@@ -184,7 +183,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         truth: Some(scenario.truth()),
         unbalance_kgm: magnitudes.iter().filter_map(|name| scenario.real(name)).collect(),
         methods: methods(scenario),
-        paper,
+        paper: paper(name, scenario),
         ..Report::new(&scenario.title, &run.recording)
     };
     report::page(&report)

@@ -178,14 +178,10 @@ type Unbalance = [(usize, usize); 2];
 
 /// The unbalances of the plant and of the estimator in its loop, plane by plane.
 fn unbalances(scenario: &Scenario) -> Vec<(Unbalance, Unbalance)> {
-    let names = [String::new()].into_iter().chain((1..=2).map(|plane| format!("[{plane}]")));
-    let find = |element: usize, plane: &str| {
-        let variables = scenario.elements[element].model_type.variables();
-        let one =
-            |what: &str| variables.iter().position(|variable| variable.name == format!("unbalance{plane}.{what}"));
-        Some([(element, one("magnitude")?), (element, one("phase")?)])
-    };
-    names.filter_map(|plane| Some((find(0, &plane)?, find(2, &plane)?))).collect()
+    let names = ["magnitude", "phase"].map(|what| scenario.machine.of_planes(what));
+    let one = |element: usize, name: &str| Some((element, scenario.elements[element].index(name)?));
+    let of = |element: usize, plane: usize| Some([one(element, &names[0][plane])?, one(element, &names[1][plane])?]);
+    (0..scenario.machine.planes).filter_map(|plane| Some((of(0, plane)?, of(2, plane)?))).collect()
 }
 
 /// Fits a correction mass: the estimated unbalance is subtracted from that of the plant.
@@ -262,8 +258,7 @@ pub(crate) fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>>
 fn wires(scenario: &Scenario) -> Vec<Wire> {
     let find = |[element, variable]: &[String; 2]| {
         let at = scenario.elements.iter().position(|candidate| candidate.name == *element)?;
-        let variables = scenario.elements[at].model_type.variables();
-        Some((at, variables.iter().position(|candidate| candidate.name == *variable)?))
+        Some((at, scenario.elements[at].index(variable)?))
     };
     let wire = |connection: crate::simulation::scenario::Connection| {
         let (from, to) = (find(&connection.from), find(&connection.to));

@@ -10,8 +10,7 @@ use crate::simulation::simulate::Run;
 /// last, smallest and largest value of every output. Values are in the units of the interface.
 #[must_use]
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
-    let magnets = scenario.magnets();
-    let names = |name: &str| magnets.iter().map(|(bearing, k)| format!("{bearing}{name}{k}")).collect::<Vec<_>>();
+    let names = |name: &str| scenario.machine.of_magnets(name);
     let truth: Vec<_> = names("lambda").iter().map(|name| scenario.real(name)).collect();
     let estimates = scenario.elements[2..].iter().map(|element| {
         let last = |name: &str| run.recording.get(&format!("{}.{name}", element.name))?.last().copied();

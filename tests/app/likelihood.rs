@@ -345,7 +345,7 @@ fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
     let study = studies.iter().find(|study| study.title == "identify: drawn bearings, noise known").unwrap();
     in_order(runs, &|run| {
         let mut scenario = study.case(bearing, 0);
-        let noise = position_noise * scenario.closed_loop().unwrap().plant.sensor.position_noise_m;
+        let noise = position_noise * scenario.real("sensor.positionNoise").unwrap();
         scenario.set("plant", "sensor.seed", Value::Integer(800_000 + run as i32));
         for element in ["plant", "estimator"] {
             scenario.set(element, "sensor.positionNoise", Value::Real(noise));

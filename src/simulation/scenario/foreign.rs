@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use fmu_export::ModelType;
 
-use super::read::{flatten, knows};
+use super::read::{ELEMENTS, flatten, knows};
 use crate::fmu;
 use crate::machine::{self, MACHINES, Machine};
 
@@ -22,9 +22,8 @@ pub fn keys(element: &'static str, table: &toml::Table) -> Vec<Key> {
 /// The keys that a machine does not have.
 fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
     let models: [Arc<ModelType>; 3] = machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));
-    let elements = ["plant", "controller", "estimator"];
     let has = |(owner, name): &Key| {
-        let own = elements.iter().zip(&models).filter(|(element, _)| *owner == "all" || owner == *element);
+        let own = ELEMENTS.iter().zip(&models).filter(|(element, _)| *owner == "all" || owner == *element);
         own.into_iter().any(|(_, model)| knows(model, name))
     };
     keys.iter().filter(|key| !has(key)).collect()

@@ -1,7 +1,6 @@
 //! Scenarios as TOML has them, from top to bottom: the document, its values, and the elements that take them.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
@@ -10,12 +9,16 @@ use serde::Deserialize;
 use super::{Connection, Element, Profile, Scenario, Setting, connected, foreign};
 use crate::control::reference::HARMONICS;
 use crate::fmu::{self, estimator};
-use crate::machine::{self, AXIAL, MACHINES};
+use crate::machine::{self, AXIAL, MACHINES, PLANAR};
 use crate::simulation::contour::Fit;
 use crate::simulation::simulate;
+use crate::variables::numbers;
 
 /// Keys that a scenario must have in order to run.
 pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
+
+/// The elements of a closed loop.
+pub const ELEMENTS: [&str; 3] = ["plant", "controller", "estimator"];
 
 /// Reads a scenario with these required keys and with changes; contour files are named relative to the folder.
 ///
@@ -105,13 +108,14 @@ impl Document {
 
     /// The variables that it sets.
     fn keys(&self) -> Vec<foreign::Key> {
-        let tables = [
-            ("all", &self.all),
-            ("plant", &self.plant),
-            ("controller", &self.controller),
-            ("estimator", &self.estimator),
-        ];
-        tables.into_iter().flat_map(|(element, table)| foreign::keys(element, table)).collect()
+        let tables = [("all", &self.all)].into_iter().chain(self.elements());
+        tables.flat_map(|(element, table)| foreign::keys(element, table)).collect()
+    }
+
+    /// The elements and their tables.
+    fn elements(&self) -> [(&'static str, &toml::Table); 3] {
+        let [plant, controller, estimator] = ELEMENTS;
+        [(plant, &self.plant), (controller, &self.controller), (estimator, &self.estimator)]
     }
 }
 
@@ -206,7 +210,8 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         })
     };
     // A missing time has been reported or is not used; a valid one in its place raises no second finding.
-    let [duration, step] = [document.duration, document.step].map(|time| time.unwrap_or(toml::Value::Float(1.0)));
+    let [duration, step] =
+        [&document.duration, &document.step].map(|time| time.clone().unwrap_or(toml::Value::Float(1.0)));
     let (duration_s, step_s) = (time("duration", &duration), time("step", &step));
     let balance_s = document.balance.as_ref().map(|value| time("balance", value));
     if findings.is_empty() && step_s > duration_s {
@@ -220,15 +225,14 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("machine = \"{given}\" is refused: expected one of {}; {suggestion}", names.join(", ")));
         &MACHINES[0]
     });
-    let [plant, controller, estimator] =
-        machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));
-    let element =
-        |name: &str, model_type: Arc<ModelType>| Element { name: name.into(), model_type, settings: Vec::new() };
-    let mut elements =
-        vec![element("plant", plant), element("controller", controller), element("estimator", estimator)];
+    let element = |(name, (model, _)): (&str, (&str, &str))| {
+        let model_type = fmu::find(model).expect("a model of this project");
+        Element { name: name.into(), model_type, settings: Vec::new() }
+    };
+    let mut elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
     let connected = connected(&elements);
     let all = flatten(&document.all);
-    for (element, table) in elements.iter_mut().zip([&document.plant, &document.controller, &document.estimator]) {
+    for (element, (_, table)) in elements.iter_mut().zip(document.elements()) {
         // Keys of other elements are skipped; names that no element knows are reported below.
         let (name, model_type) = (element.name.clone(), element.model_type.clone());
         for (key, value) in all.iter().filter(|(key, _)| knows(&model_type, key)) {
@@ -296,18 +300,9 @@ fn contour(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Sett
             CONTOUR_MISS * 100.0
         ));
     }
-    let mut values = vec![
-        ("reference.centreY".to_owned(), contour.centre_m[0]),
-        ("reference.centreZ".to_owned(), contour.centre_m[1]),
-    ];
-    let series = [contour.cos_y_m, contour.sin_y_m, contour.cos_z_m, contour.sin_z_m];
-    for (name, coefficients) in ["cosY", "sinY", "cosZ", "sinZ"].into_iter().zip(series) {
-        let name = format!("reference.{name}");
-        values.extend(coefficients.into_iter().enumerate().map(|(n, value)| (element(&name, n), value)));
-    }
-    values
+    numbers("reference.", &contour, &PLANAR)
         .into_iter()
-        .map(|(name, value)| (name, Value::Real(value)))
+        .map(|(name, value, _)| (name, Value::Real(value)))
         .chain([("reference.shape".to_owned(), Value::Integer(4))])
         .map(|(name, value)| {
             let index = position(controller, &name).ok_or("this machine follows no contours")?;

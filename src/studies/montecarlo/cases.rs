@@ -6,6 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
 use super::real;
+use crate::machine::Machine;
 use crate::plant::noise::Noise;
 use crate::simulation::scenario::{Profile, Scenario};
 use fmu_export::variable::Value;
@@ -263,20 +264,16 @@ pub struct Tolerance {
     pub std: f64,
     /// Where it is wrong: in the estimator, or in the sensors of the plant, each with an error of its own.
     element: &'static str,
-    variables: &'static [&'static str],
+    variables: fn(&Machine) -> Vec<String>,
 }
 
 impl Tolerance {
-    const fn of(element: &'static str, name: &'static str, std: f64, variables: &'static [&'static str]) -> Self {
-        Self { name, std, element, variables }
-    }
-
     /// Draws the error and states the tolerance to the estimator.
     pub fn draw(&self, scenario: &mut Scenario, draw: &mut Draw) {
         let std = self.std * if ["m", "s"].contains(&self.name) { real(scenario, "plant", self.name) } else { 1.0 };
-        for variable in self.variables {
-            let value = real(scenario, self.element, variable) + std * draw.normal();
-            scenario.set(self.element, variable, Value::Real(value));
+        for variable in (self.variables)(scenario.machine) {
+            let value = real(scenario, self.element, &variable) + std * draw.normal();
+            scenario.set(self.element, &variable, Value::Real(value));
         }
         scenario.set("estimator", &format!("tolerance.{}", self.name), Value::Real(std));
     }
@@ -284,23 +281,38 @@ impl Tolerance {
 
 /// The tolerances that are studied.
 pub static TOLERANCES: [Tolerance; 7] = [
-    Tolerance::of("estimator", "m", 0.01, &["m"]),
-    Tolerance::of("estimator", "s", 0.01, &["s"]),
-    Tolerance::of("estimator", "alpha", PI / 180.0, &["alpha[1]", "alpha[2]", "alpha[3]"]),
-    Tolerance::of("plant", "positionGain", 0.01, &["sensor.gainErrorY", "sensor.gainErrorZ"]),
-    Tolerance::of("plant", "positionOffset", 1e-5, &["sensor.offsetY", "sensor.offsetZ"]),
-    Tolerance::of(
-        "plant",
-        "currentGain",
-        0.01,
-        &["sensor.currentGainError[1]", "sensor.currentGainError[2]", "sensor.currentGainError[3]"],
-    ),
-    Tolerance::of(
-        "plant",
-        "currentOffset",
-        0.01,
-        &["sensor.currentOffset[1]", "sensor.currentOffset[2]", "sensor.currentOffset[3]"],
-    ),
+    Tolerance { name: "m", std: 0.01, element: "estimator", variables: |_| vec!["m".into()] },
+    Tolerance { name: "s", std: 0.01, element: "estimator", variables: |_| vec!["s".into()] },
+    Tolerance {
+        name: "alpha",
+        std: PI / 180.0,
+        element: "estimator",
+        variables: |machine| machine.of_magnets("alpha"),
+    },
+    Tolerance {
+        name: "positionGain",
+        std: 0.01,
+        element: "plant",
+        variables: |machine| machine.of_readings("sensor.gainError"),
+    },
+    Tolerance {
+        name: "positionOffset",
+        std: 1e-5,
+        element: "plant",
+        variables: |machine| machine.of_readings("sensor.offset"),
+    },
+    Tolerance {
+        name: "currentGain",
+        std: 0.01,
+        element: "plant",
+        variables: |machine| machine.of_magnets("sensor.currentGainError"),
+    },
+    Tolerance {
+        name: "currentOffset",
+        std: 0.01,
+        element: "plant",
+        variables: |machine| machine.of_magnets("sensor.currentOffset"),
+    },
 ];
 
 /// Things wrong with a bench, one at a time: what is wrong, the element and the variables that make it so, and the change; the latter is

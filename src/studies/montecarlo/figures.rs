@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::{bound, real};
+use crate::fmu::estimator::VERDICT;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{Profile, Scenario};
 use crate::simulation::synchronous::forces;
-use fmu_export::variable::{Type, Value};
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
 pub const CONFIDENT: f64 = 5.0;
@@ -273,23 +273,15 @@ pub fn judge(
             total: of(|estimate| estimate.total),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
             unbalance: [0, 1].map(|n| pooled(&unbalances.iter().map(|plane| plane[n]).collect::<Vec<_>>())),
-            verdict: get("verdict").map(|values| verdict(scenario, values[row])),
+            verdict: get("verdict").map(|values| verdict(values[row])),
         });
     }
     Some(trial)
 }
 
 /// The name of a value of the output `verdict`.
-fn verdict(scenario: &Scenario, value: f64) -> String {
-    let variables = scenario.estimator().model_type.variables();
-    let kind = variables.iter().find(|variable| variable.name == "verdict").map(|variable| &variable.data_type);
-    match kind {
-        Some(Type::Enumeration { items, .. }) => items
-            .items
-            .get((value as usize).wrapping_sub(1))
-            .map_or_else(|| value.to_string(), |(name, _)| (*name).to_owned()),
-        _ => Value::Real(value).as_f64().to_string(),
-    }
+fn verdict(value: f64) -> String {
+    VERDICT.item(value as i32).map_or_else(|| value.to_string(), str::to_owned)
 }
 
 /// The figures of a study at one instant, over the runs whose estimate was valid: no numbers if there is none. Errors are

@@ -137,8 +137,8 @@ pub fn judge(
     offline: &Offline,
 ) -> Option<Trial> {
     let whole = misread(recording, scenario.step_s, &offline.errors(seed))?;
-    let configured = scenario.closed_loop().ok()?;
-    let truth = configured.plant.lambda_nm2_a2;
+    let truth = scenario.truth();
+    let unbalance = |name: &str| real(scenario, "plant", &format!("unbalance.{name}"));
     let touched = touched(recording);
     let stated = Stated::of(&PLANAR, scenario.estimator());
     let mut bench = vec![Told::default(); parameters().len()];
@@ -168,9 +168,9 @@ pub fn judge(
             sample.error = (0..3).map(|k| found.lambda[k].value / truth[k] - 1.0).collect();
             sample.std = relative(&|k| found.lambda[k].noise_std);
             sample.total = relative(&|k| found.lambda[k].total_std);
-            let turned = found.unbalance[0].phase.value - configured.plant.unbalance_phase_rad[0];
+            let turned = found.unbalance[0].phase.value - unbalance("phase");
             sample.unbalance = [
-                found.unbalance[0].magnitude.value / configured.plant.unbalance_kgm[0] - 1.0,
+                found.unbalance[0].magnitude.value / unbalance("magnitude") - 1.0,
                 turned - TAU * (turned / TAU).round(),
             ];
         }

@@ -41,12 +41,12 @@ pub fn studies(runs: usize) -> Vec<Study> {
 /// The run of a seed: noise, unbalances from 30 to 100 g·mm at any angle, first guesses wrong by factors of 1.5 to 2.
 fn vary(scenario: &mut Scenario, seed: u64, _: u64) {
     let mut draw = Draw::new(seed);
-    for (bearing, k) in scenario.magnets() {
+    for (truth, first) in scenario.machine.of_magnets("lambda").iter().zip(scenario.machine.of_magnets("lambda0")) {
         let factor = draw.between(1.5, 2.0);
         let factor = if draw.chance(0.5) { factor } else { 1.0 / factor };
-        let guess = real(scenario, "plant", &format!("{bearing}lambda{k}")) * factor;
+        let guess = real(scenario, "plant", truth) * factor;
         for element in ["controller", "estimator"] {
-            scenario.set(element, &format!("{bearing}lambda0{k}"), Value::Real(guess));
+            scenario.set(element, &first, Value::Real(guess));
         }
     }
     for plane in [1, 2] {
