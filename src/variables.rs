@@ -29,7 +29,7 @@ pub fn numbers<V: Variables + Default>(prefix: &str, of: &V, context: &V::Contex
     number.map(|(name, value, unit)| (name, value, if unit == unit::ONE { "" } else { unit.name })).collect()
 }
 
-/// What can be written and read. An array of any length is, but serde does not know it of all: `#[serde(bound = "[f64; N]: Saved")]`.
+/// Values that can be written and read. An array of any length is one, but serde does not know it of all: `#[serde(bound = "[f64; N]: Saved")]`.
 pub trait Saved: Serialize + DeserializeOwned {}
 
 impl<T: Serialize + DeserializeOwned> Saved for T {}

@@ -337,16 +337,6 @@ impl Turning {
         self.samples += 1;
     }
 
-    /// Number of samples taken.
-    pub fn samples(&self) -> u64 {
-        self.samples
-    }
-
-    /// Angular velocity at the last sample, in rad/s.
-    pub fn omega_rad_s(&self) -> f64 {
-        self.omega_rad_s
-    }
-
     /// θ a time after the last sample, in rad.
     pub fn ahead_rad(&self, ahead_s: f64) -> f64 {
         self.theta_rad + self.omega_rad_s * ahead_s
@@ -473,7 +463,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     ///
     /// An external reference starts at rest at its first sample.
     pub fn sample(&self, state: &mut ReferenceState<N>, omega_rad_s: f64, coordinates: [f64; N], external: [f64; N]) {
-        let first = state.turning.samples() == 0;
+        let first = state.turning.samples == 0;
         if first {
             state.first = coordinates;
         }
@@ -496,7 +486,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
             });
         }
         let t_s = state.turning.since_first_s(ahead_s, self.step_s);
-        let curve = self.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s(), t_s);
+        let curve = self.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s, t_s);
         self.config.transition.apply(curve, state.first, t_s)
     }
 

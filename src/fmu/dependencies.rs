@@ -1,4 +1,4 @@
-//! What the outputs of a plant depend on: directly on inputs and states, and at the start on parameters.
+//! Dependencies of the outputs of a plant: directly on inputs and states, and at the start on parameters.
 
 use fmu_export::variable::Dependency::{Constant, Fixed};
 use fmu_export::variable::Row;

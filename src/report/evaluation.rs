@@ -232,7 +232,7 @@ pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<SensitivityCurves> {
                 let axes = readings.map(|(n, reading)| (reading.axis.to_owned(), found.curve(n))).collect();
                 SensitivityCurves { name, axes, missing: None }
             }
-            Err(why) => SensitivityCurves { name, axes: Vec::new(), missing: Some(why.to_string()) },
+            Err(why) => SensitivityCurves { name, axes: Vec::new(), missing: Some(why) },
         })
     };
     stretches(&run.recording).iter().filter_map(one).collect()

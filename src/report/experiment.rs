@@ -48,7 +48,7 @@ pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
 /// it.
 pub(super) fn coherence_note(scenario: &Scenario) -> String {
     let of = |element: &str, name: &str| real(scenario, element, name);
-    let force_n = of("plant", "perturbation.amplitudeZ");
+    let force_n = scenario.real("perturbation.amplitudeZ").unwrap_or_default();
     let omega = of("plant", "perturbation.omega");
     // The two come from different conversions of the same speed.
     let alike = (omega / of("controller", "reference.omega") - 1.0).abs() <= 1e-9;

@@ -253,7 +253,7 @@ fn run_of(recording: &Recording) -> String {
         return "The recording is empty.".into();
     };
     let samples = recording.time_s.len();
-    let thinned = if plot::is_whole(samples) {
+    let thinned = if samples <= plot::WHOLE {
         "each of them is drawn"
     } else {
         "of which the plots show the smallest and the largest value of short intervals"

@@ -12,7 +12,7 @@ use maud::{Markup, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
 /// Signals up to this many samples are drawn completely: the paper's run is.
-const WHOLE: usize = 5000;
+pub(super) const WHOLE: usize = 5000;
 /// Longer signals are drawn by the smallest and the largest value of this many intervals, more than a screen has columns.
 const STRETCHES: usize = 1200;
 /// Points along each edge of a band, which is smooth.
@@ -342,11 +342,6 @@ fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
         rows = rows.chunks(size).flat_map(ends).collect();
     }
     rows.into_iter().map(|at| (x[at], y[at])).unzip()
-}
-
-/// Whether a signal with this many samples is drawn completely.
-pub fn is_whole(samples: usize) -> bool {
-    samples <= WHOLE
 }
 
 /// plotly.js, compressed: 0.5 MB instead of 1.0, so that a page can be mailed as one file. `plotly/` holds the distribution `basic`, which draws lines,

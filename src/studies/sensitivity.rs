@@ -43,11 +43,6 @@ const CENTRED_M: f64 = 1e-7;
 /// Frequencies of a curve, from 1 Hz on.
 const FREQUENCIES: usize = 200;
 
-/// Why a sensitivity could not be computed: the loop does not stay at the operating point, or a parameter is refused.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-#[error("{0}")]
-pub struct NoSensitivity(pub String);
-
 /// The responses of a loop at its operating point.
 #[derive(Clone, Debug)]
 pub struct Sensitivity {
@@ -60,8 +55,8 @@ impl Sensitivity {
     /// That of the loop of a scenario whose controller uses these λ, at the speed and under the load of its start.
     ///
     /// # Errors
-    /// [`NoSensitivity`].
-    pub fn new(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Self, NoSensitivity> {
+    /// The loop does not stay at the operating point, or a parameter is refused.
+    pub fn new(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Self, String> {
         let scenario = at_operating_point(scenario, lambda_nm2_a2)?;
         let [quick, slow] = TIMES_S;
         let responses = responses(&scenario, quick).or_else(|_| responses(&scenario, slow))?;
@@ -91,7 +86,7 @@ pub fn peak(curve: &[[f64; 2]]) -> Option<[f64; 2]> {
 }
 
 /// Plant and controller alone, with the rotor in the centre and nothing that changes in time.
-fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scenario, NoSensitivity> {
+fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scenario, String> {
     let (mut scenario, machine) = (scenario.clone(), scenario.machine);
     scenario.elements.truncate(2);
     scenario.connected.retain(|connection| [&connection.from, &connection.to].iter().all(|end| end[0] != "estimator"));
@@ -115,16 +110,16 @@ fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scen
         scenario.set("controller", name, Value::Real(*lambda));
     }
     scenario.set("controller", "F0.modulation", Value::Real(0.0));
-    scenario.assign("controller.update.mode", "never").map_err(NoSensitivity)?;
+    scenario.assign("controller.update.mode", "never")?;
     if scenario.value("controller", "reference.shape").is_some() {
-        scenario.assign("controller.reference.shape", "ellipse").map_err(NoSensitivity)?;
+        scenario.assign("controller.reference.shape", "ellipse")?;
     }
     Ok(scenario)
 }
 
 /// The response of each reading to an error of its sensor, one after the other, with so much time to settle and for each to decay, in s.
-fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec<Vec<f64>>, NoSensitivity> {
-    let unsettled = |why: String| NoSensitivity(format!("the loop does not settle: {why}"));
+fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec<Vec<f64>>, String> {
+    let unsettled = |why: String| format!("the loop does not settle: {why}");
     let readings = scenario.machine.readings;
     let inputs = readings.iter().map(|reading| ["controller".to_owned(), reading.name.to_owned()]);
     let connections = scenario.connections();
@@ -155,7 +150,7 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
         sample += 1;
     };
     let run = simulate::run_altered(&scenario, |_| false, alter, |_| ());
-    let run = run.map_err(|refused| NoSensitivity(refused.0.join("; ")))?;
+    let run = run.map_err(|refused| refused.0.join("; "))?;
     if let Some(error) = run.error {
         return Err(unsettled(error));
     }

@@ -22,7 +22,7 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::progress::Progress;
-use crate::simulation::scenario::{Scenario, ScenarioError, built_in, leaves, text};
+use crate::simulation::scenario::{Scenario, ScenarioError, built_in, leaves, text, text_of};
 use crate::simulation::simulate::{self, Run};
 
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
@@ -127,10 +127,7 @@ impl Sweep {
 
     fn new(scenario: Option<PathBuf>, columns: Vec<String>, cases: Vec<Vec<String>>) -> Result<Self, ScenarioError> {
         let name = scenario.unwrap_or_else(|| DEFAULT_SCENARIO.into());
-        let scenario_text = match built_in(&name) {
-            Some(text) => text.to_owned(),
-            None => fs::read_to_string(&name).map_err(|error| refusal(&name, error))?,
-        };
+        let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_observers();
         let results = results(&scenario);

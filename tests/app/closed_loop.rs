@@ -47,7 +47,7 @@ fn rotor(values: &Values) -> RotorConfig {
     rotor
 }
 
-/// What the scenarios set; all else is as the models have it by default.
+/// The values that the scenarios set; all else is as the models have it by default.
 fn plant_config(values: &Values) -> PlantConfig {
     PlantConfig {
         rotor: rotor(values),

@@ -187,7 +187,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
     }
 }
 
-/// What models refuse is refused with the name of the element; `fmu::instances` has more of it.
+/// A refusal of a model names the element; `fmu::instances` has more of them.
 #[test]
 fn what_cannot_be_run_is_refused_by_name() {
     const CASES: &[Case] = &[

@@ -15,29 +15,32 @@ pub use self::read::{leaves, suggestion, text};
 use self::read::{permitted, unknown};
 use crate::machine::{self, Machine};
 
+/// Scenarios with their texts, by name.
+macro_rules! built_in {
+    ($($name:literal)*) => { [$(($name, include_str!(concat!("../scenarios/", $name, ".toml")))),*] };
+}
+
 /// The built-in scenarios, by name.
-pub const BUILT_IN: [(&str, &str); 16] = [
-    ("paper", include_str!("../scenarios/paper.toml")),
-    ("experiment", include_str!("../scenarios/experiment.toml")),
-    ("unbalanced", include_str!("../scenarios/unbalanced.toml")),
-    ("turned", include_str!("../scenarios/turned.toml")),
-    ("run-up", include_str!("../scenarios/run-up.toml")),
-    ("lift-off", include_str!("../scenarios/lift-off.toml")),
-    ("coil-loss", include_str!("../scenarios/coil-loss.toml")),
-    ("circle", include_str!("../scenarios/circle.toml")),
-    ("hole", include_str!("../scenarios/hole.toml")),
-    ("standstill", include_str!("../scenarios/standstill.toml")),
-    ("spindle", include_str!("../scenarios/spindle.toml")),
-    ("balance", include_str!("../scenarios/balance.toml")),
-    ("planar4", include_str!("../scenarios/planar4.toml")),
-    ("spindle4", include_str!("../scenarios/spindle4.toml")),
-    ("axial", include_str!("../scenarios/axial.toml")),
-    ("levitation", include_str!("../scenarios/levitation.toml")),
-];
+pub const BUILT_IN: [(&str, &str); 16] = built_in!(
+    "paper" "experiment" "unbalanced" "turned" "run-up" "lift-off" "coil-loss" "circle" "hole" "standstill"
+    "spindle" "balance" "planar4" "spindle4" "axial" "levitation"
+);
 
 /// The text of a built-in scenario.
 pub fn built_in(name: &Path) -> Option<&'static str> {
     BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)).map(|(_, text)| *text)
+}
+
+/// The text of a built-in scenario by its name, of the standard input under the name `-`, or else of a file.
+///
+/// # Errors
+/// The file cannot be read.
+pub fn text_of(name: &Path) -> std::io::Result<String> {
+    match built_in(name) {
+        Some(text) => Ok(text.to_owned()),
+        None if name == Path::new("-") => std::io::read_to_string(std::io::stdin()),
+        None => std::fs::read_to_string(name),
+    }
 }
 
 /// The names of the built-in scenarios, for messages.
@@ -232,15 +235,7 @@ impl Scenario {
 
     fn open_requiring(name: &Path, required: &[&str], changes: &[(String, String)]) -> Result<Self, ScenarioError> {
         let origin = name.display().to_string();
-        if let Some(text) = built_in(name) {
-            return Self::parse_requiring(&origin, text, required, changes);
-        }
-        let read = if name == Path::new("-") {
-            std::io::read_to_string(std::io::stdin())
-        } else {
-            std::fs::read_to_string(name)
-        };
-        let text = read.map_err(|error| {
+        let text = text_of(name).map_err(|error| {
             let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
@@ -249,7 +244,7 @@ impl Scenario {
 
     /// The machine that a scenario names, a built-in one or a file; none if it names none or cannot be read.
     pub fn machine_of(name: &Path) -> Option<&'static Machine> {
-        let text = built_in(name).map(str::to_owned).or_else(|| std::fs::read_to_string(name).ok())?;
+        let text = text_of(Some(name).filter(|name| *name != Path::new("-"))?).ok()?;
         machine::find(text.parse::<toml::Table>().ok()?.get("machine")?.as_str()?)
     }
 
