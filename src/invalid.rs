@@ -56,6 +56,19 @@ impl Checks {
         self.require(value.is_finite(), name, format_args!("{value} {unit}"), "a finite number");
     }
 
+    /// Makes the same check of several numbers.
+    pub fn each(
+        &mut self,
+        check: fn(&mut Self, String, f64, &'static str),
+        names: Vec<String>,
+        values: &[f64],
+        unit: &'static str,
+    ) {
+        for (name, value) in names.into_iter().zip(values) {
+            check(self, name, *value, unit);
+        }
+    }
+
     /// Checks a part whose names begin with `prefix`, for instance `A.`.
     pub fn of<T>(&mut self, prefix: &str, check: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.found.len();

@@ -246,15 +246,9 @@ impl<const K: usize, const G: usize> TrackingConfig<K, G> {
     ) {
         let machine = Rotor::<N, K, B>::MACHINE;
         check_step("Ts", self.step_s, checks);
-        for (name, lambda) in machine.of_magnets("lambda0").into_iter().zip(self.lambda0_nm2_a2) {
-            checks.positive(name, lambda, "N.m2/A2");
-        }
-        for (name, f0_n) in machine.of_bearings("F0").into_iter().zip(self.f0_n) {
-            checks.not_negative(name, f0_n, "N");
-        }
-        for (name, bias_a) in machine.of_biases().into_iter().zip(self.bias_a) {
-            checks.not_negative(name, bias_a, "A");
-        }
+        checks.each(Checks::positive, machine.of_magnets("lambda0"), &self.lambda0_nm2_a2, "N.m2/A2");
+        checks.each(Checks::not_negative, machine.of_bearings("F0"), &self.f0_n, "N");
+        checks.each(Checks::not_negative, machine.of_biases(), &self.bias_a, "A");
         let smallest = self.allocation == Allocation::SmallestForce;
         for (holds, wanted) in [
             (smallest || used == Used::Both, "smallestForce, for a magnet that is not used has no bias current"),

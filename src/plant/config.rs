@@ -188,9 +188,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
             }
         }
         self.check_start(&rotor, checks);
-        for (name, value) in machine.of_lengths("gravity.").into_iter().zip(self.gravity_m_s2) {
-            checks.finite(name, value, "m/s2");
-        }
+        checks.each(Checks::finite, machine.of_lengths("gravity."), &self.gravity_m_s2, "m/s2");
         self.coil.check(rotor.geometry().gap_m, self.lambda_nm2_a2, checks);
         for (bearing, touchdown) in machine.bearings.iter().zip(&self.touchdown) {
             checks.of(bearing.prefix, |checks| touchdown.check(checks));
@@ -202,23 +200,13 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
     /// Reports invalid tunable parameters.
     pub(super) fn check_tunable(&self, checks: &mut Checks) {
         let machine = Rotor::<N, K, B>::MACHINE;
-        for (name, lambda) in machine.of_magnets("lambda").into_iter().zip(self.lambda_nm2_a2) {
-            checks.positive(name, lambda, "N.m2/A2");
-        }
-        for (name, kgm) in machine.of_planes("magnitude").into_iter().zip(self.unbalance_kgm) {
-            checks.not_negative(name, kgm, "kg.m");
-        }
-        for (name, rad) in machine.of_planes("phase").into_iter().zip(self.unbalance_phase_rad) {
-            checks.finite(name, rad, "rad");
-        }
+        checks.each(Checks::positive, machine.of_magnets("lambda"), &self.lambda_nm2_a2, "N.m2/A2");
+        checks.each(Checks::not_negative, machine.of_planes("magnitude"), &self.unbalance_kgm, "kg.m");
+        checks.each(Checks::finite, machine.of_planes("phase"), &self.unbalance_phase_rad, "rad");
         let Harmonic { amplitude_n, omega_rad_s, phase_rad } = self.harmonic;
-        for (name, value) in machine.of_resultant("perturbation.amplitude").into_iter().zip(amplitude_n) {
-            checks.finite(name, value, "N");
-        }
+        checks.each(Checks::finite, machine.of_resultant("perturbation.amplitude"), &amplitude_n, "N");
         checks.not_negative("perturbation.omega", omega_rad_s, "rad/s");
-        for (name, value) in machine.of_resultant("perturbation.phase").into_iter().zip(phase_rad) {
-            checks.finite(name, value, "rad");
-        }
+        checks.each(Checks::finite, machine.of_resultant("perturbation.phase"), &phase_rad, "rad");
     }
 
     /// Reports a start that is not finite, and a rotor that starts at a magnet, by the coordinate that brings it nearest.

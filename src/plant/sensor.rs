@@ -85,12 +85,8 @@ impl<const N: usize, const K: usize> SensorConfig<N, K> {
         check_step("sensor.Ts", self.step_s, checks);
         checks.not_negative("sensor.positionResolution", self.position_resolution_m, "m");
         checks.not_negative("sensor.currentResolution", self.current_resolution_a, "A");
-        for (name, offset) in machine.of_readings("sensor.offset").into_iter().zip(self.position_offset_m) {
-            checks.finite(name, offset, "m");
-        }
-        for (name, offset) in machine.of_magnets("sensor.currentOffset").into_iter().zip(self.current_offset_a) {
-            checks.finite(name, offset, "A");
-        }
+        checks.each(Checks::finite, machine.of_readings("sensor.offset"), &self.position_offset_m, "m");
+        checks.each(Checks::finite, machine.of_magnets("sensor.currentOffset"), &self.current_offset_a, "A");
         let names = [machine.of_readings("sensor.gainError"), machine.of_magnets("sensor.currentGainError")];
         for (name, error) in
             names.into_iter().flatten().zip(self.position_gain_error.into_iter().chain(self.current_gain_error))
