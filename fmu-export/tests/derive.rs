@@ -214,3 +214,23 @@ fn elements_of_generic_structures_differ_and_names_are_looked_up_from_inside() {
     let acting = |name: &str| find(name).depends_on.clone().expect("given")[0].0.clone();
     assert_eq!((acting("main.x"), acting("main.tilt")), ("main.force".into(), "force".into()));
 }
+
+/// A structure with an array whose length is a parameter, for which Rust has no `Default`.
+#[derive(Clone, Debug, PartialEq, Variables)]
+#[variables(default)]
+struct Bank<const N: usize> {
+    /// Voltage of cell {k}
+    #[input(unit = unit::VOLT)]
+    voltage: [f64; N],
+    /// Whether it charges
+    #[parameter]
+    charges: bool,
+    mast: Mast,
+}
+
+/// Fails if a field has another default than its own.
+#[test]
+fn defaults_of_arrays_of_any_length_are_derived() {
+    assert_eq!(Bank::default(), Bank { voltage: [0.0; 40], charges: false, mast: Mast::default() });
+    assert_eq!(Bank::<40>::rows().len(), 40 + 1 + 3);
+}
