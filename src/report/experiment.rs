@@ -30,13 +30,14 @@ fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
 
 /// The estimators of a scenario: those beside the loop, or that of the loop if there are none.
 pub(super) fn methods(scenario: &Scenario) -> Vec<ComparedEstimator> {
+    let compared = |element: &str, label: &str| ComparedEstimator { element: element.into(), label: label.into() };
     let beside = scenario.observers();
     if beside.is_empty() {
         let method = scenario.value("estimator", "method");
         let label = method.and_then(|value| METHOD.item(value.as_f64() as i32)).unwrap_or("estimator");
-        return vec![ComparedEstimator { element: "estimator".into(), label: label.into() }];
+        return vec![compared("estimator", label)];
     }
-    beside.iter().map(|element| ComparedEstimator::from(element.name.as_str())).collect()
+    beside.iter().map(|element| compared(&element.name, &element.name)).collect()
 }
 
 /// The tables of results of a scenario.

@@ -135,13 +135,6 @@ pub struct ComparedEstimator {
     pub label: String,
 }
 
-impl From<&str> for ComparedEstimator {
-    /// An estimator labelled with the name of its element.
-    fn from(element: &str) -> ComparedEstimator {
-        ComparedEstimator { element: element.into(), label: element.into() }
-    }
-}
-
 /// The sensitivity functions of a loop for one set of λ of the controller.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SensitivityCurves {

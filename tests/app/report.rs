@@ -367,7 +367,7 @@ fn the_same_run_makes_the_same_page() {
 #[test]
 fn without_the_paper_nothing_speaks_of_it() {
     let recording = recording(4001);
-    let methods = vec!["estimator".into()];
+    let methods = vec![method("estimator", "estimator")];
     let report = Report {
         paper: None,
         tables: vec![],
@@ -448,7 +448,7 @@ fn missing_columns_leave_out_their_figure_with_a_sentence() {
     for (gone, id) in [("plant.im", "currents"), ("estimator.lambda", "methods")] {
         let mut recording = full.clone();
         recording.columns.retain(|column| !column.name.starts_with(gone) && !column.name.starts_with("plant.F"));
-        let page = page(&Report { methods: vec!["estimator".into()], ..report(&recording) });
+        let page = page(&Report { methods: vec![method("estimator", "estimator")], ..report(&recording) });
         assert_sound(&page);
         assert!(figure(&page, id).contains("Not drawn: the recording has no usable"), "{id} without {gone}");
         assert!(data(figure(&page, id)).is_empty(), "{id} without {gone}");
