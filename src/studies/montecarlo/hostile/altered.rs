@@ -153,6 +153,17 @@ pub fn encoder(counts: f64) -> Alter {
     })
 }
 
+/// An encoder whose disc sits beside the axis, by this part of its radius.
+pub fn eccentric(part: f64) -> Alter {
+    Box::new(move |_, _| {
+        on_the_way(move |readings| {
+            let (sin, cos) = libm::sincos(readings.theta_rad);
+            readings.theta_rad += part * sin;
+            readings.omega_rad_s *= 1.0 + part * cos;
+        })
+    })
+}
+
 /// The speed is something else.
 pub fn speed(change: fn(f64) -> f64) -> Alter {
     Box::new(move |_, _| on_the_way(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))

@@ -149,6 +149,21 @@ fn forces() -> Vec<Course> {
             }
         })
     };
+    // Twelve oscillations within 6 Hz, of random frequencies and phases.
+    let narrow_band = |middle_hz: f64| {
+        Course::new(&format!("0.5 N within 6 Hz about {middle_hz} Hz"), Asked::NotWrong, move |scenario, seed| {
+            let mut draw = Draw::new(seed);
+            let omega: [f64; 12] = std::array::from_fn(|_| TAU * (middle_hz + draw.between(-3.0, 3.0)));
+            let phases = [0, 1].map(|_| std::array::from_fn::<_, 12, _>(|_| draw.between(-PI, PI)));
+            cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
+                // The root mean square of the sum is 0.5 N.
+                phases.map(|phases| {
+                    let wave = |(w, phase): (&f64, f64)| 0.5 / 6f64.sqrt() * libm::cos(w * time_s + phase);
+                    omega.iter().zip(phases).map(wave).sum()
+                })
+            });
+        })
+    };
     let mut courses: Vec<_> = [0.1, 0.3, 1.0, 2.0]
         .into_iter()
         .map(|force_n| {
@@ -168,6 +183,15 @@ fn forces() -> Vec<Course> {
         oscillating("0.3 N at 47 Hz", [0.3, 0.3], [47.0, 47.0]),
         oscillating("0.5 to 8 N at 95 to 130 Hz", [0.5, 8.0], [95.0, 130.0]),
         oscillating("0.5 to 8 N at 180 to 260 Hz", [0.5, 8.0], [180.0, 260.0]),
+        narrow_band(140.0),
+        narrow_band(230.0),
+        Course::new("1 N forward at twice the speed", Asked::NotWrong, |scenario, seed| {
+            let (omega, phase) = (real(scenario, "plant", "omega"), Draw::new(seed).between(-PI, PI));
+            cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
+                let (sin, cos) = libm::sincos(2.0 * omega * time_s + phase);
+                [cos, sin]
+            });
+        }),
         Course {
             rubs: true,
             ..Course::new("light rubbing", Asked::NotWrong, |scenario, seed| {
@@ -196,6 +220,7 @@ fn angles() -> Vec<Course> {
         circle("encoder of 64 counts, speed by differences", altered::encoder(64.0)),
         Course::new("encoder of 64 counts, speed by differences", Asked::NotWrong, |_, _| ())
             .with(altered::encoder(64.0)),
+        Course::new("encoder eccentric by 1 %", Asked::NotWrong, |_, _| ()).with(altered::eccentric(0.01)),
         speed("in rpm", |omega| omega / RPM),
         speed("of the wrong sign", |omega| -omega),
         speed("missing", |_| 0.0),
