@@ -34,9 +34,9 @@ pub struct Results {
     pub answer: Option<Answer>,
     /// The answers of an axis, from each recording.
     pub axes: Vec<axial::Answer>,
-    /// What is said of all recordings, or of each.
+    /// The remarks on all recordings, or on each.
     pub said: Vec<Said>,
-    /// What is said of several together.
+    /// Remarks on several together.
     pub summary: Vec<String>,
     /// The same as JSON.
     pub document: Json,

@@ -229,7 +229,7 @@ impl Stated {
     }
 }
 
-/// What is said of a recording, or of several together.
+/// The answer to a recording, or to several together, in words, numbers and JSON.
 #[derive(Clone, Debug)]
 pub struct Said {
     /// Whether the estimates can be relied on; none of on-line methods, which are compared.

@@ -318,7 +318,7 @@ pub fn recording(tracks: &[Track]) -> Recording {
     recording
 }
 
-/// What the methods say of a recording, with the last valid estimate of each as JSON.
+/// The answers of the methods to a recording, with the last valid estimate of each as JSON.
 #[must_use]
 pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
     let method = |track: &Track| {

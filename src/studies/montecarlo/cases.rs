@@ -268,6 +268,10 @@ pub struct Tolerance {
 }
 
 impl Tolerance {
+    const fn of(name: &'static str, std: f64, element: &'static str, variables: fn(&Machine) -> Vec<String>) -> Self {
+        Self { name, std, element, variables }
+    }
+
     /// Draws the error and states the tolerance to the estimator.
     pub fn draw(&self, scenario: &mut Scenario, draw: &mut Draw) {
         let std = self.std * if ["m", "s"].contains(&self.name) { real(scenario, "plant", self.name) } else { 1.0 };
@@ -281,38 +285,13 @@ impl Tolerance {
 
 /// The tolerances that are studied.
 pub static TOLERANCES: [Tolerance; 7] = [
-    Tolerance { name: "m", std: 0.01, element: "estimator", variables: |_| vec!["m".into()] },
-    Tolerance { name: "s", std: 0.01, element: "estimator", variables: |_| vec!["s".into()] },
-    Tolerance {
-        name: "alpha",
-        std: PI / 180.0,
-        element: "estimator",
-        variables: |machine| machine.of_magnets("alpha"),
-    },
-    Tolerance {
-        name: "positionGain",
-        std: 0.01,
-        element: "plant",
-        variables: |machine| machine.of_readings("sensor.gainError"),
-    },
-    Tolerance {
-        name: "positionOffset",
-        std: 1e-5,
-        element: "plant",
-        variables: |machine| machine.of_readings("sensor.offset"),
-    },
-    Tolerance {
-        name: "currentGain",
-        std: 0.01,
-        element: "plant",
-        variables: |machine| machine.of_magnets("sensor.currentGainError"),
-    },
-    Tolerance {
-        name: "currentOffset",
-        std: 0.01,
-        element: "plant",
-        variables: |machine| machine.of_magnets("sensor.currentOffset"),
-    },
+    Tolerance::of("m", 0.01, "estimator", |_| vec!["m".into()]),
+    Tolerance::of("s", 0.01, "estimator", |_| vec!["s".into()]),
+    Tolerance::of("alpha", PI / 180.0, "estimator", |machine| machine.of_magnets("alpha")),
+    Tolerance::of("positionGain", 0.01, "plant", |machine| machine.of_readings("sensor.gainError")),
+    Tolerance::of("positionOffset", 1e-5, "plant", |machine| machine.of_readings("sensor.offset")),
+    Tolerance::of("currentGain", 0.01, "plant", |machine| machine.of_magnets("sensor.currentGainError")),
+    Tolerance::of("currentOffset", 0.01, "plant", |machine| machine.of_magnets("sensor.currentOffset")),
 ];
 
 /// Things wrong with a bench, one at a time: what is wrong, the element and the variables that make it so, and the change; the latter is
@@ -344,10 +323,15 @@ pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &s
 
 /// Adds a force in N that turns with the rotor, but backward, from an angle in rad on and for a length of time in s.
 pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, length_s: f64) {
-    let omega = real(scenario, "plant", "omega");
+    turning(scenario, -1.0, force_n, -phase, length_s);
+}
+
+/// Adds a force in N that turns so many times as fast as the rotor, from an angle in rad on and for a length of time in s.
+pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, length_s: f64) {
+    let omega = order * real(scenario, "plant", "omega");
     push(scenario, &["pY", "pZ"], length_s, |time_s| {
         let (sin, cos) = libm::sincos(omega * time_s + phase);
-        [force_n * cos, -force_n * sin]
+        [force_n * cos, force_n * sin]
     });
 }
 

@@ -43,7 +43,7 @@ impl Answer {
         Some(found.lambda.iter().enumerate().map(of_magnet).collect())
     }
 
-    /// What is said of the recordings.
+    /// The answer in words, numbers and JSON.
     #[must_use]
     pub fn said(&self) -> Said {
         Said {

@@ -53,7 +53,7 @@ pub struct Answer {
     start_s: f64,
 }
 
-/// What the filter makes of a recording, by row; NaN where it was not used.
+/// The results of the filter by row; NaN where it was not used.
 #[derive(Clone, Debug)]
 pub struct Traces {
     /// Slow force and its standard deviation, N.
@@ -247,7 +247,7 @@ impl Answer {
         };
     }
 
-    /// What is said of the recording.
+    /// The answer in words, numbers and JSON.
     #[must_use]
     pub fn said(&self) -> Said {
         Said {

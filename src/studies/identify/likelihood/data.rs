@@ -222,7 +222,10 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
             Hold::HeldAfter => rotor.squares(read(row - 1), None),
             Hold::Linear => rotor.squares(read(row), Some(read(row - 1))),
         };
-        for k in 0..if data.missing.is_empty() { 0 } else { K } {
+        if data.missing.is_empty() {
+            return squares;
+        }
+        for k in 0..K {
             let error_a = match (data.origin(row, k), track.predicted.get(K * row + k)) {
                 (Origin::Recorded, _) => continue,
                 (Origin::Filled, Some(predicted)) => {

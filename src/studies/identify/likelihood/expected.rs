@@ -145,7 +145,7 @@ pub(super) fn expected(
         return (values, Vec::new());
     }
 
-    // What was not recorded is not explained: an interval that would follow from it by more than by all else is not known at all.
+    // Innovations that were not recorded explain nothing: an interval that would follow from it by more than by all else is not known at all.
     let lacks = |row: usize, lag: usize| row < lag || data.is_missing(row - lag);
     let (mut usual, mut whole) = (vec![0.0; magnets], 0.0_f64);
     for (row, _) in rows().filter(|(row, _)| !(1..=LONG_PAST).any(|lag| lacks(*row, lag))) {

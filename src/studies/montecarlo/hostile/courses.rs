@@ -186,11 +186,7 @@ fn forces() -> Vec<Course> {
         narrow_band(140.0),
         narrow_band(230.0),
         Course::new("1 N forward at twice the speed", Asked::NotWrong, |scenario, seed| {
-            let (omega, phase) = (real(scenario, "plant", "omega"), Draw::new(seed).between(-PI, PI));
-            cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
-                let (sin, cos) = libm::sincos(2.0 * omega * time_s + phase);
-                [cos, sin]
-            });
+            cases::turning(scenario, 2.0, 1.0, Draw::new(seed).between(-PI, PI), scenario.duration_s);
         }),
         Course {
             rubs: true,
