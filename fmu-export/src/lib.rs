@@ -93,8 +93,6 @@ pub mod log;
 pub mod model;
 #[cfg(feature = "package")]
 pub mod package;
-#[cfg(feature = "planted-panics")]
-pub mod planted;
 pub mod resources;
 pub mod state;
 pub mod unit;

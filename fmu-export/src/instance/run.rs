@@ -46,14 +46,6 @@ fn joined(own: Option<Vec<Invalid>>, others: Vec<Invalid>) -> Vec<Invalid> {
     findings
 }
 
-/// A place where a test may plant a panic.
-fn pass(place: &str) {
-    #[cfg(feature = "planted-panics")]
-    crate::planted::pass(place);
-    #[cfg(not(feature = "planted-panics"))]
-    let _ = place;
-}
-
 impl<M: Model> ModelInstance<M> {
     pub(super) fn new(table: Arc<Table<M::Values>>, resources: Resources) -> Self {
         let values = Box::new(table.values(&[]));
@@ -128,7 +120,6 @@ impl<M: Model> ModelInstance<M> {
         if !std::mem::take(&mut self.stale) {
             return;
         }
-        pass("get");
         match &self.run {
             Some(run) => run.model.refresh(&run.state, &mut self.values, self.time_s),
             None => {
@@ -296,7 +287,6 @@ impl<M: Model> Instance for ModelInstance<M> {
     }
 
     fn start(&mut self) -> Result<(), Vec<Invalid>> {
-        pass("start");
         let mut values = self.values.clone();
         self.run = Some(self.begin(&mut values)?);
         self.values = values;
@@ -305,7 +295,6 @@ impl<M: Model> Instance for ModelInstance<M> {
     }
 
     fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), StepError> {
-        pass("step");
         let run = self.run.as_mut().ok_or_else(|| StepError::of("the run has not begun"))?;
         let inputs = InputTrajectory::new(step.time_s, &self.table, &self.values, &self.moving);
         let outcome = run.model.step(&mut run.state, &mut self.values, step, &inputs, log);
@@ -375,7 +364,6 @@ impl<M: Model> Instance for ModelInstance<M> {
             // It is piecewise constant.
             return Ok(0.0);
         }
-        pass("differentiate");
         let inputs = InputTrajectory::new(self.time_s, &self.table, &self.values, &self.moved);
         let derivatives = std::array::from_fn(|lower| {
             let mut derivatives = self.table.zeros();
@@ -394,7 +382,6 @@ impl<M: Model> Instance for ModelInstance<M> {
         count: usize,
         knowns: &dyn Fn(usize) -> (usize, f64),
     ) -> Result<Box<dyn Derivatives>, AccessError> {
-        pass("differentiate");
         if !M::CAPABILITIES.directional_derivatives {
             let reason = "not offered, as the model description says";
             return Err(AccessError::NoDerivative { name: "directional derivatives".into(), reason });
@@ -427,12 +414,10 @@ impl<M: Model> Instance for ModelInstance<M> {
     }
 
     fn duplicate(&self) -> Option<Box<dyn Instance>> {
-        pass("save");
         if M::State::SAVED { Some(Box::new(self.copy()?)) } else { None }
     }
 
     fn copy_from(&mut self, other: &dyn Instance) -> bool {
-        pass("save");
         let copy = other.as_any().downcast_ref::<Self>().and_then(Self::copy);
         let there = copy.is_some();
         if let Some(copy) = copy {
