@@ -5,7 +5,6 @@ mod support;
 
 mod abuse;
 mod bindings;
-mod bindings3;
 mod derivatives;
 // The documentation page is made by the program.
 #[cfg(feature = "app")]
