@@ -391,11 +391,22 @@ fn instances_do_not_see_one_another() {
         assert_ne!(other.all_bits(), wanted, "{model}: the other one is another");
         assert!(one.take_messages().iter().all(|message| message.status == fmi2Status::fmi2OK));
 
-        let runs: Vec<_> = (0..4)
+        let runs: Vec<_> = (0..8)
             .map(|_| {
                 let fmu = Fmu::started(model, &[]);
                 thread::spawn(move || {
-                    (0..STEPS).for_each(|step| driven(&fmu, step));
+                    for step in 0..STEPS {
+                        driven(&fmu, step);
+                        if step % 50 == 0 {
+                            let (mut state, mut read) = (null_mut(), null_mut());
+                            fmu.get_state(&mut state).ok(&fmu);
+                            let bytes = fmu.serialize(state).expect("bytes");
+                            fmu.deserialize(&bytes, &mut read).ok(&fmu);
+                            fmu.set_state(read).ok(&fmu);
+                            fmu.free_state(&mut state).ok(&fmu);
+                            fmu.free_state(&mut read).ok(&fmu);
+                        }
+                    }
                     fmu.all_bits()
                 })
             })

@@ -1,4 +1,4 @@
-//! Long campaigns: the library loaded and unloaded over and over, a thousand instances in turn, many threads at once.
+//! Long campaigns: the library loaded and unloaded over and over, and random calls without end.
 
 use std::ffi::{CStr, c_void};
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use crate::support::MODELS;
 use crate::support::Random;
 use crate::support::abuse3::Abuse3;
-use crate::support::ffi::{Expect, Fmu, guid, text};
+use crate::support::ffi::{guid, text};
 use fmu_export::fmi2::bindings::*;
 use fmu_export::fmi3::bindings::fmi3GetVersionTYPE;
 use magnetic_bearing::package;
@@ -127,81 +127,6 @@ fn loading_and_unloading_leaves_nothing_behind() {
     println!("{rounds} rounds in {:?}, {settled} bytes, {grown} more at the end", begin.elapsed());
     println!("the library is {} after the last round", if is_mapped(&library) { "still mapped" } else { "gone" });
     assert!(grown <= GROWTH_BYTES, "{grown} bytes more after {rounds} rounds");
-}
-
-/// Fails if the steps that all instances have done together change the length of the next one by a part in 10⁹.
-#[test]
-fn a_thousand_instances_in_turn_are_each_like_one_alone() {
-    let _alone = ALONE.lock();
-    // Each with a disturbance of its own.
-    let make = |at: usize| {
-        let model = MODELS[at % MODELS.len()];
-        let value = 1e-8 * at as f64;
-        let values: &[(&str, f64)] = match model.trim_end_matches('4') {
-            "FlatnessController" => &[("Ym", value)],
-            "AxialController" => &[("Xm", value)],
-            "SpindleController" => &[("A.Ym", value), ("B.Zm", -value)],
-            "SpindleEstimator" => &[("B.Zm", value), ("A.im[1]", 100.0 * value)],
-            "AxialEstimator" => &[("Xm", value), ("im[1]", 100.0 * value)],
-            "AlgebraicEstimator" => &[("Zm", value), ("im[1]", 100.0 * value)],
-            _ => &[("sensor.seed", at as f64), ("sensor.positionNoise", 1e-7)],
-        };
-        Fmu::started(model, values)
-    };
-    const INSTANCES: usize = 1000;
-    let instances: Vec<_> = (0..INSTANCES).map(make).collect();
-    for step in 0..40 {
-        for fmu in &instances {
-            fmu.step(f64::from(step) * 1e-4, 1e-4).ok(fmu);
-        }
-    }
-    for at in (0..INSTANCES).step_by(7) {
-        let alone = make(at);
-        for step in 0..40 {
-            alone.step(f64::from(step) * 1e-4, 1e-4).ok(&alone);
-        }
-        assert_eq!(instances[at].all_bits(), alone.all_bits(), "instance {at}");
-    }
-}
-
-/// Fails if the steps that all instances have done together change the length of the next one by a part in 10⁹.
-#[test]
-fn eight_threads_at_once_compute_what_one_does() {
-    let _alone = ALONE.lock();
-    let run = |model: &str| {
-        let fmu = Fmu::started(model, &[]);
-        let mut state = null_mut();
-        for step in 0..400 {
-            fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
-            if step % 50 == 0 {
-                fmu.get_state(&mut state).ok(&fmu);
-                let bytes = fmu.serialize(state).expect("bytes");
-                let mut other = null_mut();
-                fmu.deserialize(&bytes, &mut other).ok(&fmu);
-                fmu.set_state(other).ok(&fmu);
-                fmu.free_state(&mut other).ok(&fmu);
-            }
-        }
-        fmu.free_state(&mut state).ok(&fmu);
-        fmu.all_bits()
-    };
-    let wanted = MODELS.map(run);
-    std::thread::scope(|scope| {
-        let threads: Vec<_> = (0..8)
-            .map(|thread| {
-                let wanted = &wanted;
-                scope.spawn(move || {
-                    for round in 0..6 {
-                        let at = (thread + round) % 3;
-                        assert_eq!(run(MODELS[at]), wanted[at], "{}", MODELS[at]);
-                    }
-                })
-            })
-            .collect();
-        for thread in threads {
-            thread.join().expect("no thread panics");
-        }
-    });
 }
 
 /// The texts of the library itself are there for the length of its load. Fails if a function of a header is missing.
