@@ -5,7 +5,6 @@ use std::f64::consts::TAU;
 
 use super::titled;
 use crate::machine::{Bearing, Machine, Reading};
-use crate::report::SensitivityCurves;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
@@ -138,7 +137,7 @@ pub(super) fn interval(recording: &Recording, stretches: &[Stretch]) -> String {
 }
 
 /// The table of figures; `None` if the recording is too short.
-pub fn table(scenario: &Scenario, run: &Run, sensitivities: &[SensitivityCurves]) -> Option<Table> {
+pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> Option<Table> {
     let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
     let machine = scenario.machine;
     let get = |name: String| run.recording.get(&name);
@@ -220,33 +219,27 @@ pub(super) fn clearance_m(scenario: &Scenario, bearing: &Bearing) -> Option<f64>
     scenario.real(&format!("{}touchdown.clearance", bearing.prefix))
 }
 
-/// Sensitivity functions before and after the update, or the only one; with the reason where there is none.
-pub fn sensitivities(scenario: &Scenario, run: &Run) -> Vec<SensitivityCurves> {
+/// Sensitivity functions of the loop in each stretch, by its name: `[ω, |S|]` of each reading, ω in rad/s, or why there is none.
+pub type Sensitivities = Vec<(&'static str, Result<Vec<Vec<[f64; 2]>>, String>)>;
+
+/// The sensitivity functions with the λ that the controller uses before and after the update, or at the end.
+pub fn sensitivities(scenario: &Scenario, run: &Run) -> Sensitivities {
     let one = |stretch: &Stretch| {
         let used = |name: &String| run.recording.get(&format!("controller.{name}"))?.get(stretch.to - 1).copied();
         let lambda = scenario.machine.of_magnets("lambdaUsed").iter().map(used).collect::<Option<Vec<_>>>()?;
-        let name = stretch.name.to_owned();
-        let readings = scenario.machine.readings.iter().enumerate();
-        Some(match Sensitivity::new(scenario, &lambda) {
-            Ok(found) => {
-                let axes = readings.map(|(n, reading)| (reading.axis.to_owned(), found.curve(n))).collect();
-                SensitivityCurves { name, axes, missing: None }
-            }
-            Err(why) => SensitivityCurves { name, axes: Vec::new(), missing: Some(why) },
-        })
+        let curves = |found: Sensitivity| (0..scenario.machine.readings.len()).map(|n| found.curve(n)).collect();
+        Some((stretch.name, Sensitivity::new(scenario, &lambda).map(curves)))
     };
     stretches(&run.recording).iter().filter_map(one).collect()
 }
 
 /// The peaks: a row for each axis, with a column for each set of λ after its name.
-fn peaks(scenario: &Scenario, sensitivities: &[SensitivityCurves]) -> Vec<Vec<String>> {
-    let peak_in_words =
-        |curves: &SensitivityCurves, n: usize| match curves.axes.get(n).and_then(|(_, curve)| peak(curve)) {
+fn peaks(scenario: &Scenario, sensitivities: &Sensitivities) -> Vec<Vec<String>> {
+    let row = |(n, reading): (usize, &Reading)| {
+        let cells = sensitivities.iter().map(|(_, curves)| match curves.as_ref().ok().and_then(|all| peak(&all[n])) {
             Some([omega, peak]) => format!("{peak:.2} at {:.0} Hz, zone {}", omega / TAU, zone(peak)),
             None => "none".into(),
-        };
-    let row = |(n, reading): (usize, &Reading)| {
-        let cells = sensitivities.iter().map(|curves| peak_in_words(curves, n));
+        });
         [reading.axis.to_owned()].into_iter().chain(cells).collect()
     };
     scenario.machine.readings.iter().enumerate().map(row).collect()

@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use super::{after_colon, evaluation, tables};
+use maud::{Markup, html};
+
+use super::figures::{self, Signals};
+use super::{Report, after_colon, cards, evaluation, instant, tables};
 use crate::estimation::{self, STD_LIMIT, Verdict};
 use crate::fmu::estimator::{METHOD, VERDICT};
-use crate::report::{self, Answer, ComparedEstimator, Event, Paper, Parameter, Report, Scene};
-use crate::simulation::scenario::Scenario;
+use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate::Run;
 use crate::studies::montecarlo::real;
 use crate::table::Table;
@@ -17,6 +19,39 @@ use fmu_export::variable::{Type, Value, Variable};
 pub(super) const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
 /// Lengths from here on, in m, are shown in mm: dimensions of a machine, not displacements.
 const LONG_M: f64 = 1e-3;
+
+/// The sections of the paper that a run may repeat.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Paper {
+    /// Section IV.A.
+    Simulation,
+    /// Section IV.B.
+    Experiment,
+}
+
+/// The final estimate of an estimator.
+struct Answer {
+    /// Name of the element whose λ̂ it is.
+    element: String,
+    /// Its method.
+    method: String,
+    /// Whether the estimate is valid at the end of the run.
+    valid: bool,
+    /// The verdict in words, and since when it holds.
+    verdict: String,
+    /// λ̂ of each magnet that is used and its standard deviation with tolerances, in N·m²/A².
+    lambda: Vec<Option<[f64; 2]>>,
+    /// The relative standard deviation below which an estimate of this method becomes valid.
+    limit: f64,
+    /// The expected value if it differs from the true one, with the reason; may be empty.
+    expectation: String,
+}
+
+/// An estimator whose λ̂ is in the columns `element.lambdaHat[1]`, …, and its label in legends.
+pub(super) struct ComparedEstimator {
+    pub element: String,
+    pub label: String,
+}
 
 /// The section of the paper that a scenario repeats, so that its numbers and figures can be compared with ours.
 fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
@@ -90,13 +125,13 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     let verdicts = verdicts.max_by_key(|verdicts| verdicts.last().is_some_and(|last| *last != passed))?;
     let verdict = *verdicts.last()?;
     let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
-    let since_s = report::instant(run.recording.time_s[since]);
+    let since_s = instant(run.recording.time_s[since]);
     let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
     let mut verdict = format!("since {since_s}: {}.", after_colon(words));
     if !valid {
         verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
             Some(at) => {
-                let until_s = report::instant(run.recording.time_s[at]);
+                let until_s = instant(run.recording.time_s[at]);
                 format!(" It was valid until {until_s}; what is shown is that estimate.")
             }
             None => " It was never valid.".into(),
@@ -115,11 +150,11 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     })
 }
 
-/// Events to mark in the plots: updates, coils that open and close, changes of λ, touchdown.
-fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
+/// Events to mark in the plots, with their times in s: updates, coils that open and close, changes of λ, touchdown.
+fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
     let mut events = Vec::new();
     let time_s = &run.recording.time_s;
-    let mut mark = |at_s: f64, label: String| events.push(Event { at_s, label });
+    let mut mark = |at_s: f64, label: String| events.push((at_s, label));
     if let Some(update) = evaluation::update(&run.recording) {
         let first = format!("controller.{}", scenario.machine.of_magnets("lambdaUsed")[0]);
         let more = run.recording.get(&first).unwrap_or(&[]);
@@ -161,71 +196,90 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<Event> {
     events
 }
 
-/// The report page of a run of a scenario, made by that command.
+/// The report page of a run of a scenario, made by that command. A figure whose signals are missing is replaced by a sentence.
 pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
     tables.extend(evaluation::table(scenario, run, &sensitivities));
-    let machine = scenario.machine;
-    let magnitudes = machine.of_planes("magnitude");
-    let report = Report {
-        description: scenario.description.clone(),
-        command: command.into(),
-        message: run.error.clone(),
-        answers: answers(scenario, run),
-        balance: tables::balance(scenario, run),
-        tables,
-        sensitivities,
-        machine,
-        clearance_m: machine.bearings.iter().filter_map(|bearing| evaluation::clearance_m(scenario, bearing)).collect(),
-        scene: scene(scenario),
-        parameters: parameters(scenario),
-        events: events(scenario, run),
-        truth: Some(scenario.truth()),
-        unbalance_kgm: magnitudes.iter().filter_map(|name| scenario.real(name)).collect(),
+    let answers = answers(scenario, run);
+    let signals = Signals {
+        scenario,
+        recording: &run.recording,
         methods: methods(scenario),
+        best: answers.first().map_or("estimator", |answer| answer.element.as_str()),
+        truth: scenario.truth(),
+        stretches: evaluation::stretches(&run.recording),
+        events: events(scenario, run),
+        sensitivities: &sensitivities,
         paper: paper(name, scenario),
-        ..Report::new(&scenario.title, &run.recording)
     };
-    report::page(&report)
+    let answer = html! {
+        @for (place, answer) in answers.iter().enumerate() {
+            @if place == 1 { h2 { "Beside it: the estimate that the controller uses" } }
+            (answer_of(answer, scenario, run))
+            @if place == 0 { (figures::first(&signals)) }
+        }
+        @if answers.is_empty() { (figures::first(&signals)) }
+    };
+    let report = Report {
+        description: &scenario.description,
+        command,
+        message: run.error.as_deref(),
+        views: figures::views(&signals),
+        tables,
+        parameters: parameters(scenario),
+        ..Report::new(&scenario.title, &run.recording.time_s)
+    };
+    report.page(&answer, &figures::all(&signals))
 }
 
-/// The scene of the animation, if there is one for the machine.
-fn scene(scenario: &Scenario) -> Option<Scene> {
-    let both = |names: [&str; 2]| Some([scenario.real(names[0])?, scenario.real(names[1])?]);
-    if scenario.machine.is_planar() {
-        let alpha = scenario.machine.of_magnets("alpha");
-        let alpha_rad = alpha.iter().map(|name| scenario.real(name)).collect::<Option<_>>()?;
-        return Some(Scene::Bearing { alpha_rad, gap_m: scenario.real("s")? });
+/// λ̂ ± beside the true value, and whether it is valid.
+fn answer_of(answer: &Answer, scenario: &Scenario, run: &Run) -> Markup {
+    html! {
+        p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
+            strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
+        }
+        @if let Some(table) = tables::balance(scenario, run) {
+            h2 { (table.title) }
+            div.cards {
+                @for row in &table.rows {
+                    div.card {
+                        span.name { (row[0]) }
+                        span.value { (row[1]) " → " (row[2]) }
+                        span.truth { (row[3]) " removed" }
+                    }
+                }
+            }
+            p.soft { (table.note) }
+            h2 { "Force constants" }
+        }
+        (cards(scenario.machine, &answer.lambda, Some(&scenario.truth())))
+        p.soft {
+            "In 10⁻⁶ N·m²/A², at the end of the run"
+            @if !answer.method.is_empty() { ", by the method " code { (answer.method) } }
+            "; ± is two standard deviations as stated by the \
+             estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * answer.limit))
+            " % of each λ. " (answer.expectation)
+        }
     }
-    Some(Scene::Shaft {
-        bearings_m: both(["A.position", "B.position"])?,
-        sensors_m: both(["A.sensorPosition", "B.sensorPosition"])?,
-        ends_m: both(["shaft.begin", "shaft.end"])?,
-    })
 }
 
 /// All parameters and unconnected inputs of the loop.
-fn parameters(scenario: &Scenario) -> Vec<Parameter> {
+fn parameters(scenario: &Scenario) -> Vec<(&str, Vec<[String; 3]>)> {
     let connections = scenario.connections();
-    let mut parameters = Vec::new();
-    for element in scenario.in_loop() {
-        for variable in element.model_type.variables() {
-            let connected = connections
-                .iter()
-                .any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name);
-            if variable.is_settable() && !connected {
-                let value = scenario.value(&element.name, &variable.name).expect("the variable is in the table");
-                parameters.push(Parameter {
-                    group: element.name.clone(),
-                    name: variable.name.to_string(),
-                    value: shown(variable, value),
-                    description: variable.description.to_string(),
-                });
-            }
-        }
-    }
-    parameters
+    let of_element = |element: &Element| -> Vec<[String; 3]> {
+        let is_connected = |variable: &Variable| {
+            connections.iter().any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name)
+        };
+        let own = element.model_type.variables().iter();
+        let own = own.filter(|variable| variable.is_settable() && !is_connected(variable));
+        own.map(|variable| {
+            let value = element.value(&variable.name).expect("the variable is in the table");
+            [variable.name.to_string(), shown(variable, value), variable.description.to_string()]
+        })
+        .collect()
+    };
+    scenario.in_loop().iter().map(|element| (element.name.as_str(), of_element(element))).collect()
 }
 
 /// A value in its display unit.

@@ -5,10 +5,13 @@ use std::f64::consts::TAU;
 use maud::{Markup, html};
 use serde_json::{Value as Json, json};
 
-use super::{ComparedEstimator, Paper, Report, Scene, title_of, titled};
+use super::experiment::{ComparedEstimator, Paper};
+use super::{title_of, titled};
 use crate::machine::{Bearing, Kind};
-use crate::report::evaluation::{self, Stretch, lengths};
+use crate::report::evaluation::{self, Sensitivities, Stretch, lengths};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
+use crate::simulation::recording::Recording;
+use crate::simulation::scenario::Scenario;
 use crate::studies::sensitivity::ZONES;
 
 /// Maximum number of animation frames; a revolution of the paper's run has 200 of its 4000.
@@ -79,23 +82,30 @@ fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
     }
 }
 
-/// The recording and its intervals.
-struct Signals<'r> {
-    report: &'r Report<'r>,
-    time_s: &'r [f64],
+/// A run, and what its figures show beside its signals.
+pub(super) struct Signals<'r> {
+    pub scenario: &'r Scenario,
+    pub recording: &'r Recording,
+    /// The estimators to compare.
+    pub methods: Vec<ComparedEstimator>,
+    /// The best of them.
+    pub best: &'r str,
+    /// The true λ of all magnets, in N·m²/A².
+    pub truth: Vec<f64>,
     /// Before and after the update, or the end of the run only.
-    stretches: Vec<Stretch>,
+    pub stretches: Vec<Stretch>,
+    /// Events to mark, with their times in s.
+    pub events: Vec<(f64, String)>,
+    /// Sensitivity functions of the loop in the stretches.
+    pub sensitivities: &'r Sensitivities,
+    /// Which section of the paper the run repeats, so that captions name the paper's figures.
+    pub paper: Option<Paper>,
 }
 
 impl<'r> Signals<'r> {
-    fn new(report: &'r Report<'r>) -> Signals<'r> {
-        let stretches = evaluation::stretches(&report.recording);
-        Signals { report, time_s: &report.recording.time_s, stretches }
-    }
-
-    /// A column with a value at every instant.
+    /// A column.
     fn get(&self, name: &str) -> Option<&'r [f64]> {
-        self.report.recording.get(name).filter(|values| values.len() == self.time_s.len() && !values.is_empty())
+        self.recording.get(name)
     }
 
     /// Columns of `element` that are only useful together.
@@ -111,46 +121,53 @@ impl<'r> Signals<'r> {
 
     /// A plot of each method and bearing, with the name of what distinguishes it.
     fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<(String, Plot)> {
-        let bearings = self.report.machine.bearings;
-        let of_method = |method: &'r ComparedEstimator| {
-            let plot = &plot;
-            bearings.iter().enumerate().map(move |(b, bearing)| {
-                let title = match (self.report.methods.len(), bearings.len()) {
+        let bearings = self.scenario.machine.bearings;
+        let of_method = |method: &ComparedEstimator| {
+            let of_bearing = |(b, bearing): (usize, &Bearing)| {
+                let title = match (self.methods.len(), bearings.len()) {
                     (1, 1) => String::new(),
                     (1, _) => title_of(bearing),
                     _ => titled(&method.label, bearing),
                 };
                 (title, plot(&method.element, b))
-            })
+            };
+            bearings.iter().enumerate().map(of_bearing).collect::<Vec<_>>()
         };
-        self.report.methods.iter().flat_map(of_method).collect()
+        self.methods.iter().flat_map(of_method).collect()
+    }
+
+    fn time_s(&self) -> &'r [f64] {
+        &self.recording.time_s
+    }
+
+    /// Begin and end of the run, in s.
+    fn ends_s(&self) -> [f64; 2] {
+        let time_s = self.time_s();
+        [time_s[0], time_s[time_s.len() - 1]]
     }
 
     fn time_unit(&self) -> PlotUnit {
-        time_unit(self.time_s.last().copied().unwrap_or(0.0))
+        time_unit(self.ends_s()[1])
     }
 
     /// A plot over time with the events of the run.
     fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
-        let mut plot = Plot::over_time(self.time_unit(), (quantity, unit));
-        if let [first, .., last] = self.time_s {
-            plot = plot.range(0, [*first, *last]);
-        }
+        let mut plot = Plot::over_time(self.time_unit(), (quantity, unit)).range(0, self.ends_s());
         // Marks close together share a label, since two would overlap.
-        let near_s = 0.03 * self.time_s.last().copied().unwrap_or(0.0);
-        let mut events = self.report.events.clone();
-        events.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
-        for together in events.chunk_by(|a, b| b.at_s - a.at_s < near_s) {
-            let labels: Vec<&str> = together.iter().map(|event| event.label.as_str()).collect();
-            for (at, event) in together.iter().enumerate() {
-                plot.instant(event.at_s, if at == 0 { labels.join(", ") } else { String::new() }.as_str());
+        let near_s = 0.03 * self.ends_s()[1];
+        let mut events = self.events.clone();
+        events.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for together in events.chunk_by(|a, b| b.0 - a.0 < near_s) {
+            let labels: Vec<&str> = together.iter().map(|(_, label)| label.as_str()).collect();
+            for (at, (at_s, _)) in together.iter().enumerate() {
+                plot.instant(*at_s, if at == 0 { labels.join(", ") } else { String::new() }.as_str());
             }
         }
         plot
     }
 
     fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
-        plot.line(line, self.time_s, values);
+        plot.line(line, self.time_s(), values);
     }
 
     /// Adds the line of a column if there is one.
@@ -162,7 +179,7 @@ impl<'r> Signals<'r> {
 
     /// Values at the equidistant instants of an animation.
     fn frames(&self, values: &[f64], factor: f64) -> Json {
-        let every = self.time_s.len().div_ceil(FRAMES).max(1);
+        let every = self.time_s().len().div_ceil(FRAMES).max(1);
         plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
     }
 
@@ -177,7 +194,7 @@ impl<'r> Signals<'r> {
         if figure.plots.is_empty() {
             figure.caption = "Not drawn: the recording has no usable signals for it.".into();
         }
-        Figure { paper: in_paper(self.report.paper, id), ..figure }
+        Figure { paper: in_paper(self.paper, id), ..figure }
     }
 }
 
@@ -194,23 +211,23 @@ fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
 /// λ̂ of an element at the bearing of that index, with its band of two standard deviations; dotted where it is not valid.
 fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> Plot {
     let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
-    let machine = run.report.machine;
+    let machine = run.scenario.machine;
     let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
-    let truth = run.report.truth.as_ref().and_then(|truth| truth.get(magnets));
+    let truth = &run.truth[magnets];
     let of_magnets = |name: &str| run.of_magnets(element, bearing, name);
     let Some(lambda) = of_magnets("lambdaHat") else { return plot };
     // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
     // deviation.
     let firsts = lambda.iter().map(|values| &values[0]);
-    let most = firsts.chain(truth.unwrap_or_default()).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
+    let most = firsts.chain(truth).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
     plot = plot.range(1, [0.0, 1.15 * most]);
     let valid = run.get(&format!("{element}.valid"));
     let is_valid = |at: usize| valid.is_none_or(|valid| valid[at] > 0.5);
-    let changes = (0..run.time_s.len()).filter(|at| *at == 0 || is_valid(*at) != is_valid(at - 1));
-    let mut changes = changes.chain([run.time_s.len() - 1]).peekable();
+    let changes = (0..run.time_s().len()).filter(|at| *at == 0 || is_valid(*at) != is_valid(at - 1));
+    let mut changes = changes.chain([run.time_s().len() - 1]).peekable();
     while let Some(from) = changes.next() {
         if let Some(to) = changes.peek().filter(|_| !is_valid(from)) {
-            plot.shade(run.time_s[from], run.time_s[*to]);
+            plot.shade(run.time_s()[from], run.time_s()[*to]);
         }
     }
     let std = of_magnets("lambdaStdTotal").or_else(|| of_magnets("lambdaStd")).unwrap_or_default();
@@ -219,9 +236,9 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
         if let Some(std) = std.get(k) {
             let edge = |sign: f64| -> Vec<f64> {
                 let value = |at: usize| if is_valid(at) { lambda[k][at] + sign * 2.0 * std[at] } else { f64::NAN };
-                (0..run.time_s.len()).map(value).collect()
+                (0..run.time_s().len()).map(value).collect()
             };
-            plot.band(&group, colour::BANDS[k], run.time_s, &edge(-1.0), &edge(1.0));
+            plot.band(&group, colour::BANDS[k], run.time_s(), &edge(-1.0), &edge(1.0));
         }
         let name = format!("λ̂{}", INDEX[k]);
         // Both lines extend to where they meet.
@@ -233,21 +250,17 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
             Line::new(&name, colour::MAGNETS[k]).group(&group).width(2.0),
             &where_shown(lambda[k], is_valid),
         );
-        if let (Some(truth), [first, .., last]) = (truth, run.time_s) {
-            let line = Line::new(&format!("true λ{}", INDEX[k]), colour::MAGNETS[k]).dashed().width(1.0).unlisted();
-            plot.line(line.group(&group), &[*first, *last], &[truth[k]; 2]);
-        }
+        let line = Line::new(&format!("true λ{}", INDEX[k]), colour::MAGNETS[k]).dashed().width(1.0).unlisted();
+        plot.line(line.group(&group), &run.ends_s(), &[truth[k]; 2]);
     }
     plot
 }
 
 /// The animation beside λ̂ of the best estimator, of the first bearing.
-pub(super) fn first(report: &Report) -> Markup {
-    let run = Signals::new(report);
-    let element = report.answers.first().map_or("estimator", |answer| answer.element.as_str());
-    let plot = lambda_plot(&run, element, 0, 460.0);
-    let animation = animation(&run, element);
-    let bearings = report.machine.bearings;
+pub(super) fn first(run: &Signals) -> Markup {
+    let plot = lambda_plot(run, run.best, 0, 460.0);
+    let animation = animation(run, run.best);
+    let bearings = run.scenario.machine.bearings;
     html! {
         div.first {
             @if let Some((id, data)) = &animation {
@@ -258,8 +271,8 @@ pub(super) fn first(report: &Report) -> Markup {
                     (plot.html())
                     p.soft {
                         @if bearings.len() > 1 { (title_of(&bearings[0])) ": solid" } @else { "Solid" }
-                        " where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not"
-                        @if report.truth.is_some() { "; dashed: the true value" } "."
+                        " where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; \
+                         dashed: the true value."
                         @if animation.is_some() { " Click to go to an instant." }
                     }
                 }
@@ -275,46 +288,41 @@ fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
     let frames = |columns: Vec<&[f64]>, factor: f64| -> Vec<Json> {
         columns.into_iter().map(|values| run.frames(values, factor)).collect()
     };
+    let (scenario, machine) = (run.scenario, run.scenario.machine);
     let mut data = json!({
-        "t": run.frames(run.time_s, 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{element}.valid"), 1.0),
-        "clearance": run.report.clearance_m.first()? * 1e6, "timeFactor": run.time_unit().factor,
-        "events": run.report.events.iter().map(|event| json!([event.at_s, event.label])).collect::<Vec<_>>(),
+        "t": run.frames(run.time_s(), 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{element}.valid"), 1.0),
+        "clearance": evaluation::clearance_m(scenario, &machine.bearings[0])? * 1e6, "timeFactor": run.time_unit().factor,
+        "events": run.events,
     });
-    let (id, own) = match run.report.scene.as_ref()? {
-        Scene::Bearing { alpha_rad, gap_m } => {
-            let bearing = &run.report.machine.bearings[0];
-            let own = json!({
-                "y": micro("plant.Y")?, "z": micro("plant.Z")?, "refY": micro("controller.reference.Y"),
-                "refZ": micro("controller.reference.Z"), "force": frames(run.of_magnets("plant", bearing, "F")?, 1.0),
-                "lambda": run.of_magnets(element, bearing, "lambdaHat").map(|columns| frames(columns, 1e6)),
-                "contact": of("plant.touchdown.contact", 1.0), "alpha": alpha_rad, "gap": gap_m * 1e6,
-            });
-            ("orbit-animation", own)
-        }
-        Scene::Shaft { bearings_m, sensors_m, ends_m } => {
-            let own = json!({
-                "x": micro("plant.X")?, "bearings": bearings_m, "sensors": sensors_m, "extent": ends_m,
-                "orbits": [[micro("plant.A.Y")?, micro("plant.A.Z")?], [micro("plant.B.Y")?, micro("plant.B.Z")?]],
-            });
-            ("shaft-animation", own)
-        }
+    let (id, own) = if machine.is_planar() {
+        let bearing = &machine.bearings[0];
+        let alpha: Vec<_> = machine.of_magnets("alpha").iter().map(|name| scenario.real(name)).collect();
+        let own = json!({
+            "y": micro("plant.Y")?, "z": micro("plant.Z")?, "refY": micro("controller.reference.Y"),
+            "refZ": micro("controller.reference.Z"), "force": frames(run.of_magnets("plant", bearing, "F")?, 1.0),
+            "lambda": run.of_magnets(element, bearing, "lambdaHat").map(|columns| frames(columns, 1e6)),
+            "contact": of("plant.touchdown.contact", 1.0), "alpha": alpha, "gap": scenario.real("s")? * 1e6,
+        });
+        ("orbit-animation", own)
+    } else {
+        let both = |names: [&str; 2]| names.map(|name| scenario.real(name));
+        let own = json!({
+            "x": micro("plant.X")?, "bearings": both(["A.position", "B.position"]),
+            "sensors": both(["A.sensorPosition", "B.sensorPosition"]), "extent": both(["shaft.begin", "shaft.end"]),
+            "orbits": [[micro("plant.A.Y")?, micro("plant.A.Z")?], [micro("plant.B.Y")?, micro("plant.B.Z")?]],
+        });
+        ("shaft-animation", own)
     };
     data.as_object_mut()?.extend(own.as_object()?.clone());
     Some((id, data))
 }
 
 /// Buttons for interesting intervals; all plots over time follow.
-pub(super) fn views(report: &Report) -> Markup {
-    let run = Signals::new(report);
-    let factor = run.time_unit().factor;
-    let instants = |stretch: &Stretch| [run.time_s[stretch.from] * factor, run.time_s[stretch.to - 1] * factor];
-    let mut views = Vec::new();
-    if let [first, .., last] = run.time_s {
-        views.push(("Whole run".to_owned(), [first * factor, last * factor]));
-    }
-    for stretch in &run.stretches {
-        views.push((stretch.title().into(), instants(stretch)));
-    }
+pub(super) fn views(run: &Signals) -> Markup {
+    let of = |[from, to]: [f64; 2]| [from, to].map(|end| end * run.time_unit().factor);
+    let stretch = |stretch: &Stretch| (stretch.title(), of([stretch.from, stretch.to - 1].map(|at| run.time_s()[at])));
+    let views: Vec<_> =
+        [("Whole run", of(run.ends_s()))].into_iter().chain(run.stretches.iter().map(stretch)).collect();
     html! {
         @if views.len() > 1 {
             div #views role="toolbar" aria-label="Time shown in all plots" {
@@ -328,40 +336,40 @@ pub(super) fn views(report: &Report) -> Markup {
 }
 
 /// Every figure of the page, in order.
-pub(super) fn all(report: &Report) -> Vec<Figure> {
-    let run = Signals::new(report);
-    let mut figures = Vec::new();
-    figures.extend(estimates(&run));
-    figures.extend(errors(&run));
-    figures.extend(condition(&run));
-    figures.push(tracking(&run));
-    figures.push(currents(&run));
-    figures.extend(orbit(&run));
-    figures.extend(clearance(&run));
-    figures.extend(unbalance(&run));
-    figures.extend(sensitivity(&run));
-    figures
+pub(super) fn all(run: &Signals) -> Vec<Figure> {
+    let figures = [
+        Some(estimates(run)),
+        Some(errors(run)),
+        condition(run),
+        Some(tracking(run)),
+        Some(currents(run)),
+        orbit(run),
+        clearance(run),
+        unbalance(run),
+        sensitivity(run),
+    ];
+    figures.into_iter().flatten().collect()
 }
 
-fn estimates(run: &Signals) -> Option<Figure> {
+fn estimates(run: &Signals) -> Figure {
     let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing, 300.0));
     let mut caption = String::from(
         "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
          deviations; dotted and shaded where not; dashed: the truth.",
     );
-    match run.report.paper {
+    match run.paper {
         Some(Paper::Simulation) => caption += " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",
         Some(Paper::Experiment) => {
             caption += " The paper ends at (2.53, 2.04, 2.42)·10⁻⁶ after 0.2 s on its test bench."
         }
         None => {}
     }
-    (!plots.is_empty()).then(|| run.figure("methods", "Estimates of the force constants", plots, &caption))
+    run.figure("methods", "Estimates of the force constants", plots, &caption)
 }
 
-fn errors(run: &Signals) -> Option<Figure> {
-    let truth = run.report.truth.as_ref()?;
-    let machine = run.report.machine;
+fn errors(run: &Signals) -> Figure {
+    let truth = &run.truth;
+    let machine = run.scenario.machine;
     let relative = |values: &[f64], truth: f64| values.iter().map(|value| (value / truth - 1.0).abs()).collect();
     let lambda = |element: &str, bearing: usize| -> Vec<Vec<f64>> {
         let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
@@ -370,7 +378,7 @@ fn errors(run: &Signals) -> Option<Figure> {
     };
     // Down to typical errors: an error that changes its sign is small for an instant.
     let bearings = 0..machine.bearings.len();
-    let pairs = run.report.methods.iter().flat_map(|method| bearings.clone().map(move |b| (&method.element, b)));
+    let pairs = run.methods.iter().flat_map(|method| bearings.clone().map(move |b| (&method.element, b)));
     let mut all: Vec<f64> =
         pairs.flat_map(|(element, b)| lambda(element, b)).flatten().filter(|error| *error > 0.0).collect();
     all.sort_by(f64::total_cmp);
@@ -394,12 +402,12 @@ fn errors(run: &Signals) -> Option<Figure> {
     });
     let caption = "Errors in decades (solid) beside two stated standard deviations (dashed). An error of the bench that no \
                    tolerance states is in no standard deviation.";
-    (!plots.is_empty()).then(|| run.figure("errors", "Errors of the estimates", plots, caption))
+    run.figure("errors", "Errors of the estimates", plots, caption)
 }
 
 fn condition(run: &Signals) -> Option<Figure> {
     let mut plot = run.plot("condition number", PlotUnit::ONE).decades(1).height(240.0);
-    for (method, colour) in run.report.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
+    for (method, colour) in run.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
         if let Some(values) = run.get(&format!("{}.condition", method.element)) {
             run.line(&mut plot, Line::new(&method.label, colour), &where_shown(values, |at| values[at] > 0.0));
         }
@@ -411,7 +419,7 @@ fn condition(run: &Signals) -> Option<Figure> {
 
 fn tracking(run: &Signals) -> Figure {
     const MOMENT: PlotUnit = PlotUnit { name: "N·m", factor: 1.0 };
-    let machine = run.report.machine;
+    let machine = run.scenario.machine;
     let truth = |name: &str| Line::new(name, colour::INK).dashed().width(1.0);
     let mut plots = Vec::new();
     let names = machine.positions().into_iter().zip(machine.of_references());
@@ -421,7 +429,7 @@ fn tracking(run: &Signals) -> Figure {
         run.column(&mut plot, truth("reference"), &format!("controller.{reference}"));
         plots.push((format!("Position along {}", reading.axis), plot));
     }
-    let errors = evaluation::errors(machine, &run.report.recording);
+    let errors = evaluation::errors(machine, run.recording);
     for (b, bearing) in machine.bearings.iter().enumerate() {
         let readings = machine.readings_of(b);
         let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
@@ -454,7 +462,7 @@ fn currents(run: &Signals) -> Figure {
         }
         plots.push((name, plot));
     };
-    for bearing in run.report.machine.bearings {
+    for bearing in run.scenario.machine.bearings {
         let measured = run.of_magnets("plant", bearing, "im");
         let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
         let currents = measured.or_else(|| run.of_magnets("controller", bearing, "i"));
@@ -473,9 +481,9 @@ fn orbit(run: &Signals) -> Option<Figure> {
         let axis = |letter: &str| if what.is_empty() { letter.to_owned() } else { format!("{what} of {letter}") };
         Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
-    let machine = run.report.machine;
+    let machine = run.scenario.machine;
     let (positions, references) = (machine.positions(), machine.of_references());
-    let all_errors = evaluation::errors(machine, &run.report.recording);
+    let all_errors = evaluation::errors(machine, run.recording);
     // The last stretch has the first colour.
     let colours = colour::MAGNETS[..run.stretches.len()].iter().rev();
     let mut plots = Vec::new();
@@ -495,7 +503,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
         if let (Some([y, z]), Some(last)) = (reference.as_deref(), run.stretches.last()) {
             path.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
         }
-        if run.report.paper.is_some() {
+        if run.paper.is_some() {
             for (radius, name) in ASKED_M {
                 let circle =
                     |of: fn(f64) -> f64| (0..=120).map(|i| radius * of(TAU * f64::from(i) / 120.0)).collect::<Vec<_>>();
@@ -508,7 +516,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
     let mut caption = String::from(
         "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.",
     );
-    if run.report.paper.is_some() {
+    if run.paper.is_some() {
         caption += " The paper states about 5 µm for its experiment on a non-circular path, and that up to 1000 rpm the \
                     industry asks for less than 1 µm on circular paths and 3 µm on others.";
     }
@@ -517,17 +525,18 @@ fn orbit(run: &Signals) -> Option<Figure> {
 
 /// Distance of the rotor from the centre of each bearing, with the clearance of the backup bearing.
 fn clearance(run: &Signals) -> Option<Figure> {
-    let machine = run.report.machine;
+    let machine = run.scenario.machine;
     let positions = machine.positions();
     let (mut plots, mut touched) = (Vec::new(), false);
-    for (b, (bearing, clearance_m)) in machine.bearings.iter().zip(&run.report.clearance_m).enumerate() {
+    for (b, bearing) in machine.bearings.iter().enumerate() {
+        let clearance_m = evaluation::clearance_m(run.scenario, bearing)?;
         let at = machine.readings_of(b);
         let radius = lengths(&run.all("plant", &positions[at.clone()])?);
-        let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(*clearance_m, f64::max);
+        let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
         let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
         distance = distance.range(1, [0.0, 1.1 * most]);
         run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
-        distance.level(*clearance_m, "clearance");
+        distance.level(clearance_m, "clearance");
         plots.push((titled("Distance from the centre", bearing), distance));
         let axes = if bearing.kind == Kind::Radial { &["Y", "Z"][..] } else { &["X"] };
         let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
@@ -547,16 +556,12 @@ fn clearance(run: &Signals) -> Option<Figure> {
 /// The identified unbalance beside the true one.
 fn unbalance(run: &Signals) -> Option<Figure> {
     const GRAM_MILLIMETRE: PlotUnit = PlotUnit { name: "g·mm", factor: 1e6 };
-    let element = run.report.answers.first().map_or("estimator", |answer| answer.element.as_str());
     let mut plot = run.plot("unbalance", GRAM_MILLIMETRE).height(260.0);
-    for (plane, name) in run.report.machine.of_planes("magnitude").iter().enumerate() {
-        run.column(
-            &mut plot,
-            Line::new(&format!("plane {}", plane + 1), colour::MAGNETS[plane]),
-            &format!("{element}.{name}"),
-        );
+    for (plane, name) in run.scenario.machine.of_planes("magnitude").iter().enumerate() {
+        let line = Line::new(&format!("plane {}", plane + 1), colour::MAGNETS[plane]);
+        run.column(&mut plot, line, &format!("{}.{name}", run.best));
+        plot.level(run.scenario.real(name)?, "");
     }
-    run.report.unbalance_kgm.iter().for_each(|truth| plot.level(*truth, ""));
     let plots = vec![("Magnitude".to_owned(), plot)];
     let shown = !plots[0].1.is_empty();
     shown.then(|| run.figure("unbalance", "Unbalance", plots, "Identified unbalance; dashed: the truth."))
@@ -565,37 +570,42 @@ fn unbalance(run: &Signals) -> Option<Figure> {
 /// The sensitivity functions of all axes, before and after the update.
 fn sensitivity(run: &Signals) -> Option<Figure> {
     let hertz = PlotUnit { name: "Hz", factor: 1.0 / TAU };
-    let all = &run.report.sensitivities;
     let mut plots = Vec::new();
-    for one in all.iter().filter(|one| !one.axes.is_empty()) {
-        let peak = one.axes.iter().flat_map(|(_, curve)| curve).map(|point| point[1]).fold(0.0, f64::max);
+    let mut missing = String::new();
+    for (stretch, found) in run.sensitivities {
+        let axes = match found {
+            Ok(axes) => axes,
+            Err(why) => {
+                missing += &format!(" Not drawn: {why}.");
+                continue;
+            }
+        };
+        let peak = axes.iter().flatten().map(|point| point[1]).fold(0.0, f64::max);
         let mut plot =
             Plot::new(("frequency", hertz), ("|S|", PlotUnit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
         // Axes are often alike: the narrow line remains visible on the broad one.
-        for (n, (axis, curve)) in one.axes.iter().enumerate() {
-            let line = Line::new(axis, colour::MAGNETS[n % colour::MAGNETS.len()]);
+        for (n, (reading, curve)) in run.scenario.machine.readings.iter().zip(axes).enumerate() {
+            let line = Line::new(reading.axis, colour::MAGNETS[n % colour::MAGNETS.len()]);
             let line = if n % 2 == 0 { line.width(4.0) } else { line.dashed().width(2.0) };
-            let column = |index: usize| curve.iter().map(|point| point[index]).collect::<Vec<f64>>();
-            plot.line(line, &column(0), &column(1));
+            let (omega, gain): (Vec<f64>, Vec<f64>) = curve.iter().map(|[omega, gain]| (omega, gain)).unzip();
+            plot.line(line, &omega, &gain);
         }
         for (limit, zone) in ZONES {
             plot.level(limit, &format!("zone {zone}: below {limit} ({:.1} dB)", 20.0 * limit.log10()));
         }
-        let name = match one.name.as_str() {
+        let name = match *stretch {
             "before" => "With λ before the update",
             "after" => "With λ after the update",
             _ => "",
         };
         plots.push((name.into(), plot));
     }
-    let missing: Vec<String> =
-        all.iter().filter_map(|one| one.missing.as_ref()).map(|why| format!(" Not drawn: {why}.")).collect();
     let caption = "Gain from an error of one position sensor to its reading, with the rotor in the centre under the static load, from the \
                    response in time. Zones of ISO 14839-3.";
     if plots.is_empty() && missing.is_empty() {
         return None;
     }
     let mut figure = run.figure("sensitivity", "Sensitivity function of each axis", plots, caption);
-    figure.caption = if figure.plots.is_empty() { missing.concat() } else { figure.caption + &missing.concat() };
+    figure.caption = if figure.plots.is_empty() { missing } else { figure.caption + &missing };
     Some(figure)
 }

@@ -9,8 +9,7 @@ use crate::estimation::{Method, Verdict};
 use crate::machine::{Bearing, Machine, Reading};
 use crate::report::figures::{Figure, time_unit};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
-use crate::report::{Report, cards, page_with};
-use crate::simulation::recording::Recording;
+use crate::report::{Report, cards};
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::likelihood::{BenchParameter, BudgetLine, Change, Estimate, Identification};
 use crate::studies::identify::{Answer, Said, Samples, Track, Twin, axial};
@@ -79,9 +78,8 @@ pub fn page(title: &str, command: &str, results: &Results) -> String {
         figures.extend(run.on_line(tracks));
     }
     let tables = results.said.iter().flat_map(|said| said.tables.clone()).collect();
-    let whole = Recording { time_s: run.time_s.clone(), columns: Vec::new() };
-    let report = Report { command: command.into(), tables, ..Report::new(title, &whole) };
-    page_with(&report, &first(results), &figures)
+    let report = Report { command, tables, ..Report::new(title, &run.time_s) };
+    report.page(&first(results), &figures)
 }
 
 /// Verdict, estimates, and the data and parameters behind them.
