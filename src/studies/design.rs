@@ -9,7 +9,6 @@ use crate::simulation::simulate::{self, Refused};
 use crate::studies::montecarlo::bound::bound;
 use crate::studies::montecarlo::{self, cases};
 use crate::table::Table;
-use fmu_export::variable::Value;
 
 /// Instants to compare, in s.
 pub const INSTANTS_S: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0];
@@ -84,8 +83,8 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
     scenario.duration_s = instants_s.iter().copied().fold(0.0, f64::max);
     let precision = |modulation: f64| {
         let mut scenario = scenario.clone();
-        scenario.set("controller", "F0.modulation", Value::Real(modulation));
-        scenario.set("controller", "F0.modulationFrequency", Value::Real(MODULATION.1));
+        scenario.set("controller", "F0.modulation", modulation);
+        scenario.set("controller", "F0.modulationFrequency", MODULATION.1);
         let run = simulate::run(&scenario)?;
         if let Some(error) = run.error {
             return Err(Refused(vec![error]));

@@ -98,18 +98,18 @@ fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scen
     let of_errors = |name: &str| name.contains("sensor.") || name.starts_with("perturbation.amplitude");
     for variable in plant.variables().iter().filter(|variable| variable.is_settable()) {
         if matches!(variable.data_type, Type::Real { .. }) && of_errors(&variable.name) {
-            scenario.set("plant", &variable.name, Value::Real(0.0));
+            scenario.set("plant", &variable.name, 0.0);
         }
     }
     for magnitude in machine.of_planes("magnitude") {
-        scenario.set("plant", &magnitude, Value::Real(0.0));
+        scenario.set("plant", &magnitude, 0.0);
     }
-    scenario.set("plant", "sensor.Ts", Value::Real(step_s));
+    scenario.set("plant", "sensor.Ts", step_s);
     scenario.step_s = step_s;
     for (name, lambda) in machine.of_magnets("lambda0").iter().zip(lambda_nm2_a2) {
-        scenario.set("controller", name, Value::Real(*lambda));
+        scenario.set("controller", name, *lambda);
     }
-    scenario.set("controller", "F0.modulation", Value::Real(0.0));
+    scenario.set("controller", "F0.modulation", 0.0);
     scenario.assign("controller.update.mode", "never")?;
     if scenario.value("controller", "reference.shape").is_some() {
         scenario.assign("controller.reference.shape", "ellipse")?;

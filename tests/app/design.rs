@@ -1,7 +1,6 @@
 //! The standard deviations that `design` predicts are those of the runs.
 
 use crate::program::open;
-use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::design::{self, Conditions, design};
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
@@ -25,8 +24,8 @@ fn predictions_agree_with_runs() {
         montecarlo::at_speed(&mut study.scenario, rpm);
         study.instants_s = vec![0.1];
         for (precision, modulation) in [(alone, 0.0), (modulated, design::MODULATION.0)] {
-            study.scenario.set("controller", "F0.modulation", Value::Real(modulation));
-            study.scenario.set("controller", "F0.modulationFrequency", Value::Real(design::MODULATION.1));
+            study.scenario.set("controller", "F0.modulation", modulation);
+            study.scenario.set("controller", "F0.modulationFrequency", design::MODULATION.1);
             let figures = &study.run().expect("a good scenario").figures[0];
             let promised = precision.std.last().expect("the instant asked for");
             for ((k, found), promised) in (1..).zip(&figures.rms).zip(promised) {

@@ -2,8 +2,6 @@
 
 #[path = "../support/bench.rs"]
 mod bench;
-#[path = "../support/running.rs"]
-mod running;
 #[path = "../support/mod.rs"]
 mod support;
 

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use crate::program::{column, error_m, lambda_errors, of, open, ran, row};
 use crate::support::below;
-use fmu_export::variable::Value;
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::simulation::simulate::Run;
@@ -41,7 +40,7 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
     let (mut scenario, _) = of("experiment", &[]);
     scenario.elements.truncate(3);
     for seed in 1..=10 {
-        scenario.set("plant", "sensor.seed", Value::Integer(seed));
+        scenario.set("plant", "sensor.seed", seed);
         let run = ran(&scenario);
         for (k, error) in lambda_errors(&scenario, &run, "estimator", 0.19).into_iter().enumerate() {
             below(&format!("seed {seed}: relative error of λ{} at 0.19 s", k + 1), error.abs(), 0.01);
@@ -73,7 +72,7 @@ fn amplifiers_at_their_limit_leave_nothing_behind() {
                 time = [\"0.25 s\", \"0.2501 s\", \"0.26 s\", \"0.2601 s\"]\nvalue = [\"-20 N\", \"-120 N\", \"-120 N\", \"-20 N\"]\n";
     scenario.profiles = Scenario::parse("x", text).expect("sound").profiles;
     for element in ["plant", "controller"] {
-        scenario.set(element, "coil.uMax", Value::Real(60.0));
+        scenario.set(element, "coil.uMax", 60.0);
     }
     let run = ran(&scenario);
     assert_eq!(largest(&run, "controller.limited", 0.25, 0.27), 1.0, "the limit is reached");
@@ -123,7 +122,7 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
     for drive in [1, 2] {
         let mut scenario = scenario.clone();
         for element in ["plant", "controller"] {
-            scenario.set(element, "drive", Value::Integer(drive));
+            scenario.set(element, "drive", drive);
         }
         let run = ran(&scenario);
         let radius = |from, to| error_m(&run, "", from, to);

@@ -83,7 +83,7 @@ fn with_all_methods(scenario: &mut Scenario) {
         let mut element = scenario.elements[2].clone();
         element.name = name.into();
         scenario.elements.push(element);
-        scenario.set(name, "method", Value::Integer(number));
+        scenario.set(name, "method", number);
     }
     // Profiles of the loop's estimator apply to all.
     for profile in &mut scenario.profiles {
@@ -170,7 +170,7 @@ fn every_scenario_with_every_method() {
         let name = names[case as usize % names.len()];
         let mut scenario = open(name);
         let seed = first + case / names.len() as u64;
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario.set("plant", "sensor.seed", seed as i32);
         (name.to_owned(), scenario)
     });
     let misses = judge(&found);
@@ -188,10 +188,10 @@ fn balanced(seed: u64) -> (String, Scenario) {
     cases::path(&mut scenario, radius, (3, 0.0), omega);
     cases::unbalance(&mut scenario, 0.0, 0.0);
     for k in 1..=3 {
-        scenario.set("plant", &format!("lambda[{k}]"), Value::Real(draw.scale(1.4e-6, 3.5e-6)));
+        scenario.set("plant", &format!("lambda[{k}]"), draw.scale(1.4e-6, 3.5e-6));
     }
-    scenario.set("plant", "pY", Value::Real(draw.between(-30.0, 30.0)));
-    scenario.set("plant", "pZ", Value::Real(draw.between(-40.0, 20.0)));
+    scenario.set("plant", "pY", draw.between(-30.0, 30.0));
+    scenario.set("plant", "pZ", draw.between(-40.0, 20.0));
     let window_s = ((draw.scale(0.6, 1.8) * TAU / omega) / 1e-4).round() * 1e-4;
     let noise = [draw.scale(0.02e-6, 0.4e-6), draw.scale(1e-3, 20e-3)];
     cases::noise(&mut scenario, noise, true);
@@ -200,12 +200,12 @@ fn balanced(seed: u64) -> (String, Scenario) {
     }
     scenario.elements.truncate(3);
     for name in ["Tf", "epsilon"] {
-        scenario.set("estimator", name, Value::Real(window_s));
+        scenario.set("estimator", name, window_s);
     }
-    scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+    scenario.set("plant", "sensor.seed", seed as i32);
     // Half of the controllers take the estimates over in the course of the run.
     if draw.chance(0.5) {
-        scenario.set("controller", "update.mode", Value::Integer(1));
+        scenario.set("controller", "update.mode", 1);
     }
     scenario.duration_s = 0.3;
     with_all_methods(&mut scenario);

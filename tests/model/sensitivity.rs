@@ -100,7 +100,7 @@ fn a_sine_in_time_confirms_the_response() {
             let found = Sensitivity::new(&scenario, &lambda).unwrap_or_else(|error| panic!("{machine}: {error}"));
             let mut used = scenario.clone();
             for (name, lambda) in scenario.machine.of_magnets("lambda0").iter().zip(&lambda) {
-                used.set("controller", name, Value::Real(*lambda));
+                used.set("controller", name, *lambda);
             }
             for reading in readings {
                 for periods in [4, 20, 120, 400] {

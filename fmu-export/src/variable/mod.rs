@@ -159,6 +159,18 @@ impl Value {
     }
 }
 
+macro_rules! values {
+    ($($data_type:ty: $kind:ident),*) => {
+        $(impl From<$data_type> for Value {
+            fn from(value: $data_type) -> Self {
+                Self::$kind(value)
+            }
+        })*
+    };
+}
+
+values!(f64: Real, i32: Integer, bool: Boolean);
+
 /// Description of a variable, independent of the model.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]

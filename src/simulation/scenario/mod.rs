@@ -128,8 +128,8 @@ impl Element {
     }
 
     /// Gives a variable a value at the start; nothing happens if there is no such variable.
-    pub fn set(&mut self, variable: &str, value: Value) {
-        self.settings.extend(self.index(variable).map(|index| Setting { index, value }));
+    pub fn set(&mut self, variable: &str, value: impl Into<Value>) {
+        self.settings.extend(self.index(variable).map(|index| Setting { index, value: value.into() }));
     }
 
     /// Index and value of the settings, in the order of the variables; the last of several for one variable holds.
@@ -338,10 +338,26 @@ impl Scenario {
     }
 
     /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
-    pub fn set(&mut self, element: &str, variable: &str, value: Value) {
+    pub fn set(&mut self, element: &str, variable: &str, value: impl Into<Value>) {
         if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
             element.set(variable, value);
         }
+    }
+
+    /// Lets the variables of these paths follow values over time, in s, as [`Profile`] says.
+    ///
+    /// # Panics
+    /// If the loop has no such variable that can be set.
+    pub fn follow<V: Into<Value>>(
+        &mut self,
+        paths: &[&str],
+        time_s: &[f64],
+        values: impl IntoIterator<Item = V>,
+        hold: bool,
+    ) {
+        let targets = paths.iter().map(|path| self.settable(path).expect("a variable of the loop")).collect();
+        let values = values.into_iter().map(Into::into).collect();
+        self.profiles.push(Profile { targets, time_s: time_s.to_vec(), values, hold });
     }
 
     /// Whether the scenario states a value for a variable.

@@ -6,7 +6,6 @@ use super::real;
 use crate::fmu::plant;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
-use fmu_export::variable::Value;
 
 /// Orders of the Taylor series over an interval; the negative stiffness changes little within a sample.
 const ORDERS: usize = 6;
@@ -75,8 +74,8 @@ impl Rotor {
             let mut scenario = scenario.clone();
             let names = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase"));
             for (n, (magnitude, phase)) in names.enumerate() {
-                scenario.set("plant", &magnitude, Value::Real(if plane == Some(n) { 1.0 } else { 0.0 }));
-                scenario.set("plant", &phase, Value::Real(0.0));
+                scenario.set("plant", &magnitude, if plane == Some(n) { 1.0 } else { 0.0 });
+                scenario.set("plant", &phase, 0.0);
             }
             let (config, mut input) = plant::configuration::<N, K, B>(&scenario.plant().values());
             input.omega_rad_s = 1.0;

@@ -8,7 +8,7 @@ use rand_pcg::Pcg64;
 use super::real;
 use crate::machine::Machine;
 use crate::plant::noise::Noise;
-use crate::simulation::scenario::{Profile, Scenario};
+use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
 
 /// Numbers drawn with a seed; the same on every platform.
@@ -81,19 +81,19 @@ pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
     let turned = draw.between(-PI, PI);
     let smallest = draw.scale(1e-6, 3e-6);
     for element in ["plant", "controller", "estimator"] {
-        scenario.set(element, "m", Value::Real(m));
-        scenario.set(element, "s", Value::Real(s));
+        scenario.set(element, "m", m);
+        scenario.set(element, "s", s);
     }
     for k in 1..=3 {
         let alpha = turned + (k - 1) as f64 * TAU / 3.0 + draw.between(-0.3, 0.3);
         for element in ["plant", "controller", "estimator"] {
-            scenario.set(element, &format!("alpha[{k}]"), Value::Real(alpha));
+            scenario.set(element, &format!("alpha[{k}]"), alpha);
         }
         let lambda = smallest * draw.scale(1.0, 2.0);
         let guess = lambda * draw.between(0.7, 1.6);
-        scenario.set("plant", &format!("lambda[{k}]"), Value::Real(lambda));
+        scenario.set("plant", &format!("lambda[{k}]"), lambda);
         for element in ["controller", "estimator"] {
-            scenario.set(element, &format!("lambda0[{k}]"), Value::Real(guess));
+            scenario.set(element, &format!("lambda0[{k}]"), guess);
         }
     }
     sample_time(&mut scenario, draw.one_of(&[5e-5, 1e-4, 2e-4]));
@@ -114,12 +114,12 @@ pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
         // The rotor may use half of the gap.
         ("touchdown.clearance", 0.5 * s),
     ] {
-        scenario.set("plant", name, Value::Real(value));
+        scenario.set("plant", name, value);
     }
     for (name, value) in
         [("F0", draw.between(2.0, 5.0) * m), ("bandwidth.tracking", draw.scale(500.0, 2000.0)), ("update.time", 0.2)]
     {
-        scenario.set("controller", name, Value::Real(value));
+        scenario.set("controller", name, value);
     }
     noise(&mut scenario, [draw.scale(5e-8, 2e-6), draw.scale(5e-3, 5e-2)], told);
     scenario
@@ -128,8 +128,8 @@ pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
 /// Sets the sensor noise, in m and A; the estimator is told it, or finds it itself.
 pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
     for (name, noise) in [("sensor.positionNoise", noise[0]), ("sensor.currentNoise", noise[1])] {
-        scenario.set("plant", name, Value::Real(noise));
-        scenario.set("estimator", name, Value::Real(if told { noise } else { 0.0 }));
+        scenario.set("plant", name, noise);
+        scenario.set("estimator", name, if told { noise } else { 0.0 });
     }
 }
 
@@ -137,7 +137,7 @@ pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
 pub fn at_rest(scenario: &mut Scenario) {
     centred(scenario);
     for (element, name) in [("plant", "omega"), ("controller", "reference.omega")] {
-        scenario.set(element, name, Value::Real(0.0));
+        scenario.set(element, name, 0.0);
     }
 }
 
@@ -146,13 +146,13 @@ pub fn centred(scenario: &mut Scenario) {
     let machine = scenario.machine;
     let start = [machine.at_start(|coordinate| coordinate.position), machine.at_start(|coordinate| coordinate.rate)];
     for name in start.concat() {
-        scenario.set("plant", &name, Value::Real(0.0));
+        scenario.set("plant", &name, 0.0);
     }
     let moving = ["rX", "rY", "rZ", "lobeAmplitude", "amplitude"].map(|what| format!("reference.{what}"));
     let controller = scenario.controller().model_type.clone();
     for variable in controller.variables() {
         if moving.iter().any(|end| variable.name.ends_with(end.as_str())) {
-            scenario.set("controller", &variable.name, Value::Real(0.0));
+            scenario.set("controller", &variable.name, 0.0);
         }
     }
 }
@@ -160,7 +160,7 @@ pub fn centred(scenario: &mut Scenario) {
 /// Sets the sample time of all, in s.
 pub fn sample_time(scenario: &mut Scenario, step_s: f64) {
     for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
-        scenario.set(element, name, Value::Real(step_s));
+        scenario.set(element, name, step_s);
     }
     scenario.step_s = step_s;
 }
@@ -178,10 +178,10 @@ pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32,
         ("plant", "vY0", 0.0),
         ("plant", "vZ0", (radius[1] + amplitude) * omega),
     ] {
-        scenario.set(element, name, Value::Real(value));
+        scenario.set(element, name, value);
     }
-    scenario.set("controller", "reference.lobes", Value::Integer(lobes));
-    scenario.set("controller", "reference.shape", Value::Integer(if amplitude > 0.0 { 2 } else { 1 }));
+    scenario.set("controller", "reference.lobes", lobes);
+    scenario.set("controller", "reference.shape", if amplitude > 0.0 { 2 } else { 1 });
 }
 
 /// The rotor on the paper's path at another speed.
@@ -191,21 +191,21 @@ pub fn turn(scenario: &mut Scenario, rpm: f64) {
 
 /// Sets the unbalance, in kg·m and rad.
 pub fn unbalance(scenario: &mut Scenario, magnitude: f64, phase: f64) {
-    scenario.set("plant", "unbalance.magnitude", Value::Real(magnitude));
-    scenario.set("plant", "unbalance.phase", Value::Real(phase));
+    scenario.set("plant", "unbalance.magnitude", magnitude);
+    scenario.set("plant", "unbalance.phase", phase);
 }
 
 /// Voltage drive: the currents are continuous, and the estimator knows it.
 pub fn voltage_drive(scenario: &mut Scenario) {
-    scenario.set("plant", "drive", Value::Integer(2));
-    scenario.set("controller", "drive", Value::Integer(2));
-    scenario.set("estimator", "hold", Value::Integer(3));
+    scenario.set("plant", "drive", 2);
+    scenario.set("controller", "drive", 2);
+    scenario.set("estimator", "hold", 3);
 }
 
 /// Modulates the smallest force by a part of F0 at a frequency in Hz.
 pub fn modulation(scenario: &mut Scenario, part: f64, frequency_hz: f64) {
-    scenario.set("controller", "F0.modulation", Value::Real(part));
-    scenario.set("controller", "F0.modulationFrequency", Value::Real(frequency_hz));
+    scenario.set("controller", "F0.modulation", part);
+    scenario.set("controller", "F0.modulationFrequency", frequency_hz);
 }
 
 /// Speed over time: instants in s and values in rpm, straight between. The rotor keeps its path.
@@ -214,34 +214,22 @@ pub fn modulation(scenario: &mut Scenario, part: f64, frequency_hz: f64) {
 /// changing one adds comes in with the load.
 pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
     let omega: Vec<f64> = rpm.iter().map(|rpm| rpm * RPM).collect();
-    let target = |scenario: &Scenario, path: &str| scenario.settable(path).expect("a variable of the loop");
-    let course = Profile {
-        targets: ["plant.omega", "controller.reference.omega"].map(|path| target(scenario, path)).to_vec(),
-        time_s: time_s.to_vec(),
-        values: omega.iter().map(|omega| Value::Real(*omega)).collect(),
-        hold: false,
-    };
+    scenario.follow(&["plant.omega", "controller.reference.omega"], time_s, omega.iter().copied(), false);
+    let course = scenario.profiles[scenario.profiles.len() - 1].clone();
     let at = |time_s: f64| course.at(time_s).map_or(f64::NAN, Value::as_f64);
     let step_s = scenario.step_s;
     let [magnitude, phase] = ["unbalance.magnitude", "unbalance.phase"].map(|name| real(scenario, "plant", name));
-    let load = ["pY", "pZ"].map(|name| real(scenario, "plant", name));
     let mut theta = real(scenario, "plant", "theta0");
-    let mut forces = [Vec::new(), Vec::new()];
     let steps = (time_s.last().copied().unwrap_or(0.0) / step_s).round() as usize;
     let instants: Vec<f64> = (0..=steps).map(|step| step as f64 * step_s).collect();
-    for time_s in &instants {
+    let forces = instants.iter().map(|time_s| {
         let omega = at(*time_s);
         let tangential = magnitude * (at(time_s + step_s) - omega) / step_s;
         let angle = theta + 0.5 * omega * step_s + phase;
-        forces[0].push(Value::Real(load[0] + tangential * libm::sin(angle)));
-        forces[1].push(Value::Real(load[1] - tangential * libm::cos(angle)));
         theta += omega * step_s;
-    }
-    for (name, values) in ["plant.pY", "plant.pZ"].into_iter().zip(forces) {
-        let targets = vec![target(scenario, name)];
-        scenario.profiles.push(Profile { targets, time_s: instants.clone(), values, hold: true });
-    }
-    scenario.profiles.push(course);
+        [tangential * libm::sin(angle), -tangential * libm::cos(angle)]
+    });
+    add(scenario, &["pY", "pZ"], &instants, &forces.collect::<Vec<_>>());
     let first = omega.first().copied().unwrap_or(0.0);
     let radius = ["reference.rY", "reference.rZ"].map(|name| real(scenario, "controller", name));
     path(scenario, radius, (3, 0.0), first);
@@ -251,9 +239,7 @@ pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
 pub fn step_of_lambda(scenario: &mut Scenario, seed: u64, part: f64, at_s: f64) {
     let path = format!("lambda[{}]", 1 + seed % 3);
     let value = real(scenario, "plant", &path) * (1.0 + part);
-    let target = scenario.settable(&format!("plant.{path}")).expect("a variable of the plant");
-    let profile = Profile { targets: vec![target], time_s: vec![at_s], values: vec![Value::Real(value)], hold: true };
-    scenario.profiles.push(profile);
+    scenario.follow(&[&format!("plant.{path}")], &[at_s], [value], true);
 }
 
 /// A parameter that the estimator takes as known.
@@ -277,9 +263,9 @@ impl Tolerance {
         let std = self.std * if ["m", "s"].contains(&self.name) { real(scenario, "plant", self.name) } else { 1.0 };
         for variable in (self.variables)(scenario.machine) {
             let value = real(scenario, self.element, &variable) + std * draw.normal();
-            scenario.set(self.element, &variable, Value::Real(value));
+            scenario.set(self.element, &variable, value);
         }
-        scenario.set("estimator", &format!("tolerance.{}", self.name), Value::Real(std));
+        scenario.set("estimator", &format!("tolerance.{}", self.name), std);
     }
 }
 
@@ -314,7 +300,7 @@ pub const FAULTS: [(&str, &str, &[&str], f64); 11] = [
 pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &str, &[&str], f64)) {
     for variable in variables {
         let value = real(scenario, element, variable) + change;
-        scenario.set(element, variable, Value::Real(value));
+        scenario.set(element, variable, value);
     }
     if variables.is_empty() {
         backward(scenario, change, 0.0, 1.0);
@@ -344,10 +330,14 @@ pub fn push<const N: usize>(
 ) {
     let step_s = scenario.step_s;
     let time_s: Vec<f64> = (0..(length_s / step_s).round() as usize).map(|step| step as f64 * step_s).collect();
+    let forces: Vec<_> = time_s.iter().map(|time_s| force(time_s + 0.5 * step_s)).collect();
+    add(scenario, inputs, &time_s, &forces);
+}
+
+/// Adds to these inputs of the plant what is given for each instant in s; it stays until the next one.
+fn add<const N: usize>(scenario: &mut Scenario, inputs: &[&str; N], time_s: &[f64], more: &[[f64; N]]) {
     for (n, name) in inputs.iter().enumerate() {
         let constant = real(scenario, "plant", name);
-        let values = time_s.iter().map(|time_s| Value::Real(constant + force(time_s + 0.5 * step_s)[n])).collect();
-        let targets = vec![scenario.settable(&format!("plant.{name}")).expect("an input of the plant")];
-        scenario.profiles.push(Profile { targets, time_s: time_s.clone(), values, hold: true });
+        scenario.follow(&[&format!("plant.{name}")], time_s, more.iter().map(|more| constant + more[n]), true);
     }
 }

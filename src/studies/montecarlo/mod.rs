@@ -127,7 +127,7 @@ impl Study {
     pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
         let mut scenario = self.scenario.clone();
         (self.vary)(&mut scenario, seed, attempt);
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario.set("plant", "sensor.seed", seed as i32);
         // The unbalance that correction masses leave shows after the last instant.
         if scenario.balance_s.is_none() {
             scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
@@ -223,11 +223,11 @@ pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
     for rate in scenario.machine.at_start(|coordinate| coordinate.rate) {
         let value = real(scenario, "plant", &rate);
         if value != 0.0 && before != 0.0 {
-            scenario.set("plant", &rate, Value::Real(value * omega / before));
+            scenario.set("plant", &rate, value * omega / before);
         }
     }
-    scenario.set("plant", "omega", Value::Real(omega));
-    scenario.set("controller", "reference.omega", Value::Real(omega));
+    scenario.set("plant", "omega", omega);
+    scenario.set("controller", "reference.omega", omega);
 }
 
 /// Pairs of noise from the least to the most that an estimator must find by itself, in µm and mA.
@@ -270,7 +270,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
         for poles in [500.0, 1000.0, 2000.0] {
             let title = format!("1 µm and 10 mA, tracking poles at {poles} rad/s");
             add(&title, &INSTANTS_S, TENFOLD, &|scenario| {
-                scenario.set("controller", "bandwidth.tracking", Value::Real(poles));
+                scenario.set("controller", "bandwidth.tracking", poles);
             });
         }
         add("1000 rpm on the paper's path", &[0.2, 0.4, 0.8, 1.6], NOISE, &|scenario| cases::turn(scenario, 1000.0));

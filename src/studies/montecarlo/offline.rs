@@ -12,7 +12,6 @@ use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::likelihood::{self, BenchParameter, Knowledge, Told};
 use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
-use fmu_export::variable::Value;
 
 /// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers, with
 /// their units.
@@ -61,10 +60,10 @@ fn differ(scenario: &mut Scenario, errors: &[f64]) {
     let base = nominal();
     let turning = ["theta0", "omega"].map(|name| real(&base, "plant", name));
     for (name, value) in Stated::of(&PLANAR, base.estimator()).with(turning, of) {
-        scenario.set("plant", &name, Value::Real(value));
+        scenario.set("plant", &name, value);
     }
     // Sensors do not know the future.
-    scenario.set("plant", "sensor.delay", Value::Real(of("delay").abs()));
+    scenario.set("plant", "sensor.delay", of("delay").abs());
 }
 
 /// Whether a signal is needed to judge a run.
@@ -249,7 +248,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
         add(bearings.varied(move |scenario, seed, attempt| {
             vary(scenario, seed, attempt);
             let update_s = UPDATES_S[(seed / SEEDS) as usize % UPDATES_S.len()];
-            scenario.set("controller", "update.time", Value::Real(update_s));
+            scenario.set("controller", "update.time", update_s);
         }));
         for (title, noise) in NOISES {
             let title = format!("identify: nominal bearing, {title} and 10 mA, {says}");

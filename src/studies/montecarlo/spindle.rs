@@ -46,12 +46,12 @@ fn vary(scenario: &mut Scenario, seed: u64, _: u64) {
         let factor = if draw.chance(0.5) { factor } else { 1.0 / factor };
         let guess = real(scenario, "plant", truth) * factor;
         for element in ["controller", "estimator"] {
-            scenario.set(element, &first, Value::Real(guess));
+            scenario.set(element, &first, guess);
         }
     }
     for plane in [1, 2] {
         for (name, value) in [("magnitude", draw.between(3e-5, 1e-4)), ("phase", draw.between(-PI, PI))] {
-            scenario.set("plant", &format!("unbalance[{plane}].{name}"), Value::Real(value));
+            scenario.set("plant", &format!("unbalance[{plane}].{name}"), value);
         }
     }
 }

@@ -5,8 +5,7 @@ use std::f64::consts::{PI, TAU};
 use super::altered::{self, Alter, Missing};
 use super::cases::RPM;
 use super::{Asked, Course, Draw, NOISE, cases, real};
-use crate::simulation::scenario::{Profile, Scenario};
-use fmu_export::variable::Value;
+use crate::simulation::scenario::Scenario;
 
 impl Course {
     fn new(name: &str, asked: Asked, set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static) -> Self {
@@ -49,7 +48,7 @@ fn excitation() -> Vec<Course> {
     let late = |name: &str, set: fn(&mut Scenario)| {
         let set = move |scenario: &mut Scenario, _| {
             set(scenario);
-            put(scenario, "controller.update.time", 0.5);
+            scenario.set("controller", "update.time", 0.5);
         };
         let name = format!("wrong by two, updated late, {name}");
         Course::new(&name, Asked::Valid, set).lasting(1.5).with(altered::taught(0.02))
@@ -85,8 +84,8 @@ fn excitation() -> Vec<Course> {
     for (per_turn, step_s) in [(20, 5e-4), (10, 1e-3)] {
         let set = move |scenario: &mut Scenario, _| {
             cases::sample_time(scenario, step_s);
-            put(scenario, "controller.bandwidth.tracking", 0.2 / step_s);
-            put(scenario, "controller.bandwidth.observer", 0.6 / step_s);
+            scenario.set("controller", "bandwidth.tracking", 0.2 / step_s);
+            scenario.set("controller", "bandwidth.observer", 0.6 / step_s);
             cases::path(scenario, [20e-6, 45e-6], (3, 0.0), 6000.0 * RPM);
             scale(scenario, "plant.unbalance.magnitude", 0.25);
         };
@@ -142,10 +141,10 @@ fn forces() -> Vec<Course> {
         Course::new(name, Asked::NotWrong, move |scenario, seed| {
             let mut draw = Draw::new(seed);
             let amplitude_n = draw.scale(least_n, most_n);
-            put(scenario, "plant.perturbation.omega", TAU * draw.between(least_hz, most_hz));
+            scenario.set("plant", "perturbation.omega", TAU * draw.between(least_hz, most_hz));
             for (axis, part) in [("Y", 1.0), ("Z", 0.7)] {
-                put(scenario, &format!("plant.perturbation.amplitude{axis}"), amplitude_n * part);
-                put(scenario, &format!("plant.perturbation.phase{axis}"), draw.between(-PI, PI));
+                scenario.set("plant", &format!("perturbation.amplitude{axis}"), amplitude_n * part);
+                scenario.set("plant", &format!("perturbation.phase{axis}"), draw.between(-PI, PI));
             }
         })
     };
@@ -192,8 +191,8 @@ fn forces() -> Vec<Course> {
             rubs: true,
             ..Course::new("light rubbing", Asked::NotWrong, |scenario, seed| {
                 let mut draw = Draw::new(seed);
-                put(scenario, "plant.touchdown.clearance", draw.between(70e-6, 73e-6));
-                put(scenario, "plant.touchdown.stiffness", draw.scale(1e6, 5e7));
+                scenario.set("plant", "touchdown.clearance", draw.between(70e-6, 73e-6));
+                scenario.set("plant", "touchdown.stiffness", draw.scale(1e6, 5e7));
             })
         },
     ]);
@@ -234,11 +233,11 @@ fn readings() -> Vec<Course> {
     let three_of_fifty = |number, _: &mut Draw| number % 50 < 3;
     vec![
         Course::new("currents coloured at 100 Hz", Asked::NotWrong, |scenario, _| {
-            put(scenario, "plant.sensor.currentNoise", 0.0);
+            scenario.set("plant", "sensor.currentNoise", 0.0);
         })
         .with(altered::coloured(NOISE[1], 100.0, |readings| &mut readings.current_a)),
         Course::new("positions coloured at 1000 Hz", Asked::NotWrong, |scenario, _| {
-            put(scenario, "plant.sensor.positionNoise", 0.0);
+            scenario.set("plant", "sensor.positionNoise", 0.0);
         })
         .with(altered::coloured(NOISE[0], 1000.0, |readings| &mut readings.position_m)),
         told("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
@@ -250,10 +249,10 @@ fn readings() -> Vec<Course> {
         missing("3 of 50 samples repeated", Asked::NotWrong, Missing::Repeated, three_of_fifty),
         missing("3 of 50 samples not a number", Asked::NotWrong, Missing::NotANumber, three_of_fifty),
         Course::new("positions in steps of 1 µm", Asked::NotWrong, |scenario, _| {
-            put(scenario, "plant.sensor.positionResolution", 1e-6);
+            scenario.set("plant", "sensor.positionResolution", 1e-6);
         }),
         Course::new("positions in steps of 1 µm, at rest, modulated", Asked::NotWrong, |scenario, _| {
-            put(scenario, "plant.sensor.positionResolution", 1e-6);
+            scenario.set("plant", "sensor.positionResolution", 1e-6);
             cases::at_rest(scenario);
             cases::modulation(scenario, 0.5, 110.0);
         }),
@@ -273,15 +272,15 @@ fn spindle() -> Vec<Course> {
     vec![
         spindle("nominal", Asked::Valid, |_, _| ()),
         spindle("wrong by two, updated late, at rest", Asked::Valid, |scenario, _| {
-            put(scenario, "plant.omega", 0.0);
-            put(scenario, "controller.reference.omega", 0.0);
-            put(scenario, "controller.F0.modulation", 0.0);
+            scenario.set("plant", "omega", 0.0);
+            scenario.set("controller", "reference.omega", 0.0);
+            scenario.set("controller", "F0.modulation", 0.0);
             for path in
                 ["A.reference.rY", "A.reference.rZ", "B.reference.rY", "B.reference.rZ", "X.reference.amplitude"]
             {
-                put(scenario, &format!("controller.{path}"), 0.0);
+                scenario.set("controller", path, 0.0);
             }
-            put(scenario, "controller.update.time", 0.5);
+            scenario.set("controller", "update.time", 0.5);
         })
         .lasting(1.5)
         .with(altered::taught(0.02)),
@@ -300,15 +299,9 @@ fn spindle() -> Vec<Course> {
     ]
 }
 
-/// Sets a variable by its path, such as `plant.pY`.
-fn put(scenario: &mut Scenario, path: &str, value: f64) {
-    let (element, variable) = path.split_once('.').expect("a path");
-    scenario.set(element, variable, Value::Real(value));
-}
-
 fn scale(scenario: &mut Scenario, path: &str, factor: f64) {
     let (element, variable) = path.split_once('.').expect("a path");
-    put(scenario, path, real(scenario, element, variable) * factor);
+    scenario.set(element, variable, real(scenario, element, variable) * factor);
 }
 
 /// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force
@@ -317,19 +310,17 @@ fn guess(scenario: &mut Scenario, factor: f64) {
     for (bearing, k) in scenario.magnets() {
         let lambda = real(scenario, "plant", &format!("{bearing}lambda{k}"));
         for (element, factor) in [("controller", factor.clamp(0.5, 2.0)), ("estimator", factor)] {
-            scenario.set(element, &format!("{bearing}lambda0{k}"), Value::Real(factor * lambda));
+            scenario.set(element, &format!("{bearing}lambda0{k}"), factor * lambda);
         }
     }
-    scenario.set("controller", "F0.modulation", Value::Real(0.5));
+    scenario.set("controller", "F0.modulation", 0.5);
 }
 
 /// A variable of the plant grows by a part between two instants in s.
 fn change(scenario: &mut Scenario, path: &str, time_s: [f64; 2], part: f64) {
     let variable = path.strip_prefix("plant.").expect("a variable of the plant");
     let value = real(scenario, "plant", variable);
-    let targets = vec![scenario.settable(path).expect("a variable of the plant")];
-    let values = [value, value * (1.0 + part)].map(Value::Real).into();
-    scenario.profiles.push(Profile { targets, time_s: time_s.into(), values, hold: false });
+    scenario.follow(&[path], &time_s, [value, value * (1.0 + part)], false);
 }
 
 /// All λ grow by a part between two instants in s.

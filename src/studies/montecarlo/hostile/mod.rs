@@ -99,7 +99,7 @@ impl Case<'_> {
         scenario.duration_s = course.length_s;
         // Seeds of the n-th drawing are far from those of the others.
         (course.set)(&mut scenario, seed + (attempt << 32));
-        scenario.set("plant", "sensor.seed", Value::Integer(seed as i32));
+        scenario.set("plant", "sensor.seed", seed as i32);
         scenario
     }
 
