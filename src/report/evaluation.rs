@@ -67,17 +67,14 @@ pub(super) fn lengths(coordinates: &[&[f64]]) -> Vec<f64> {
     (0..samples).map(|at| coordinates.iter().map(|values| values[at] * values[at]).sum::<f64>().sqrt()).collect()
 }
 
-/// Position minus reference for each reading; if there is no reference, the controller's error, a sample late and with sensor noise.
-pub(super) fn errors(machine: &Machine, recording: &Recording) -> Vec<Option<Vec<f64>>> {
-    let get = |element: &str, name: &str| recording.get(&format!("{element}.{name}"));
-    let names = machine.positions().into_iter().zip(machine.of_references()).zip(machine.of_readings("e"));
-    let of_reading = |((position, reference), error): ((String, String), String)| match get("plant", &position)
-        .zip(get("controller", &reference))
-    {
-        Some((position, reference)) => Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect()),
-        None => get("controller", &error).map(<[f64]>::to_vec),
+/// Position minus reference for each reading.
+pub(super) fn errors(machine: &Machine, recording: &Recording) -> Option<Vec<Vec<f64>>> {
+    let of_reading = |(position, reference): (String, String)| {
+        let position = recording.get(&format!("plant.{position}"))?;
+        let reference = recording.get(&format!("controller.{reference}"))?;
+        Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect())
     };
-    names.map(of_reading).collect()
+    machine.positions().into_iter().zip(machine.of_references()).map(of_reading).collect()
 }
 
 /// The sample at which the controller first used an estimate, if any.
@@ -103,7 +100,7 @@ pub fn update_s(recording: &Recording) -> Option<f64> {
 pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     let time_s = &recording.time_s;
     let end = time_s.len();
-    let Some(theta) = recording.get("plant.theta").filter(|theta| theta.len() == end && end > 1) else {
+    let Some(theta) = recording.get("plant.theta").filter(|_| end > 1) else {
         return Vec::new();
     };
     let begin = |to: usize| {
@@ -142,7 +139,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
     let machine = scenario.machine;
     let get = |name: String| run.recording.get(&name);
     let theta = get("plant.theta".into())?;
-    let (errors, positions) = (errors(machine, &run.recording), machine.positions());
+    let (errors, positions) = (errors(machine, &run.recording)?, machine.positions());
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: String, unit: &str, value: &dyn Fn(&Stretch) -> String| {
         let cells = stretches.iter().map(value);
@@ -164,11 +161,9 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
                 format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
             });
         }
-        let of_bearing: Option<Vec<&[f64]>> = errors[readings.clone()].iter().map(Option::as_deref).collect();
-        if let Some(error) = of_bearing.map(|errors| lengths(&errors)) {
-            row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
-            row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
-        }
+        let error = lengths(&errors[readings.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
+        row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
+        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
         for (reading, signal) in machine.readings[readings].iter().zip(columns) {
             row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
                 let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
@@ -176,11 +171,10 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
             });
         }
         for k in 1..=*magnets {
-            if let Some(current) = get(format!("plant.{prefix}im[{k}]")) {
-                row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
-                    format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
-                });
-            }
+            let current = get(format!("plant.{prefix}im[{k}]"))?;
+            row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
+                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
+            });
             // A controller of currents commands no voltage.
             let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);
             if let (Some(voltage), Some(limit_v)) = (voltage, limit_v) {
@@ -189,18 +183,11 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
                     format!("{most:.1} / {:.0}", 100.0 * (1.0 - most / limit_v))
                 });
             }
-            if let Some(force) = get(format!("plant.{prefix}F[{k}]")) {
-                row(format!("static load of magnet {k}{at}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
-            }
+            let force = get(format!("plant.{prefix}F[{k}]"))?;
+            row(format!("static load of magnet {k}{at}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
         }
     }
-    if sensitivities.len() == stretches.len() {
-        for mut row in peaks(scenario, sensitivities) {
-            row[0] = format!("peak of the sensitivity function of {}", row[0]);
-            row.push(String::new());
-            rows.push(row);
-        }
-    }
+    rows.extend(peaks(scenario, sensitivities));
     let names = stretches.iter().map(|stretch| stretch.name);
     Some(Table {
         title: "Figures of the bearing".into(),
@@ -233,14 +220,15 @@ pub fn sensitivities(scenario: &Scenario, run: &Run) -> Sensitivities {
     stretches(&run.recording).iter().filter_map(one).collect()
 }
 
-/// The peaks: a row for each axis, with a column for each set of λ after its name.
+/// The peaks: a row for each axis, with a column for each set of λ after its name, and no unit.
 fn peaks(scenario: &Scenario, sensitivities: &Sensitivities) -> Vec<Vec<String>> {
     let row = |(n, reading): (usize, &Reading)| {
         let cells = sensitivities.iter().map(|(_, curves)| match curves.as_ref().ok().and_then(|all| peak(&all[n])) {
             Some([omega, peak]) => format!("{peak:.2} at {:.0} Hz, zone {}", omega / TAU, zone(peak)),
             None => "none".into(),
         });
-        [reading.axis.to_owned()].into_iter().chain(cells).collect()
+        let name = format!("peak of the sensitivity function of {}", reading.axis);
+        [name].into_iter().chain(cells).chain([String::new()]).collect()
     };
     scenario.machine.readings.iter().enumerate().map(row).collect()
 }

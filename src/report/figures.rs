@@ -221,8 +221,8 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     let firsts = lambda.iter().map(|values| &values[0]);
     let most = firsts.chain(truth).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
     plot = plot.range(1, [0.0, 1.15 * most]);
-    let valid = run.get(&format!("{element}.valid"));
-    let is_valid = |at: usize| valid.is_none_or(|valid| valid[at] > 0.5);
+    let Some(valid) = run.get(&format!("{element}.valid")) else { return plot };
+    let is_valid = |at: usize| valid[at] > 0.5;
     let changes = (0..run.time_s().len()).filter(|at| *at == 0 || is_valid(*at) != is_valid(at - 1));
     let mut changes = changes.chain([run.time_s().len() - 1]).peekable();
     while let Some(from) = changes.next() {
@@ -230,7 +230,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
             plot.shade(run.time_s()[from], run.time_s()[*to]);
         }
     }
-    let std = of_magnets("lambdaStdTotal").or_else(|| of_magnets("lambdaStd")).unwrap_or_default();
+    let std = of_magnets("lambdaStdTotal").unwrap_or_default();
     for k in 0..lambda.len() {
         let group = format!("λ{}", k + 1);
         if let Some(std) = std.get(k) {
@@ -392,7 +392,7 @@ fn errors(run: &Signals) -> Figure {
             let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
             run.line(&mut plot, line, &error);
         }
-        let std = ["lambdaStdTotal", "lambdaStd"].iter().find_map(|name| run.of_magnets(element, bearing, name));
+        let std = run.of_magnets(element, bearing, "lambdaStdTotal");
         for (k, (std, truth)) in std.into_iter().flatten().zip(&truth[magnets]).enumerate() {
             let stated: Vec<f64> = std.iter().map(|std| 2.0 * std / truth).collect();
             let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
@@ -429,15 +429,13 @@ fn tracking(run: &Signals) -> Figure {
         run.column(&mut plot, truth("reference"), &format!("controller.{reference}"));
         plots.push((format!("Position along {}", reading.axis), plot));
     }
-    let errors = evaluation::errors(machine, run.recording);
+    let errors = evaluation::errors(machine, run.recording).unwrap_or_default();
     for (b, bearing) in machine.bearings.iter().enumerate() {
         let readings = machine.readings_of(b);
         let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
-        let of_bearing = machine.readings[readings.clone()].iter().zip(&errors[readings]);
+        let of_bearing = machine.readings.iter().zip(&errors).take(readings.end).skip(readings.start);
         for ((reading, error), colour) in of_bearing.zip(colour::MAGNETS) {
-            if let Some(error) = error {
-                run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
-            }
+            run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
         }
         plots.push((titled("Tracking error", bearing), plot));
     }
@@ -463,10 +461,7 @@ fn currents(run: &Signals) -> Figure {
         plots.push((name, plot));
     };
     for bearing in run.scenario.machine.bearings {
-        let measured = run.of_magnets("plant", bearing, "im");
-        let name = if measured.is_some() { "Measured currents" } else { "Commanded currents" };
-        let currents = measured.or_else(|| run.of_magnets("controller", bearing, "i"));
-        add(titled(name, bearing), "i", PlotUnit::AMPERE, currents);
+        add(titled("Measured currents", bearing), "i", PlotUnit::AMPERE, run.of_magnets("plant", bearing, "im"));
         add(titled("Forces", bearing), "F", PlotUnit::NEWTON, run.of_magnets("plant", bearing, "F"));
         let voltages = run.of_magnets("controller", bearing, "u");
         let voltages = voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0)));
@@ -491,7 +486,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
         let at = machine.readings_of(b);
         let (mut path, mut errors) = (axes(""), axes("error"));
         let position = run.all("plant", &positions[at.clone()]);
-        let error: Option<Vec<&[f64]>> = all_errors[at.clone()].iter().map(Option::as_deref).collect();
+        let error = all_errors.as_ref().map(|all| all[at.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
         for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
             for (plot, signals) in [(&mut path, &position), (&mut errors, &error)] {
                 if let Some([y, z]) = signals.as_deref() {
