@@ -19,7 +19,7 @@ use crate::control::tracking::{TrackingConfig, TrackingState, excitation};
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine;
 use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
-use crate::variables::{LAMBDA, OMEGA_RAD_S, Saved, Variables};
+use crate::variables::{LAMBDA, OMEGA_RAD_S, Saved, Variables, is_finite};
 
 /// Configuration of the controller of a machine with N coordinates, K magnets in G groups, and B bearings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
@@ -242,8 +242,11 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     }
 
     /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &ControllerState<N, K, G>) -> bool {
-        self.reference.accepts(&state.reference) && Self::accepts_law(&state.law)
+    pub fn accepts(&self, state: &ControllerState<N, K, G>) -> bool
+    where
+        ControllerState<N, K, G>: Serialize,
+    {
+        is_finite(state) && state.reference.is_in_order() && state.law.is_in_order()
     }
 
     /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.

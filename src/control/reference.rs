@@ -318,13 +318,6 @@ impl Turning {
         Self { samples: 0, base_rad: 0.0, base_sample: 0, omega_rad_s, theta_rad: 0.0 }
     }
 
-    /// Whether an angle, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn is_consistent(&self) -> bool {
-        self.base_sample <= self.samples
-            && self.samples < u64::MAX
-            && [self.base_rad, self.omega_rad_s, self.theta_rad].into_iter().all(f64::is_finite)
-    }
-
     /// Moves on to the next sample; ω holds from this sample on.
     pub fn sample(&mut self, omega_rad_s: f64, step_s: f64) {
         let since_base_s = (self.samples - self.base_sample) as f64 * step_s;
@@ -358,6 +351,13 @@ pub struct ReferenceState<const N: usize> {
     first: [f64; N],
     /// Estimate of the external reference of each coordinate at the last sample.
     signal: [Signal; N],
+}
+
+impl<const N: usize> ReferenceState<N> {
+    /// Whether the counts, for instance those read from a file, are in order.
+    pub(super) fn is_in_order(&self) -> bool {
+        self.turning.base_sample <= self.turning.samples && self.turning.samples < u64::MAX
+    }
 }
 
 /// A validated reference, sampled at a fixed step: a curve and its begin, or an external one.
@@ -450,12 +450,6 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     pub fn start(&self) -> ReferenceState<N> {
         let turning = Turning::start(self.config.omega_rad_s);
         ReferenceState { turning, first: [0.0; N], signal: [Signal::default(); N] }
-    }
-
-    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub fn accepts(&self, state: &ReferenceState<N>) -> bool {
-        let numbers = state.first.iter().chain(state.signal.iter().flat_map(|signal| &signal.0));
-        state.turning.is_consistent() && numbers.copied().all(f64::is_finite)
     }
 
     /// Moves on to the next sample, at the measured coordinates; a lift begins at the first. `omega_rad_s` holds from this sample on, `external`

@@ -199,6 +199,13 @@ pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
     excitation: [Excitation; G],
 }
 
+impl<const N: usize, const K: usize, const G: usize> TrackingState<N, K, G> {
+    /// Whether the counts, for instance those read from a file, are in order.
+    pub(super) fn is_in_order(&self) -> bool {
+        self.samples < u64::MAX && self.excitation.iter().all(|excitation| excitation.is_in_order(self.samples))
+    }
+}
+
 /// Why a sample was refused. The state is unchanged, and there are no new currents.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ControllerError {
@@ -290,16 +297,6 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             preload_n: self.f0_n,
             excitation: self.excitation_at_start(),
         }
-    }
-
-    /// Whether a state of the law, for instance one read from a file, is consistent: finite numbers, counts in order.
-    pub(super) fn accepts_law(state: &TrackingState<N, K, G>) -> bool {
-        let lists = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&state.lambda_nm2_a2);
-        let lists = lists.chain(&state.asked_n).chain(&state.voltage_v).chain(&state.planned_a);
-        let numbers = lists.chain(&state.preload_n).chain([&state.start_s]);
-        state.samples < u64::MAX
-            && state.excitation.iter().all(|excitation| excitation.is_consistent(state.samples))
-            && numbers.copied().all(f64::is_finite)
     }
 
     /// When the next sample is due, in s: start + count · T_s.

@@ -41,10 +41,9 @@ impl Excitation {
         self.factor
     }
 
-    /// Whether it may be part of a state after so many samples.
-    pub(super) fn is_consistent(&self, samples: u64) -> bool {
+    /// Whether its count may be part of a state after so many samples.
+    pub(super) fn is_in_order(&self, samples: u64) -> bool {
         self.base_sample < samples.max(1)
-            && [self.factor, self.base_rev, self.frequency_hz].into_iter().all(f64::is_finite)
     }
 }
 
