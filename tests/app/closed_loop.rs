@@ -2,7 +2,6 @@
 
 use crate::program::{column, lambda_errors, of, ran, row};
 use crate::support::below;
-use fmu_export::variable::Value;
 use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
@@ -14,86 +13,62 @@ use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorCo
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::Run;
 
-/// Values of a scenario by name.
-struct Values<'a> {
-    scenario: &'a Scenario,
-    element: &'a str,
+/// Values of an element of a scenario by name.
+fn values<'s>(scenario: &'s Scenario, element: &'s str) -> impl Fn(&str) -> f64 {
+    move |name| scenario.value(element, name).unwrap_or_else(|| panic!("{element}.{name}")).as_f64()
 }
 
-impl Values<'_> {
-    fn value(&self, name: &str) -> Value {
-        self.scenario.value(self.element, name).unwrap_or_else(|| panic!("{}.{name}", self.element))
-    }
-
-    fn real(&self, name: &str) -> f64 {
-        let Value::Real(value) = self.value(name) else { panic!("{name} is Real") };
-        value
-    }
-
-    fn choice<T: Copy>(&self, name: &str, options: &[T]) -> T {
-        let Value::Integer(value) = self.value(name) else { panic!("{name} is a choice") };
-        options[value as usize - 1]
-    }
-
-    fn three(&self, name: &str) -> [f64; 3] {
-        std::array::from_fn(|k| self.real(&format!("{name}[{}]", k + 1)))
-    }
-}
-
-fn rotor(values: &Values) -> RotorConfig {
+fn rotor(of: &impl Fn(&str) -> f64) -> RotorConfig {
     let mut rotor = RotorConfig::of(&PLANAR);
-    (rotor.shaft.m_kg, rotor.bearings[0].gap_m) = (values.real("m"), values.real("s"));
-    rotor.bearings[0].alpha_rad[..3].copy_from_slice(&values.three("alpha"));
+    (rotor.shaft.m_kg, rotor.bearings[0].gap_m) = (of("m"), of("s"));
+    rotor.bearings[0].alpha_rad[..3].copy_from_slice(&["alpha[1]", "alpha[2]", "alpha[3]"].map(of));
     rotor
 }
 
 /// The values that the scenarios set; all else is as the models have it by default.
-fn plant_config(values: &Values) -> PlantConfig {
+fn plant_config(of: &impl Fn(&str) -> f64) -> PlantConfig {
     PlantConfig {
-        rotor: rotor(values),
-        lambda_nm2_a2: values.three("lambda"),
-        unbalance_kgm: [values.real("unbalance.magnitude"), 0.0],
-        unbalance_phase_rad: [values.real("unbalance.phase"), 0.0],
+        rotor: rotor(of),
+        lambda_nm2_a2: ["lambda[1]", "lambda[2]", "lambda[3]"].map(of),
+        unbalance_kgm: [of("unbalance.magnitude"), 0.0],
+        unbalance_phase_rad: [of("unbalance.phase"), 0.0],
         harmonic: Harmonic {
-            amplitude_n: ["Y", "Z"].map(|axis| values.real(&format!("perturbation.amplitude{axis}"))),
-            omega_rad_s: values.real("perturbation.omega"),
-            phase_rad: ["Y", "Z"].map(|axis| values.real(&format!("perturbation.phase{axis}"))),
+            amplitude_n: ["perturbation.amplitudeY", "perturbation.amplitudeZ"].map(of),
+            omega_rad_s: of("perturbation.omega"),
+            phase_rad: ["perturbation.phaseY", "perturbation.phaseZ"].map(of),
         },
-        position_m: ["Y0", "Z0"].map(|name| values.real(name)),
-        velocity_m_s: ["vY0", "vZ0"].map(|name| values.real(name)),
+        position_m: ["Y0", "Z0"].map(of),
+        velocity_m_s: ["vY0", "vZ0"].map(of),
         sensor: SensorConfig {
-            position_noise_m: values.real("sensor.positionNoise"),
-            current_noise_a: values.real("sensor.currentNoise"),
-            seed: values.value("sensor.seed").as_f64() as i32,
+            position_noise_m: of("sensor.positionNoise"),
+            current_noise_a: of("sensor.currentNoise"),
+            seed: of("sensor.seed") as i32,
             ..SensorConfig::default()
         },
         ..PlantConfig::default()
     }
 }
 
-fn controller_config(values: &Values) -> ControllerConfig {
+fn controller_config(of: &impl Fn(&str) -> f64) -> ControllerConfig {
+    let [r_y_m, r_z_m] = ["reference.rY", "reference.rZ"].map(of);
     ControllerConfig {
         used: Used::Both,
-        law: TrackingConfig { modulation: values.real("F0.modulation"), ..TrackingConfig::default() },
-        rotor: rotor(values),
+        law: TrackingConfig { modulation: of("F0.modulation"), ..TrackingConfig::default() },
+        rotor: rotor(of),
         reference: ReferenceConfig {
-            paths: [PathConfig {
-                r_y_m: values.real("reference.rY"),
-                r_z_m: values.real("reference.rZ"),
-                ..PathConfig::default()
-            }],
-            omega_rad_s: values.real("reference.omega"),
+            paths: [PathConfig { r_y_m, r_z_m, ..PathConfig::default() }],
+            omega_rad_s: of("reference.omega"),
             ..ReferenceConfig::of(&PLANAR)
         },
     }
 }
 
-fn estimator_config(values: &Values) -> EstimatorConfig {
+fn estimator_config(of: &impl Fn(&str) -> f64) -> EstimatorConfig {
     EstimatorConfig {
-        geometry: rotor(values),
-        window_s: values.real("Tf"),
-        epsilon_s: values.real("epsilon"),
-        method: values.choice("method", &[Method::PaperLiteral, Method::Paper, Method::PredictionError]),
+        geometry: rotor(of),
+        window_s: of("Tf"),
+        epsilon_s: of("epsilon"),
+        method: [Method::PaperLiteral, Method::Paper, Method::PredictionError][of("method") as usize - 1],
         ..EstimatorConfig::default()
     }
 }
@@ -142,7 +117,7 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
 fn models_and_slaves_agree_bit_for_bit() {
     for name in ["paper", "unbalanced", "turned", "standstill"] {
         let (scenario, run) = of(name, &[]);
-        let of = |element| Values { scenario: &scenario, element };
+        let of = |element| values(&scenario, element);
         let plant = Plant::new(plant_config(&of("plant"))).expect("a plant");
         let controller = Controller::new(controller_config(&of("controller"))).expect("a controller");
         let beside = scenario.elements[2..].iter().map(|element| element.name.as_str());
@@ -155,8 +130,8 @@ fn models_and_slaves_agree_bit_for_bit() {
         let mut estimates: Vec<_> = estimators.iter().map(|(_, estimator)| estimator.start()).collect();
         let mut input = PlantInput {
             current_a: [0.0; 3],
-            perturbation_n: ["pY", "pZ"].map(|name| of("plant").real(name)),
-            omega_rad_s: of("plant").real("omega"),
+            perturbation_n: ["pY", "pZ"].map(of("plant")),
+            omega_rad_s: of("plant")("omega"),
             ..PlantInput::default()
         };
         let step_s = scenario.step_s;
@@ -201,7 +176,7 @@ fn models_and_slaves_agree_bit_for_bit() {
                 position_m: rotor.measured.position_m,
                 lambda_hat_nm2_a2: estimates[0].output().lambda_hat,
                 lambda_valid: estimates[0].output().valid,
-                omega_rad_s: of("controller").real("reference.omega"),
+                omega_rad_s: of("controller")("reference.omega"),
                 ..ControllerInput::default()
             };
             let heard = EstimatorInput {
@@ -283,11 +258,10 @@ const TRACKING_POINTS: f64 = 0.7;
 #[test]
 fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
     let (scenario, run) = of("paper", &[]);
-    let plant = Values { scenario: &scenario, element: "plant" };
-    let controller = Values { scenario: &scenario, element: "controller" };
-    let omega = controller.real("reference.omega");
-    let force_n = plant.real("m") * omega * omega * controller.real("reference.rZ");
-    let perturbation_n = plant.real("perturbation.amplitudeZ");
+    let (plant, controller) = (values(&scenario, "plant"), values(&scenario, "controller"));
+    let omega = controller("reference.omega");
+    let force_n = plant("m") * omega * omega * controller("reference.rZ");
+    let perturbation_n = plant("perturbation.amplitudeZ");
     let wanted = -100.0 * perturbation_n / (force_n + perturbation_n);
     let errors = errors_percent(&scenario, &run, "paper", 0.1);
     for (k, error) in errors.into_iter().enumerate() {
@@ -363,12 +337,12 @@ fn an_unbalance_is_identified_together_with_the_force_constants() {
     let errors = errors_percent(&scenario, &run, "paper", 0.1);
     assert!(errors.iter().any(|error| error.abs() > 20.0), "the paper's method: {errors:?} %");
 
-    let truth = Values { scenario: &scenario, element: "plant" };
+    let truth = values(&scenario, "plant");
     let [magnitude, phase] =
         ["magnitude", "phase"].map(|part| column(&run, &format!("predictionError.unbalance.{part}"))[row(&run, 0.1)]);
-    let error = 100.0 * (magnitude / truth.real("unbalance.magnitude") - 1.0);
+    let error = 100.0 * (magnitude / truth("unbalance.magnitude") - 1.0);
     below("error of the unbalance, in per cent", error.abs(), UNBALANCE_PERCENT);
     /// Radian; the same part of the unbalance, across instead of along.
     const PHASE: f64 = UNBALANCE_PERCENT / 100.0;
-    below("error of its phase", (phase - truth.real("unbalance.phase")).abs(), PHASE);
+    below("error of its phase", (phase - truth("unbalance.phase")).abs(), PHASE);
 }

@@ -152,22 +152,6 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
     }
 }
 
-/// Fails if the picture is none.
-#[test]
-fn pictures_are_square_and_large_enough() {
-    const SIDE: u32 = 256;
-    for (kind, bytes) in fmus() {
-        let members = members(bytes);
-        let picture = &members["model.png"];
-        // Signature, then length and name of the first chunk, then width and height (PNG, section 11.2.2).
-        assert_eq!(picture[..8], *b"\x89PNG\r\n\x1a\n", "{}", kind.info.name);
-        assert_eq!(&picture[12..16], b"IHDR", "{}", kind.info.name);
-        let number = |at: usize| u32::from_be_bytes(picture[at..at + 4].try_into().expect("four bytes"));
-        assert_eq!((number(16), number(20)), (SIDE, SIDE), "{}", kind.info.name);
-        assert_eq!(&picture[picture.len() - 8..picture.len() - 4], b"IEND", "{}: it is complete", kind.info.name);
-    }
-}
-
 /// Fails if the names of the sensors are left out.
 #[test]
 fn documentation_names_every_variable_and_loads_nothing() {
