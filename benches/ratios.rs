@@ -227,8 +227,7 @@ fn spindle_record() -> Vec<SpindleEstimatorInput> {
     let run = simulate::run_for(&scenario, |name| name.starts_with("plant."), |_| ()).expect("a run");
     let column = |name: String| run.recording.get(&format!("plant.{name}")).expect("an output of the plant").to_vec();
     let readings = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"].map(|name| column(name.into()));
-    let currents: Vec<_> =
-        scenario.magnets().into_iter().map(|(bearing, k)| column(format!("{bearing}im{k}"))).collect();
+    let currents: Vec<_> = scenario.machine.of_magnets("im").into_iter().map(column).collect();
     let theta = column("theta".into());
     let input = |at: usize| SpindleEstimatorInput {
         position_m: readings.each_ref().map(|column| column[at]),

@@ -286,13 +286,6 @@ impl Scenario {
         connections
     }
 
-    /// The magnets, as prefix and suffix of the names of their quantities: `("", "[1]")` of a bearing, `("A.", "[1]")` of a spindle.
-    pub fn magnets(&self) -> Vec<(String, String)> {
-        let variables = self.plant().model_type.variables().iter();
-        let of_magnet = |name: &str| name.split_once("lambda[").map(|(bearing, k)| (bearing.into(), format!("[{k}")));
-        variables.filter_map(|variable| of_magnet(&variable.name)).collect()
-    }
-
     /// Whether magnet k, counted from 0, is used: of an axial bearing it may be the first or the second alone.
     pub fn uses(&self, k: usize) -> bool {
         let used = self.value("controller", "magnets.used").map_or(1.0, Value::as_f64);

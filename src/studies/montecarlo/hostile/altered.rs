@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::{Draw, real};
+use super::Draw;
 use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
 
@@ -121,10 +121,8 @@ pub fn in_the_sensor(change: impl FnMut(&mut Readings) + 'static) -> Change {
 pub fn taught(deviation: f64) -> Alter {
     Box::new(move |scenario, seed| {
         let mut draw = Draw::new(seed ^ 0x7a09);
-        let mut about = |(bearing, k): &(String, String)| {
-            real(scenario, "plant", &format!("{bearing}lambda{k}")) * (1.0 + deviation * draw.normal())
-        };
-        let lambda: Vec<f64> = scenario.magnets().iter().map(&mut about).collect();
+        let truth = scenario.truth().into_iter();
+        let lambda: Vec<f64> = truth.map(|lambda| lambda * (1.0 + deviation * draw.normal())).collect();
         on_the_way(move |readings| readings.lambda_nm2_a2 = Some(lambda.clone()))
     })
 }

@@ -120,7 +120,7 @@ fn changes() -> Vec<Course> {
         })
         .lasting(1.5),
         Course::new("unbalance grows 10 %/s", Asked::NotWrong, |scenario, _| {
-            change(scenario, "plant.unbalance.magnitude", [0.0, 2.0], 0.2);
+            change(scenario, "unbalance.magnitude", [0.0, 2.0], 0.2);
         })
         .lasting(2.0),
         Course {
@@ -307,26 +307,24 @@ fn scale(scenario: &mut Scenario, path: &str, factor: f64) {
 /// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force
 /// is modulated.
 fn guess(scenario: &mut Scenario, factor: f64) {
-    for (bearing, k) in scenario.magnets() {
-        let lambda = real(scenario, "plant", &format!("{bearing}lambda{k}"));
+    for (name, lambda) in scenario.machine.of_magnets("lambda0").iter().zip(scenario.truth()) {
         for (element, factor) in [("controller", factor.clamp(0.5, 2.0)), ("estimator", factor)] {
-            scenario.set(element, &format!("{bearing}lambda0{k}"), factor * lambda);
+            scenario.set(element, name, factor * lambda);
         }
     }
     scenario.set("controller", "F0.modulation", 0.5);
 }
 
 /// A variable of the plant grows by a part between two instants in s.
-fn change(scenario: &mut Scenario, path: &str, time_s: [f64; 2], part: f64) {
-    let variable = path.strip_prefix("plant.").expect("a variable of the plant");
+fn change(scenario: &mut Scenario, variable: &str, time_s: [f64; 2], part: f64) {
     let value = real(scenario, "plant", variable);
-    scenario.follow(&[path], &time_s, [value, value * (1.0 + part)], false);
+    scenario.follow(&[&format!("plant.{variable}")], &time_s, [value, value * (1.0 + part)], false);
 }
 
 /// All λ grow by a part between two instants in s.
 fn drift(scenario: &mut Scenario, time_s: [f64; 2], part: f64) {
-    for (bearing, k) in scenario.magnets() {
-        change(scenario, &format!("plant.{bearing}lambda{k}"), time_s, part);
+    for name in scenario.machine.of_magnets("lambda") {
+        change(scenario, &name, time_s, part);
     }
 }
 
