@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::read::significant;
+use super::units::significant;
 
 /// Values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);

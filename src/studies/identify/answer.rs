@@ -1,19 +1,20 @@
 //! The answer for whole recordings: maximum likelihood, what it is worth, and what is said where it is worth nothing.
 
-mod columns;
+mod recorded;
 mod shown;
 
 use nalgebra::DVector;
 
-pub(super) use self::columns::{Columns, columns};
+pub(super) use self::recorded::recording;
 use self::shown::shown;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
 use super::likelihood::{
-    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Told,
+    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Recording, Told,
 };
-use super::read::{Rotation, Samples, significant, time};
+use super::read::{Rotation, Samples};
 use super::tolerance::plain;
+use super::units::{significant, time};
 use super::{GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
@@ -77,7 +78,7 @@ pub struct Answer {
 /// Whether estimates describe a magnetic bearing at all: `None`, or why not.
 pub(super) fn implausible(
     found: &Identification,
-    columns: &Columns,
+    recording: &Recording,
     machine: &Machine,
     parts: &[Part],
 ) -> Option<String> {
@@ -92,7 +93,7 @@ pub(super) fn implausible(
         }
     }
     for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(parts)) {
-        let [current_rms, motion_rms] = columns.sizes(part);
+        let [current_rms, motion_rms] = recording.sizes(part);
         if conditions.current_noise_a > CURRENT_NOISE * current_rms {
             return Some(format!(
                 "the forces would be off by as much as noise of {} A on the currents makes, {} % of their rms: they do not belong \
@@ -121,15 +122,15 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
                        load.";
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
     }
-    let columns: Vec<Columns> = recordings.iter().map(|samples| columns(samples, question.stated.hold)).collect();
+    let of = |samples: &Samples| recording(samples, &question.stated, question.stated.hold);
+    let all: Vec<Recording> = recordings.iter().map(of).collect();
     let bench = question.bench.iter().zip(question.stated.parameters());
     let mut searched = bench.filter(|(told, _)| told.knowledge != Knowledge::Exact);
     let is_searched = searched.any(|(_, of)| !["m", DYNAMICS].contains(&plain(&of.name)));
-    let thinned: Option<Vec<Columns>> =
-        recordings.iter().map(|samples| Some(self::columns(&samples.thinned()?, question.stated.hold))).collect();
-    let mut answer = answer_columns(&columns, thinned.filter(|_| is_searched), question);
-    for (samples, columns) in recordings.iter().zip(&columns) {
-        if let Some(off) = drifts(samples, columns) {
+    let thinned: Option<Vec<Recording>> = recordings.iter().map(|samples| Some(of(&samples.thinned()?))).collect();
+    let mut answer = answer_all(&all, thinned.filter(|_| is_searched), question);
+    for (samples, recording) in recordings.iter().zip(&all) {
+        if let Some(off) = drifts(samples, recording) {
             answer.valid = false;
             answer.verdict = format!(
                 "Not valid: the motion turns by {} % faster than the stated speed: --speed, or a column of the angle.",
@@ -142,24 +143,21 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
 
 /// By which part of itself the motion is faster than a speed that is not that of a recorded angle, if by less than [`OTHER`] and certainly, and if
 /// it matters.
-fn drifts(samples: &Samples, columns: &Columns) -> Option<f64> {
+fn drifts(samples: &Samples, recording: &Recording) -> Option<f64> {
     if !matches!(samples.rotation, Rotation::Told | Rotation::Speed) {
         return None;
     }
-    let [off, std, angle_rad] = diagnosis::drift(columns)?;
+    let [off, std, angle_rad] = diagnosis::drift(recording)?;
     (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
-fn answer_columns(all: &[Columns], thinned: Option<Vec<Columns>>, question: Question) -> Answer {
+fn answer_all(all: &[Recording], thinned: Option<Vec<Recording>>, question: Question) -> Answer {
     let stated = &question.stated;
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options = Options { slow_force, ..stated.options(&question.bench) };
-    let hold = stated.hold;
-    let recordings: Vec<likelihood::Recording<'_>> =
-        all.iter().map(|columns| columns.recording(stated, hold)).collect();
     let identified = match question.slow_force {
-        Some(_) => likelihood::identify(&recordings, &options),
-        None => with_slow_force(&recordings, &mut options),
+        Some(_) => likelihood::identify(all, &options),
+        None => with_slow_force(all, &mut options),
     };
     let mut findings = Vec::new();
     let (mut found, mut refusal) = match identified {
@@ -167,16 +165,17 @@ fn answer_columns(all: &[Columns], thinned: Option<Vec<Columns>>, question: Ques
         Err(failed) => (None, Some(failed.to_string())),
     };
     if let (Some(found), Some(thinned)) = (found.as_mut().filter(|found| found.converged), &thinned) {
-        let thinned: Vec<_> = thinned.iter().map(|columns| columns.recording(stated, hold)).collect();
-        let other = likelihood::identify(&thinned, &options).ok().filter(|other| other.converged);
+        let other = likelihood::identify(thinned, &options).ok().filter(|other| other.converged);
         other.into_iter().for_each(|other| found.widen(&other));
     }
     let told = stated.noise.iter().all(|noise| *noise > 0.0);
-    let turns: f64 = all.iter().map(Columns::turns).sum();
-    let rest = all.iter().all(Columns::at_rest);
+    let turns: f64 = all.iter().map(Recording::turns).sum();
+    let rest = all.iter().all(Recording::at_rest);
     if let Some(found) = &found {
-        refusal =
-            question.holds.and_then(|holds| holds.against(hold)).or_else(|| judge(found, all, stated, &options.parts));
+        refusal = question
+            .holds
+            .and_then(|holds| holds.against(stated.hold))
+            .or_else(|| judge(found, all, stated, &options.parts));
     }
     let weak = found.as_ref().is_some_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
@@ -184,20 +183,20 @@ fn answer_columns(all: &[Columns], thinned: Option<Vec<Columns>>, question: Ques
     // The likelihood would propose other readings by chance.
     let deceived = found.as_ref().is_some_and(|found| found.deceived_by_gaps);
     let least = TURNS[usize::from(!told)];
-    let differ = found.as_ref().and_then(|_| differ(&recordings, &options, &stated.machine.symbols("λ")));
+    let differ = found.as_ref().and_then(|_| differ(all, &options, &stated.machine.symbols("λ")));
     if !rest && turns < least {
         refusal = Some(format!(
             "the recording is too short: {} turns of the rotor, {least} at least are wanted",
             significant(turns, 2)
         ));
-    } else if refusal.is_some() && rest && (weak || all.iter().all(|columns| columns.still(&options.parts))) {
+    } else if refusal.is_some() && rest && (weak || all.iter().all(|recording| recording.still(&options.parts))) {
         refusal = Some(
             "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the \
              smallest force (F0.modulation)"
                 .into(),
         );
     } else if refusal.is_some() && !(weak && deceived) {
-        let take = Take { columns: all[0].clone(), options, hold, stated: stated.clone(), bearing: 0 };
+        let take = Take { recording: all[0].clone(), options, machine: stated.machine, bearing: 0 };
         findings.extend(diagnosis::proposals(&take));
     }
     // A search that did not converge has no estimate, and its residuals ask for nothing; parts of recordings that differ say nothing else.
@@ -234,7 +233,7 @@ fn answer_columns(all: &[Columns], thinned: Option<Vec<Columns>>, question: Ques
 
 /// Identifies, once more with a slow force if the likelihood asks for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
 pub(super) fn with_slow_force(
-    recordings: &[likelihood::Recording<'_>],
+    recordings: &[Recording],
     options: &mut Options,
 ) -> Result<Identification, likelihood::Failed> {
     let plain = likelihood::identify(recordings, options)?;
@@ -298,7 +297,7 @@ pub(super) fn words_on_dynamics(of: &str, kappa: f64, std: f64, worth: &str) -> 
 }
 
 /// Whether recordings of one bearing disagree by estimates of their own, and about what.
-fn differ(recordings: &[likelihood::Recording<'_>], options: &Options, names: &[String]) -> Option<String> {
+fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Option<String> {
     let [_, _, ..] = recordings else { return None };
     let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
     let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
@@ -312,7 +311,7 @@ fn differ(recordings: &[likelihood::Recording<'_>], options: &Options, names: &[
 }
 
 /// Why the estimates are not valid.
-fn judge(found: &Identification, all: &[Columns], stated: &Stated, parts: &[Part]) -> Option<String> {
+fn judge(found: &Identification, all: &[Recording], stated: &Stated, parts: &[Part]) -> Option<String> {
     let names = stated.machine.symbols("λ");
     if !found.converged {
         return Some(format!(
@@ -331,7 +330,7 @@ fn judge(found: &Identification, all: &[Columns], stated: &Stated, parts: &[Part
             100.0 * STD_LIMIT
         ));
     }
-    if let Some(why) = all.iter().find_map(|columns| implausible(found, columns, stated.machine, parts)) {
+    if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, parts)) {
         return Some(why);
     }
     let silent = is_silent(found);
@@ -386,7 +385,7 @@ fn is_silent(found: &Identification) -> bool {
 }
 
 /// Findings besides the estimates.
-fn words_on(found: &Identification, all: &[Columns], stated: &Stated) -> Vec<String> {
+fn words_on(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<String> {
     let mut words = Vec::new();
     for part in &found.contradictions {
         let step_s = all[part.recording].step_s;

@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use super::Stated;
-use super::answer::{Columns, implausible, with_slow_force};
-use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin};
-use super::read::significant;
+use super::answer::{implausible, with_slow_force};
+use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin, Recording};
+use super::mean;
 use super::tolerance::plain;
-use crate::machine::Kind;
+use super::units::significant;
+use crate::machine::{Kind, Machine};
 
 /// Rows of the stretch at least, and at most where the rotor turns slowly.
 const ROWS: [usize; 2] = [2000, 20_000];
@@ -36,10 +36,9 @@ fn better(alternatives: usize, rows: usize) -> f64 {
 /// A recording and what is told of it.
 #[derive(Clone, Debug)]
 pub(super) struct Take {
-    pub columns: Columns,
+    pub recording: Recording,
     pub options: Options,
-    pub hold: Hold,
-    pub stated: Stated,
+    pub machine: &'static Machine,
     /// The radial bearing that an alternative is about.
     pub bearing: usize,
 }
@@ -47,7 +46,7 @@ pub(super) struct Take {
 impl Take {
     /// The magnets of the bearing.
     fn magnets(&self) -> Range<usize> {
-        self.stated.machine.magnets_of_bearings()[self.bearing].1.clone()
+        self.machine.magnets_of_bearings()[self.bearing].1.clone()
     }
 }
 
@@ -79,7 +78,7 @@ const fn of_four(name: &'static str, apply: fn(&mut Take)) -> Alternative {
 
 /// Changes the positions that the sensors of the bearing read.
 fn positions(take: &mut Take, change: impl Fn([f64; 2]) -> [f64; 2]) {
-    let [y, z, ..] = &mut take.columns.position_m[2 * take.bearing..] else { return };
+    let [y, z, ..] = &mut take.recording.position_m[2 * take.bearing..] else { return };
     for (y, z) in y.iter_mut().zip(z) {
         [*y, *z] = change([*y, *z]);
     }
@@ -87,19 +86,18 @@ fn positions(take: &mut Take, change: impl Fn([f64; 2]) -> [f64; 2]) {
 
 /// Reorders the currents of the bearing.
 fn currents(take: &mut Take, reorder: impl FnOnce(&mut [usize])) {
-    let mut order: Vec<usize> = (0..take.columns.current_a.len()).collect();
+    let mut order: Vec<usize> = (0..take.recording.current_a.len()).collect();
     reorder(&mut order[take.magnets()]);
-    take.columns.current_a = order.iter().map(|k| take.columns.current_a[*k].clone()).collect();
-    for missing in &mut take.columns.missing {
+    take.recording.current_a = order.iter().map(|k| take.recording.current_a[*k].clone()).collect();
+    for missing in &mut take.recording.missing {
         let before = missing.current;
         order.iter().zip(&mut missing.current).for_each(|(k, to)| *to = before[*k]);
     }
 }
 
 fn later(take: &mut Take) {
-    let columns = &mut take.columns;
-    columns.current_a.iter_mut().for_each(|current| current.rotate_right(1));
-    columns.usable[0] = false;
+    take.recording.current_a.iter_mut().for_each(|current| current.rotate_right(1));
+    take.recording.usable[0] = false;
 }
 
 const SWAP: &str = "exchange Ym and Zm (--column)";
@@ -133,14 +131,18 @@ const ALTERNATIVES: &[Alternative] = &[
     of_four("the magnets count from the fourth", |take| currents(take, |order| order.rotate_left(3))),
     row(
         "the currents are those before the sample (measured)",
-        |take| take.hold = Hold::HeldBefore,
+        |take| take.recording.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    row("the currents are commands, held after the sample", |take| take.hold = Hold::HeldAfter, "--hold heldAfter"),
-    row("the currents are continuous", |take| take.hold = Hold::Linear, "--hold linear"),
+    row(
+        "the currents are commands, held after the sample",
+        |take| take.recording.hold = Hold::HeldAfter,
+        "--hold heldAfter",
+    ),
+    row("the currents are continuous", |take| take.recording.hold = Hold::Linear, "--hold linear"),
     row(
         "the currents come a sample late, or the positions early",
-        |take| take.columns.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
+        |take| take.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
         "shift the currents by one row",
     ),
     row(
@@ -148,33 +150,12 @@ const ALTERNATIVES: &[Alternative] = &[
         later,
         "shift the currents by one row, or --estimate delay",
     ),
-    row(
-        "the angle counts against the rotation",
-        |take| {
-            take.columns.theta_rad.iter_mut().for_each(|theta| *theta = -*theta);
-            take.columns.omega_rad_s.iter_mut().for_each(|omega| *omega = -*omega);
-        },
-        "reverse the signs of theta and omega",
-    ),
-    row(
-        "the speed is twice as high",
-        |take| {
-            take.columns.theta_rad.iter_mut().for_each(|theta| *theta *= 2.0);
-            take.columns.omega_rad_s.iter_mut().for_each(|omega| *omega *= 2.0);
-        },
-        "double theta and omega",
-    ),
-    row(
-        "the speed is half as high",
-        |take| {
-            take.columns.theta_rad.iter_mut().for_each(|theta| *theta *= 0.5);
-            take.columns.omega_rad_s.iter_mut().for_each(|omega| *omega *= 0.5);
-        },
-        "halve theta and omega",
-    ),
+    row("the angle counts against the rotation", |take| turn(take, -1.0), "reverse the signs of theta and omega"),
+    row("the speed is twice as high", |take| turn(take, 2.0), "double theta and omega"),
+    row("the speed is half as high", |take| turn(take, 0.5), "halve theta and omega"),
     row(
         "the speed is another",
-        |take| drift(&take.columns).into_iter().for_each(|[off, ..]| respeed(take, off)),
+        |take| drift(&take.recording).into_iter().for_each(|[off, ..]| turn(take, 1.0 + off)),
         SPEED,
     ),
     row("the gap is another", |take| free(take, "s"), "--estimate s"),
@@ -184,16 +165,16 @@ const SPEED: &str = "--speed, or a column of the angle";
 
 /// By which part of itself the speed of the motion differs from that told, with its standard deviation and the angle in rad that this makes over the
 /// recording: the slope of the phase of the forward component over the angle, turn by turn.
-pub(super) fn drift(columns: &Columns) -> Option<[f64; 3]> {
-    let (first, last) = (*columns.theta_rad.first()?, *columns.theta_rad.last()?);
-    let rows: Vec<usize> = (0..columns.usable.len()).filter(|row| columns.usable[*row]).collect();
-    let mean = [0, 1].map(|a| rows.iter().map(|row| columns.position_m[a][*row]).sum::<f64>() / rows.len() as f64);
+pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
+    let Recording { theta_rad, position_m, .. } = recording;
+    let (first, last) = (*theta_rad.first()?, *theta_rad.last()?);
+    let mean = [0, 1].map(|a| mean(recording.used().map(|row| position_m[a][row])));
     let mut turns: Vec<[f64; 2]> = Vec::new();
-    for row in rows {
-        let turn = ((columns.theta_rad[row] - first).abs() / TAU) as usize;
+    for row in recording.used() {
+        let turn = ((theta_rad[row] - first).abs() / TAU) as usize;
         turns.resize(turns.len().max(turn + 1), [0.0; 2]);
-        let (sin, cos) = libm::sincos(columns.theta_rad[row]);
-        let [y, z] = [0, 1].map(|a| columns.position_m[a][row] - mean[a]);
+        let (sin, cos) = libm::sincos(theta_rad[row]);
+        let [y, z] = [0, 1].map(|a| position_m[a][row] - mean[a]);
         turns[turn][0] += y * cos + z * sin;
         turns[turn][1] += z * cos - y * sin;
     }
@@ -210,10 +191,10 @@ pub(super) fn drift(columns: &Columns) -> Option<[f64; 3]> {
     (steps.len() >= 2).then(|| [mean, (square / count).sqrt(), mean * (last - first).abs()])
 }
 
-fn respeed(take: &mut Take, off: f64) {
-    for value in take.columns.theta_rad.iter_mut().chain(&mut take.columns.omega_rad_s) {
-        *value *= 1.0 + off;
-    }
+/// Angle and speed, times a factor.
+fn turn(take: &mut Take, factor: f64) {
+    let rotation = take.recording.theta_rad.iter_mut().chain(&mut take.recording.omega_rad_s);
+    rotation.for_each(|value| *value *= factor);
 }
 
 fn free(take: &mut Take, name: &str) {
@@ -222,8 +203,7 @@ fn free(take: &mut Take, name: &str) {
 }
 
 fn identified(take: &Take) -> Option<Identification> {
-    let recording = take.columns.recording(&take.stated, take.hold);
-    with_slow_force(&[recording], &mut take.options.clone()).ok()
+    with_slow_force(std::slice::from_ref(&take.recording), &mut take.options.clone()).ok()
 }
 
 /// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
@@ -231,29 +211,25 @@ fn fit(take: &Take) -> Option<(f64, Option<f64>, bool)> {
     let found = identified(take)?;
     let sound = found.converged
         && found.contradictions.is_empty()
-        && implausible(&found, &take.columns, take.stated.machine, &take.options.parts).is_none();
+        && implausible(&found, &take.recording, take.machine, &take.options.parts).is_none();
     let gap = found.bench.iter().find(|of| of.parameter.name == "s").map(|of| of.estimate.value);
     found.contradictions.is_empty().then_some((found.log_likelihood, gap, sound))
 }
 
 /// A stretch in the middle of a recording, or as long as several.
 fn stretch(take: &Take, stretches: usize) -> Take {
-    let all = &take.columns;
+    let all = &take.recording;
     let rows = all.usable.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
     let wanted = if speed > 0.0 { (TURNS * TAU / speed / all.step_s) as usize } else { 0 };
     let count = (stretches * wanted.clamp(ROWS[0], ROWS[1])).min(rows);
     let from = (rows - count) / 2;
-    let of = from..from + count;
-    let mut take = Take { columns: all.part(of), ..take.clone() };
+    let mut recording = all.part(from..from + count);
     // The first row has a neighbour in every alternative, or in none.
-    if let Some(first) = take.columns.usable.first_mut() {
-        *first = false;
+    for end in [0, count.saturating_sub(1)] {
+        recording.usable[end..].iter_mut().take(1).for_each(|usable| *usable = false);
     }
-    if let Some(last) = take.columns.usable.last_mut() {
-        *last = false;
-    }
-    take
+    Take { recording, options: take.options.clone(), ..*take }
 }
 
 /// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the delay that
@@ -267,7 +243,7 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
             }
         }
         // A force that is not known goes with every reading.
-        let rows = take.columns.usable.iter_mut().zip(&take.columns.missing);
+        let rows = take.recording.usable.iter_mut().zip(&take.recording.missing);
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         take
     });
@@ -277,7 +253,7 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
     let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
     let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
     if !rows.is_empty() {
-        takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.columns.usable[rows.clone()].fill(false)));
+        takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.recording.usable[rows.clone()].fill(false)));
         found = takes.each_ref().map(identified);
     }
     let of =
@@ -291,14 +267,14 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     let take = stretch(take, 1);
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let mut fits: Vec<(f64, String)> = Vec::new();
-    let bearings: Vec<_> = take.stated.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
+    let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
     let each = |alternative: &'static Alternative| {
         let of_bearings = bearings.iter().enumerate().filter(|(_, of)| of.magnets >= alternative.magnets);
         let count = if alternative.magnets == 0 { 1 } else { bearings.len() };
         of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
-    let least = told + better(alternatives.len(), take.columns.usable.len());
+    let least = told + better(alternatives.len(), take.recording.usable.len());
     for (alternative, at, bearing) in alternatives {
         let mut other = Take { bearing: at, ..take.clone() };
         (alternative.apply)(&mut other);
@@ -309,9 +285,10 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
                 if alternative.magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
             let mut words = format!("{}{of}: {}", alternative.name, alternative.proposal);
             if let ("--estimate s", Some(gap)) = (alternative.proposal, gap) {
-                words += &format!("; about {} mm", significant(1e3 * take.stated.bodies[0].gap_m() * (1.0 + gap), 3));
+                words +=
+                    &format!("; about {} mm", significant(1e3 * take.options.parts[0].body.gap_m() * (1.0 + gap), 3));
             }
-            if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.columns)) {
+            if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.recording)) {
                 words += &format!("; by about {} %", significant(100.0 * off, 2));
             }
             fits.push((likelihood, words));

@@ -57,22 +57,22 @@ pub use crate::estimation::Hold;
 use crate::machine::Bearing;
 
 /// One recording, sampled at equal distances.
-#[derive(Clone, Copy, Debug)]
-pub struct Recording<'a> {
+#[derive(Clone, Debug)]
+pub struct Recording {
     /// Time between two samples, s.
     pub step_s: f64,
     /// Positions by coordinate, m.
-    pub position_m: &'a [Vec<f64>],
+    pub position_m: Vec<Vec<f64>>,
     /// Currents by magnet, A.
-    pub current_a: &'a [Vec<f64>],
+    pub current_a: Vec<Vec<f64>>,
     /// Angle of the shaft, rad; may be wrapped.
-    pub theta_rad: &'a [f64],
+    pub theta_rad: Vec<f64>,
     /// Speed of the shaft, rad/s.
-    pub omega_rad_s: &'a [f64],
+    pub omega_rad_s: Vec<f64>,
     /// Which samples may be used; empty for all of them. What is not usable separates segments, each with a state of its own.
-    pub usable: &'a [bool],
+    pub usable: Vec<bool>,
     /// Samples that were not recorded and are filled from their neighbours; empty if there are none. The filter predicts across them.
-    pub missing: &'a [Missing],
+    pub missing: Vec<Missing>,
     /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
@@ -81,7 +81,7 @@ pub struct Recording<'a> {
     pub current_noise_a: Option<f64>,
 }
 
-impl Recording<'_> {
+impl Recording {
     /// Number of its rows.
     fn rows(&self) -> usize {
         self.theta_rad.len()
@@ -403,7 +403,7 @@ pub const SHORTEST: usize = 16;
 ///
 /// # Errors
 /// Obstacles to identification, by name.
-pub fn identify(recordings: &[Recording<'_>], options: &Options) -> Result<Identification, Failed> {
+pub fn identify(recordings: &[Recording], options: &Options) -> Result<Identification, Failed> {
     let mut parts = options.parts.iter();
     let first = parts.next().expect("something moves").identify(recordings, options.slow_force)?;
     parts.try_fold(first, |all, part| Ok(all.beside(part.identify(recordings, options.slow_force)?)))

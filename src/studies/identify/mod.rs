@@ -11,6 +11,7 @@ mod read;
 mod tolerance;
 mod track;
 mod twin;
+mod units;
 
 use std::f64::consts::TAU;
 
@@ -23,10 +24,11 @@ pub use self::track::{Track, estimator, recording, said, track};
 pub use self::twin::Twin;
 
 use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Options, Part, Told, parameters};
-use self::read::significant;
-pub use self::read::{Reading, Rotation, Samples, Unusable, duration_s, rate_s};
+pub use self::read::{Reading, Rotation, Samples, Unusable};
 use self::tolerance::plain;
 use self::track::hold;
+use self::units::significant;
+pub use self::units::{duration_s, rate_s};
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::bearing::shaft::Shaft;
 use crate::estimation::{Hold, Method};
@@ -287,10 +289,9 @@ impl Holds {
         told.filter(|((of, _), _)| [DELAY, DYNAMICS].contains(&plain(&of.name)))
             .for_each(|((_, to), told)| *to = *told);
         Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
-            columns: answer::columns(samples, hold),
+            recording: answer::recording(samples, stated, hold),
             options: options.clone(),
-            hold,
-            stated: stated.clone(),
+            machine: stated.machine,
             bearing: 0,
         })))
     }

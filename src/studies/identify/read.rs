@@ -7,7 +7,6 @@ mod signals;
 mod stamps;
 mod table;
 mod text;
-mod units;
 
 use std::io::Read;
 
@@ -15,13 +14,12 @@ use self::header::{Kind, Signals, TIME_AT};
 use self::signals::Known;
 use self::table::Table;
 use super::faults;
+use super::units::{rounded_time, significant, time};
 use crate::estimation::Hold;
 use crate::machine::Machine;
 
 pub(super) use self::plausible::REST_RAD_S;
 pub(super) use self::signals::{noise, range};
-pub use self::units::{duration_s, rate_s};
-pub(super) use self::units::{number_and_unit, significant, time};
 
 /// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
 pub const FILLED: usize = 3;
@@ -176,7 +174,8 @@ impl Samples {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        samples(&Table::read(&mut recording, reading, &|kind| reading.wants(kind))?, reading).map_err(Unusable)
+        let table = Table::read(&mut recording, reading, &|kind| reading.wants(kind));
+        table.and_then(|table| samples(table, reading)).map_err(Unusable)
     }
 
     /// Reads a recording that is a text already.
@@ -198,22 +197,20 @@ impl Samples {
         reading: &Reading,
     ) -> Result<Self, Unusable> {
         let is_motion = |kind| reading.wants(kind) && !matches!(kind, Kind::Current(_));
-        let motion = Table::read(&mut motion, reading, &is_motion);
-        let (motion, currents) = match (motion, table_of_currents(&mut currents, reading)) {
+        let of = |table: &str, findings: Vec<String>| -> Vec<String> {
+            findings.iter().map(|finding| format!("{table}: {finding}")).collect()
+        };
+        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|findings| of("positions", findings));
+        let currents = table_of_currents(&mut currents, reading).map_err(|findings| of("currents", findings));
+        let (motion, currents) = match (motion, currents) {
             (Ok(motion), Ok(currents)) => (motion, currents),
             (motion, currents) => {
-                let of = |unusable: Option<Unusable>, table: &'static str| {
-                    unusable
-                        .into_iter()
-                        .flat_map(|unusable| unusable.0)
-                        .map(move |finding| format!("{table}: {finding}"))
-                };
-                return Err(Unusable(of(motion.err(), "positions").chain(of(currents.err(), "currents")).collect()));
+                return Err(Unusable([motion.err(), currents.err()].into_iter().flatten().flatten().collect()));
             }
         };
         let later_s = (currents.origin_ns() - motion.origin_ns()) as f64 * 1e-9;
-        let mut samples = samples(&motion, reading).map_err(Unusable)?;
-        samples.take_currents(currents, later_s).map_err(|finding| Unusable(vec![format!("currents: {finding}")]))?;
+        let mut samples = samples(motion, reading).map_err(Unusable)?;
+        samples.take_currents(currents, later_s).map_err(|finding| Unusable(of("currents", vec![finding])))?;
         Ok(samples)
     }
 
@@ -289,7 +286,7 @@ impl Samples {
         self.notes.push(format!(
             "The currents have {} samples of their own, every {}.",
             currents[0].len(),
-            units::rounded_time(self.step_s * signals::distance(&currents[0]), 4)
+            rounded_time(self.step_s * signals::distance(&currents[0]), 4)
         ));
         self.apart = Some(currents);
     }
@@ -303,10 +300,9 @@ impl Samples {
 }
 
 /// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
-fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Unusable> {
+fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Vec<String>> {
     let mut text = Vec::new();
-    from.read_to_end(&mut text)
-        .map_err(|error| Unusable(vec![format!("the table of the currents cannot be read: {error}")]))?;
+    from.read_to_end(&mut text).map_err(|error| vec![format!("the text cannot be read: {error}")])?;
     let wanted = |kind: Kind| matches!(kind, Kind::Time | Kind::Current(_));
     let mut reading = Reading { rate_s: None, ..reading.clone() };
     Table::read(&mut text.as_slice(), &reading, &wanted).or_else(|first| {
@@ -403,9 +399,9 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
 }
 
 /// Brings the rows of a table to a uniform pace.
-fn samples(table: &Table, reading: &Reading) -> Result<Samples, Vec<String>> {
+fn samples(table: Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let mut notes = table.notes.clone();
-    let Grid { start_s, step_s, count, place } = grid(table, reading, &mut notes)?;
+    let Grid { start_s, step_s, count, place } = grid(&table, reading, &mut notes)?;
     let Signals { list, positions, currents: of_currents, theta, omega } = &table.signals;
     notes.insert(0, format!("{count} samples of {}.", time(step_s)));
     let known = |at: usize| signals::known(&place, &table.columns[at]);

@@ -4,21 +4,8 @@ use fmu_export::variable::Value;
 
 use super::Stated;
 use super::likelihood::BenchParameter;
-use super::read::number_and_unit;
+use super::units::{self, factor, in_si, number_and_unit};
 use crate::simulation::scenario::Element;
-
-/// Units by the unit of the parameter; `%` and numbers without unit are parts of the value.
-const UNITS: [(&str, &[(&str, f64)]); 8] = [
-    ("1", &[("", 1.0), ("1", 1.0), ("%", 1e-2), ("ppm", 1e-6)]),
-    ("m", &[("", 1.0), ("m", 1.0), ("mm", 1e-3), ("µm", 1e-6), ("um", 1e-6), ("nm", 1e-9)]),
-    ("rad", &[("", 1.0), ("rad", 1.0), ("mrad", 1e-3), ("deg", DEGREE), ("°", DEGREE)]),
-    ("s", &[("", 1.0), ("s", 1.0), ("ms", 1e-3), ("µs", 1e-6), ("us", 1e-6)]),
-    ("A", &[("", 1.0), ("A", 1.0), ("mA", 1e-3)]),
-    ("N", &[("", 1.0), ("N", 1.0), ("mN", 1e-3)]),
-    ("kg", &[("", 1.0), ("kg", 1.0), ("g", 1e-3)]),
-    ("kg.m2", &[("", 1.0), ("kg.m2", 1.0), ("kg·m²", 1.0)]),
-];
-const DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// A value in SI units from a number with or without one of the units of a quantity, which is named by its SI unit.
 ///
@@ -26,20 +13,12 @@ const DEGREE: f64 = std::f64::consts::PI / 180.0;
 /// The wanted form.
 pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
     // A random walk is given by what it reaches in a second.
-    let of = si.trim_end_matches("/s0.5");
-    let units = UNITS.iter().find(|(unit, _)| *unit == of).map_or(&[("", 1.0)][..], |(_, units)| *units);
-    let listed: Vec<_> = units.iter().map(|(unit, _)| *unit).filter(|unit| !unit.is_empty() && *unit != "1").collect();
-    let wanted = || match listed.as_slice() {
+    let units = units::quantity_of(si.trim_end_matches("/s0.5"));
+    let value = number_and_unit(text).and_then(|(number, unit)| Some(in_si(number, factor(units, unit)?)));
+    value.filter(|value| value.is_finite()).ok_or_else(|| match units {
         [] => format!("{name}={text}: a number is wanted ({si})"),
-        listed => format!("{name}={text}: a number is wanted, in {}", listed.join(", ")),
-    };
-    let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
-    let unit = unit.replace('μ', "µ");
-    let factor = units.iter().find(|(known, _)| *known == unit).ok_or_else(wanted)?.1;
-    // Division by a whole reciprocal rounds once.
-    let per = (1.0 / factor).round();
-    let value = if (factor * per - 1.0).abs() < 1e-12 && factor < 1.0 { number / per } else { number * factor };
-    if value.is_finite() { Ok(value) } else { Err(wanted()) }
+        units => format!("{name}={text}: a number is wanted, in {}", units::names(units)),
+    })
 }
 
 /// The name of a bench parameter without the prefix of its bearing.
@@ -96,7 +75,6 @@ pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
 pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize, f64)>, String> {
     let parameters = stated.parameters();
     let meant = named(&parameters, name)?;
-    let units_of = |unit: &str| UNITS.iter().find(|(of, _)| *of == unit).map_or(&[][..], |(_, units)| *units);
     let own = parameters[meant[0]].unit;
     let absolute = match plain(&parameters[meant[0]].name) {
         "m" => "kg",
@@ -104,14 +82,14 @@ pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize,
         "Jt" | "Jp" => "kg.m2",
         _ => "",
     };
-    let listed = units_of(own).iter().chain(units_of(absolute)).map(|(name, _)| *name);
-    let listed: Vec<&str> = listed.filter(|name| !name.is_empty() && *name != "1").collect();
-    let wanted = || format!("tolerance {name}={value}: a number above 0 is wanted, in {}", listed.join(", "));
+    let [of_own, of_absolute] = [own, absolute].map(units::quantity_of);
+    let wanted = || {
+        let listed = [of_own, of_absolute].map(units::names).join(", ");
+        format!("tolerance {name}={value}: a number above 0 is wanted, in {}", listed.trim_end_matches(", "))
+    };
     let (number, unit) = number_and_unit(value).ok_or_else(wanted)?;
-    let unit = unit.replace('μ', "µ");
-    let factor = |of: &str| units_of(of).iter().find(|(name, _)| *name == unit).map(|(_, factor)| *factor);
     let of = |at: usize| {
-        let std = match (factor(own), factor(absolute)) {
+        let std = match (factor(of_own, unit), factor(of_absolute, unit)) {
             (Some(factor), _) => number * factor,
             (None, Some(factor)) => number * factor / stated.value(&parameters[at].name),
             (None, None) => return Err(wanted()),

@@ -8,7 +8,8 @@ use fmu_export::log::Silent;
 use fmu_export::variable::Value;
 use serde_json::{Map, Value as Json, json};
 
-use super::read::{Samples, significant};
+use super::read::Samples;
+use super::units::significant;
 use super::{Failed, METHODS, Said, name_of};
 use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT, Verdict};
 use crate::fmu;

@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use super::Answer;
 use crate::machine::Bearing;
 use crate::studies::identify::likelihood::{self, BenchParameter, BudgetLine, Identification, Knowledge};
-use crate::studies::identify::read::significant;
+use crate::studies::identify::units::significant;
 use crate::studies::identify::{Said, name_of};
 use crate::table::Table;
 

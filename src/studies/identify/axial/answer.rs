@@ -13,7 +13,8 @@ use crate::studies::identify::Said;
 use crate::studies::identify::agreement::disagreement;
 use crate::studies::identify::answer::words_on_dynamics;
 use crate::studies::identify::likelihood::Estimate;
-use crate::studies::identify::read::{Samples, significant, time};
+use crate::studies::identify::read::Samples;
+use crate::studies::identify::units::{significant, time};
 use crate::table::Table;
 
 /// Relative standard deviation that any bench hides from one recording, and that is therefore part of every ±: with it the

@@ -146,7 +146,7 @@ impl Part {
     }
 
     /// Identifies this part of the motion.
-    pub(super) fn identify(&self, recordings: &[Recording<'_>], slow_force: bool) -> Result<Identification, Failed> {
+    pub(super) fn identify(&self, recordings: &[Recording], slow_force: bool) -> Result<Identification, Failed> {
         let magnets = self.body.magnets();
         let passes = passes(self.body.coordinates(), magnets);
         let (describe, varied) = match &self.body {

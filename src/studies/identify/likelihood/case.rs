@@ -28,7 +28,7 @@ const CURRENT_NOISE_LOG_STD: f64 = 0.5 * std::f64::consts::LN_10;
 /// One recording with its rows cut into pieces.
 pub(super) struct Case<'a> {
     pub data: Data<'a>,
-    pub recording: &'a Recording<'a>,
+    pub recording: &'a Recording,
     /// Its currents as they were read, A.
     pub current: Vec<&'a [f64]>,
     pub segments: Vec<Range<usize>>,
@@ -131,13 +131,13 @@ fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
     of(binomials[0]).min(of(binomials[1])).max(1e-10)
 }
 
-pub(super) fn prepare<'a>(recording: &'a Recording<'a>, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
+pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
     let (h, rows) = (recording.step_s, recording.rows());
     let columns = |of: &'a [Vec<f64>], first: usize, count: usize| -> Vec<&'a [f64]> {
         of[first..first + count].iter().map(Vec::as_slice).collect()
     };
-    let position = columns(recording.position_m, part.positions, part.body.coordinates());
-    let current = columns(recording.current_a, part.magnets, part.body.magnets());
+    let position = columns(&recording.position_m, part.positions, part.body.coordinates());
+    let current = columns(&recording.current_a, part.magnets, part.body.magnets());
     let segments = segments(
         (0..rows)
             .map(|row| recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)),
@@ -149,7 +149,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, part: &Part, usable: &[b
         let (sin, cos) = libm::sincos(angle);
         [cos, sin]
     };
-    let (theta, omega) = (recording.theta_rad, recording.omega_rad_s);
+    let (theta, omega) = (&recording.theta_rad, &recording.omega_rad_s);
     let data = Data {
         h,
         position: position.clone(),
@@ -160,7 +160,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording<'a>, part: &Part, usable: &[b
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         half_width: ((RATE_S / h).round() as usize).max(1),
-        missing: recording.missing,
+        missing: &recording.missing,
         distrusts_filled: false,
         filled_a: Cubic::of(recording, &current).rms_a(),
         unknown_a: unknown_a(&current),

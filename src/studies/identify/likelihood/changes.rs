@@ -101,7 +101,7 @@ pub(super) fn leave_smaller_side(
 
 /// Estimate of the side that was left out.
 pub(super) fn describe(
-    recordings: &[Recording<'_>],
+    recordings: &[Recording],
     masks: &[Vec<bool>],
     kind: &Kind<'_>,
     change: &Found,

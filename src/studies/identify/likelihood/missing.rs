@@ -27,7 +27,7 @@ pub(super) struct Cubic<'a> {
 }
 
 impl<'a> Cubic<'a> {
-    pub fn of(recording: &Recording<'_>, current_a: &'a [&'a [f64]]) -> Self {
+    pub fn of(recording: &Recording, current_a: &'a [&'a [f64]]) -> Self {
         let is_known = |row: usize| {
             recording.missing[row] == Missing::default() && recording.usable.get(row).copied().unwrap_or(true)
         };
@@ -66,7 +66,7 @@ pub(super) fn unknown_a(current_a: &[&[f64]]) -> Vec<f64> {
 /// Adds to currents that were filled what past innovations, whitened, say of the error of the cubic.
 pub(super) fn refill(
     data: &mut Data<'_>,
-    recording: &Recording<'_>,
+    recording: &Recording,
     current_a: &[&[f64]],
     segments: &[Range<usize>],
     innovations: &[f64],

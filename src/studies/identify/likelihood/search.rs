@@ -425,7 +425,7 @@ fn first_guess(cases: &[Case<'_>], body: &Body) -> f64 {
 
 /// A search before its first step, with its priors.
 fn start<'a>(
-    recordings: &'a [Recording<'a>],
+    recordings: &'a [Recording],
     masks: &[Vec<bool>],
     kind: &'a Kind<'a>,
     held: &[usize],
@@ -433,7 +433,7 @@ fn start<'a>(
     let cases: Option<Vec<Case<'_>>> =
         recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, kind.part, mask)).collect();
     let Some(mut cases) = cases else {
-        let short = |(recording, mask): (&'a Recording<'a>, &Vec<bool>)| prepare(recording, kind.part, mask).is_none();
+        let short = |(recording, mask): (&'a Recording, &Vec<bool>)| prepare(recording, kind.part, mask).is_none();
         let recording = recordings.iter().zip(masks).position(short).unwrap_or(0) + 1;
         return Err(Failed::TooShort { recording, wanted: SHORTEST });
     };
@@ -517,7 +517,7 @@ fn widest(finished: &Finished<'_>, of: &[usize]) -> Option<usize> {
 }
 
 pub(super) fn fit<'a>(
-    recordings: &'a [Recording<'a>],
+    recordings: &'a [Recording],
     masks: &[Vec<bool>],
     kind: &'a Kind<'a>,
     held: &mut Vec<usize>,
@@ -551,7 +551,7 @@ pub(super) fn fit<'a>(
     }
 }
 
-pub(super) fn identify(recordings: &[Recording<'_>], kind: &Kind<'_>) -> Result<Identification, Failed> {
+pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>) -> Result<Identification, Failed> {
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();

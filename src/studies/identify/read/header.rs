@@ -2,8 +2,8 @@
 
 use std::ops::Range;
 
-use super::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SPEED, TIME};
 use crate::machine::{MACHINES, Machine, Reading};
+use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SPEED, TIME};
 
 /// The time is the first signal of every machine.
 pub(super) const TIME_AT: usize = 0;

@@ -4,8 +4,9 @@ use std::f64::consts::{PI, TAU};
 
 use super::header::{Signals, TIME_AT};
 use super::signals::{median, noise, range};
-use super::units::{rounded_time, significant, time};
 use super::{Rotation, Samples};
+use crate::estimation::Hold;
+use crate::studies::identify::units::{rounded_time, significant, time};
 
 /// Sample times of controllers and recorders of magnetic bearings, in s: 2 MHz to 500 Hz.
 const STEP_S: [f64; 2] = [0.5e-6, 2e-3];
@@ -43,15 +44,6 @@ pub(super) fn findings(samples: &Samples, gap_m: &[f64]) -> Vec<String> {
     findings
 }
 
-/// The name as people write it.
-fn written(unit: &str) -> &str {
-    match unit {
-        "um" => "µm",
-        "us" => "µs",
-        other => other,
-    }
-}
-
 fn rpm(rad_s: f64) -> String {
     format!("{:.0} rpm", (rad_s * 30.0 / PI).abs())
 }
@@ -68,7 +60,7 @@ impl Read<'_> {
         let (quantity, unit) = (self.signals.list[at].quantity, self.samples.units[at]);
         let taken = quantity.iter().find(|(names, _)| Some(names[0]) == unit).unwrap_or(&quantity[0]);
         let others = quantity.iter().filter(move |unit| *unit != taken);
-        others.map(|(names, factor)| (written(names[0]), factor / taken.1))
+        others.map(|(names, factor)| (names[0], factor / taken.1))
     }
 
     /// The value of a signal that cannot be, the units that would mend it, and options to try. The unit of each suspect enters the value to a power; `fits` says of
@@ -79,7 +71,7 @@ impl Read<'_> {
             let Some(taken) = self.samples.units[*suspect] else { continue };
             let name = &self.signals.list[*suspect].name;
             for (unit, _) in self.instead(*suspect).filter(|(_, scale)| fits(scale.powi(*power))) {
-                likely.push(format!("{name} in {unit} read as {}", written(taken)));
+                likely.push(format!("{name} in {unit} read as {taken}"));
                 remedies.push(format!("--unit {name}={unit}"));
             }
         }
@@ -140,10 +132,7 @@ impl Read<'_> {
     }
 
     fn currents(&self) -> Vec<String> {
-        let currents: Vec<Vec<f64>> = match &self.samples.apart {
-            Some(apart) => apart.iter().map(|current| current.iter().map(|(_, value)| *value).collect()).collect(),
-            None => self.samples.current_a.clone(),
-        };
+        let currents = self.samples.currents(Hold::Linear);
         let largest: Vec<f64> =
             currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
         let is_misread = |k: &usize| {

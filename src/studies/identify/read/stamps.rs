@@ -1,7 +1,7 @@
 //! Time stamps as they are written: numbers in a unit, Unix epochs, ISO 8601.
 
 use super::text;
-use super::units::TIME;
+use crate::studies::identify::units::{TIME, in_si};
 
 /// Unix times from 2000 to 2100, in seconds.
 const EPOCH_S: std::ops::Range<f64> = 946_684_800.0..4_102_444_800.0;
@@ -90,8 +90,7 @@ impl Stamps {
             Self::Number { unit: (_, factor), origin } => {
                 let (whole, rest) = parts(cell, separator)?;
                 let value = (whole.wrapping_sub(*origin)) as f64 + rest;
-                // Dividing by the whole reciprocal rounds once.
-                Some(if *factor < 1.0 { value / (1.0 / factor).round() } else { value * factor })
+                Some(in_si(value, *factor))
             }
             Self::Iso { .. } if text::missing(std::str::from_utf8(cell).ok()?.trim()) => Some(f64::NAN),
             Self::Iso { origin } => Some((iso_ns(cell)? - origin) as f64 * 1e-9),

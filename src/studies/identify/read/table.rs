@@ -5,11 +5,14 @@ use std::io::{self, Read};
 
 use super::header::{self, Column, Kind, Place, Signals, TIME_AT};
 use super::stamps::Stamps;
-use super::{Reading, Unusable, text};
+use super::{Reading, text};
 use crate::machine::Machine;
 
 /// The header is sought among so many lines.
 const BEFORE_HEADER: usize = 200;
+
+const NO_HEADER: &str =
+    "no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab";
 
 /// So many cells that are no numbers are listed.
 const SHOWN: usize = 5;
@@ -29,8 +32,8 @@ pub(super) struct Table {
     pub notes: Vec<String>,
 }
 
-fn broken(error: &dyn Display) -> Unusable {
-    Unusable(vec![format!("the text cannot be read: {error}")])
+fn broken(error: &dyn Display) -> Vec<String> {
+    vec![format!("the text cannot be read: {error}")]
 }
 
 impl Table {
@@ -42,12 +45,10 @@ impl Table {
         from: &mut dyn Read,
         reading: &Reading,
         wanted: &dyn Fn(Kind) -> bool,
-    ) -> Result<Self, Unusable> {
+    ) -> Result<Self, Vec<String>> {
         let signals = Signals::of(reading.machine);
         let (head, mut text) = text::open(from).map_err(|error| broken(&error))?;
-        let header = find_header(&head, &signals, reading).ok_or_else(|| {
-            Unusable(vec!["no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab".into()])
-        })?;
+        let header = find_header(&head, &signals, reading).ok_or_else(|| vec![NO_HEADER.to_owned()])?;
         io::copy(&mut text.by_ref().take(header.start as u64), &mut io::sink()).map_err(|error| broken(&error))?;
         let mut reader = csv::ReaderBuilder::new()
             .delimiter(header.separator as u8)
@@ -92,7 +93,7 @@ impl Table {
             }
         }
         if !findings.is_empty() {
-            return Err(Unusable(findings));
+            return Err(findings);
         }
         for (at, place) in places.iter().enumerate().skip(TIME_AT + 1) {
             let Some(Place { unit, .. }) = place else { continue };
@@ -132,7 +133,7 @@ impl Table {
                 .notes
                 .push(format!("{short} rows have fewer cells than the header; the missing ones count as empty."));
         }
-        if findings.is_empty() { Ok(table) } else { Err(Unusable(findings)) }
+        if findings.is_empty() { Ok(table) } else { Err(findings) }
     }
 
     /// Takes over a row; what is wrong with it is returned.

@@ -1,19 +1,19 @@
-//! Units in which people record, with the names by which they call them.
+//! Units in which people record and state, with the names by which they call them; numbers and times as messages show them.
 
 use std::f64::consts::{PI, TAU};
 
-/// The quantity of a signal: its units by all their names, with what one of them is in SI. The first is the SI unit; the first
+/// A quantity: its units by all their names, with what one of them is in SI. The first is the SI unit; the first
 /// name of a group is the one that messages propose.
 pub(super) type Quantity = &'static [(&'static [&'static str], f64)];
 
 pub(super) const TIME: Quantity =
-    &[(&["s", "sec", "seconds"], 1.0), (&["ms", "msec"], 1e-3), (&["us", "usec"], 1e-6), (&["ns", "nsec"], 1e-9)];
+    &[(&["s", "sec", "seconds"], 1.0), (&["ms", "msec"], 1e-3), (&["µs", "usec"], 1e-6), (&["ns", "nsec"], 1e-9)];
 
 /// A mil is a thousandth of an inch.
 pub(super) const LENGTH: Quantity = &[
     (&["m"], 1.0),
     (&["mm"], 1e-3),
-    (&["um", "micron", "microns"], 1e-6),
+    (&["µm", "micron", "microns"], 1e-6),
     (&["nm"], 1e-9),
     (&["mil", "mils"], 25.4e-6),
 ];
@@ -33,7 +33,21 @@ pub(super) const SPEED: Quantity = &[
     (&["deg/s", "°/s"], PI / 180.0),
 ];
 
-const ALL: [Quantity; 5] = [TIME, LENGTH, CURRENT, ANGLE, SPEED];
+/// An angle of a bench; no sensor of a rotor counts in mrad.
+const STATED_ANGLE: Quantity = &[ANGLE[0], (&["mrad"], 1e-3), ANGLE[1]];
+const RATIO: Quantity = &[(&["1"], 1.0), (&["%"], 1e-2), (&["ppm"], 1e-6)];
+const FORCE: Quantity = &[(&["N"], 1.0), (&["mN"], 1e-3)];
+const MASS: Quantity = &[(&["kg"], 1.0), (&["g"], 1e-3)];
+const INERTIA: Quantity = &[(&["kg.m2", "kg·m²"], 1.0)];
+
+/// The quantities of signals.
+const SIGNALS: [Quantity; 5] = [TIME, LENGTH, CURRENT, ANGLE, SPEED];
+
+/// The quantity with this SI unit; empty if it has no other units.
+pub(super) fn quantity_of(si: &str) -> Quantity {
+    let all = [TIME, LENGTH, CURRENT, STATED_ANGLE, RATIO, FORCE, MASS, INERTIA];
+    all.into_iter().find(|quantity| quantity[0].0[0] == si).unwrap_or_default()
+}
 
 /// Different ways of writing the same name, made one.
 fn plain(name: &str) -> String {
@@ -46,21 +60,34 @@ fn plain(name: &str) -> String {
 pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)> {
     let name = plain(name);
     let same = |known: &&str| {
-        **known == name
+        let known = plain(known);
+        known == name
             || (known.chars().count() > 2 && known.eq_ignore_ascii_case(&name))
-            || (*known == "Hz" && name == "HZ")
+            || (known == "Hz" && name == "HZ")
     };
     quantity.iter().find(|(names, _)| names.iter().any(same)).map(|(names, factor)| (names[0], *factor))
 }
 
+/// What one of a unit is in SI; without a name it is the SI unit.
+pub(super) fn factor(quantity: Quantity, name: &str) -> Option<f64> {
+    if name.is_empty() { Some(1.0) } else { find(quantity, name).map(|(_, factor)| factor) }
+}
+
+/// So many of a unit in SI. Division by a whole reciprocal rounds once, and keeps 100 µs at exactly 1e-4.
+pub(super) fn in_si(number: f64, factor: f64) -> f64 {
+    let per = (1.0 / factor).round();
+    if factor < 1.0 && (factor * per - 1.0).abs() < 1e-12 { number / per } else { number * factor }
+}
+
 /// Whether any quantity has a unit of that name.
 pub(super) fn is_unit(name: &str) -> bool {
-    ALL.iter().any(|quantity| find(quantity, name).is_some())
+    SIGNALS.iter().any(|quantity| find(quantity, name).is_some())
 }
 
 /// The names that messages list.
 pub(super) fn names(quantity: Quantity) -> String {
-    quantity.iter().map(|(names, _)| names[0].replace("um", "µm").replace("us", "µs")).collect::<Vec<_>>().join(", ")
+    let names = quantity.iter().map(|(names, _)| names[0]);
+    names.filter(|name| *name != RATIO[0].0[0]).collect::<Vec<_>>().join(", ")
 }
 
 /// A length of time with its unit, `100us` or `100 µs`; seconds where there is none.
@@ -70,9 +97,7 @@ pub(super) fn names(quantity: Quantity) -> String {
 pub fn duration_s(text: &str) -> Result<f64, String> {
     let wanted = || format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s");
     let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
-    let factor = if unit.is_empty() { 1.0 } else { find(TIME, unit).ok_or_else(wanted)?.1 };
-    // Division by the whole reciprocal keeps 100 µs at exactly 1e-4.
-    let value = if factor < 1.0 { number / (1.0 / factor).round() } else { number };
+    let value = in_si(number, factor(TIME, unit).ok_or_else(wanted)?);
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
 }
 
@@ -93,16 +118,16 @@ pub fn rate_s(text: &str) -> Result<f64, String> {
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
 }
 
-pub(in crate::studies::identify) fn number_and_unit(text: &str) -> Option<(f64, &str)> {
+/// A number and the text behind it.
+pub(super) fn number_and_unit(text: &str) -> Option<(f64, &str)> {
     let text = text.trim();
     // The longest beginning that is a number, so that an exponent is not taken for a unit.
     let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
-    let end = ends.rev().find(|end| text[..*end].trim().parse::<f64>().is_ok())?;
-    Some((text[..end].trim().parse().ok()?, text[end..].trim()))
+    ends.rev().find_map(|end| Some((text[..end].trim().parse().ok()?, text[end..].trim())))
 }
 
 /// A time in the unit in which it has the fewest zeros.
-pub(in crate::studies::identify) fn time(seconds: f64) -> String {
+pub(super) fn time(seconds: f64) -> String {
     // A number just below a unit by rounding is shown in it.
     let (factor, name) = match seconds.abs() * (1.0 + 1e-9) {
         size if size >= 1.0 || size == 0.0 => (1.0, "s"),
@@ -119,7 +144,7 @@ pub(super) fn rounded_time(seconds: f64, digits: i32) -> String {
 }
 
 /// A number with so many significant digits, without zeros at its end.
-pub(in crate::studies::identify) fn significant(value: f64, digits: i32) -> String {
+pub(super) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }
