@@ -5,6 +5,8 @@ mod faults;
 use std::path::Path;
 
 use crate::bench::Bench;
+use crate::program::{self, folder};
+use crate::support::says;
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
@@ -16,6 +18,7 @@ use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
 use magnetic_bearing::studies::parallel::in_order;
+use serde_json::Value as Json;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 
@@ -56,18 +59,45 @@ fn estimate(track: &Track, row: usize) -> [[f64; 3]; 2] {
     ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| track.of(&format!("{name}[{k}]"))[row]))
 }
 
-/// Errors of the last valid estimate, relative; it must be within its standard deviations.
-fn errors(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
-    let track = track(samples, config);
-    let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
-    let [hat, std] = estimate(&track, last);
-    let errors = [0, 1, 2].map(|k| hat[k] / TRUTH[k] - 1.0);
-    println!("{errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| std[k] / TRUTH[k]), track.verdict());
+/// The estimate after a sample is within its standard deviations.
+#[track_caller]
+fn is_within(track: &Track, row: usize) {
+    let [hat, std] = estimate(track, row);
     for (k, truth) in TRUTH.into_iter().enumerate() {
         let ratio = (hat[k] - truth).abs() / std[k];
         assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
     }
+}
+
+/// Errors of the last valid estimate, relative; it must be within its standard deviations.
+fn errors(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
+    let track = track(samples, config);
+    let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
+    is_within(&track, last);
+    let [hat, std] = estimate(&track, last);
+    let errors = [0, 1, 2].map(|k| hat[k] / TRUTH[k] - 1.0);
+    println!("{errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| std[k] / TRUTH[k]), track.verdict());
     errors
+}
+
+/// The answer is valid, and λ are right within four of their deviations. Returns the estimates.
+#[track_caller]
+fn is_right(what: &str, answer: &identify::Answer) -> likelihood::Identification {
+    println!("{what}: {} {:?}", answer.verdict, answer.findings);
+    assert!(answer.valid, "{what}: {} {:?}", answer.verdict, answer.findings);
+    let found = answer.found.clone().expect("estimates");
+    for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
+        let ratio = (lambda.value - truth) / lambda.total_std;
+        assert!(ratio.abs() < 4.0, "{what}: {lambda:?}: {ratio:.1} standard deviations");
+    }
+    found
+}
+
+/// The answer is not valid, and says so in these words.
+#[track_caller]
+fn is_refused(answer: &identify::Answer, words: &str) {
+    println!("{} {:?}", answer.verdict, answer.findings);
+    assert!(!answer.valid && answer.verdict.contains(words), "{words}: {} {:?}", answer.verdict, answer.findings);
 }
 
 fn largest(errors: [f64; 3]) -> f64 {
@@ -106,7 +136,7 @@ fn the_hold_is_found() {
     // Commands that are stated to be measured are no answer, whatever else fits.
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
     let answer = identify::answer(std::slice::from_ref(&issued), stated);
-    assert!(!answer.valid && answer.verdict.contains("--hold heldAfter"), "{}", answer.verdict);
+    is_refused(&answer, "--hold heldAfter");
     // Commands have no noise: the error is a good deal smaller.
     let errors = errors(&issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) });
     assert!(largest(errors) < 4e-3, "{errors:?}, limit 0.4 %");
@@ -117,12 +147,7 @@ fn the_hold_is_found() {
 fn the_recording_to_try_is_read_as_it_stands() {
     let samples =
         Samples::read(include_str!("../../docs/recording.csv"), &Reading::default()).expect("a good recording");
-    let answer = ask(std::slice::from_ref(&samples), &[]);
-    assert!(answer.valid, "{}", answer.verdict);
-    let found = answer.found.expect("estimates");
-    for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
-        assert!((lambda.value - truth).abs() < 4.0 * lambda.total_std, "{lambda:?}");
-    }
+    is_right("docs/recording.csv", &ask(&[samples], &[]));
 }
 
 /// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, remarks before the header, a clock
@@ -141,13 +166,7 @@ fn a_recording_with_all_imperfections() {
     let config = EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) };
     let track = track(&samples, &config);
     println!("{}", track.verdict());
-    for row in (0..samples.len()).filter(|row| track.of("valid")[*row] == 1.0) {
-        let [hat, std] = estimate(&track, row);
-        for (k, truth) in TRUTH.into_iter().enumerate() {
-            let ratio = (hat[k] - truth).abs() / std[k];
-            assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
-        }
-    }
+    (0..samples.len()).filter(|row| track.of("valid")[*row] == 1.0).for_each(|row| is_within(&track, row));
     assert!(track.last_valid().is_some(), "{}", track.verdict());
 }
 
@@ -187,27 +206,28 @@ fn missing_samples_and_other_rates() {
 fn what_cannot_be_used_is_said() {
     let refused = |text: &str, reading: &Reading| Samples::read(text, reading).expect_err("refused").to_string();
     let plain = Reading::default();
-    assert!(refused("", &plain).contains("no header"));
-    assert!(refused("time,Ym\n0,0\n", &plain).contains("--column Zm="));
-    let header = "time [s],Ym [furlong],Zm [m],im[1],im[2],im[3]\n";
-    assert!(refused(header, &plain).contains("furlong is none of m, mm, µm"));
     let header = "time,Ym,Zm,im[1],im[2],im[3]\n";
+    let cell = |cell: &str| format!("{header}0,{cell},0,1,1,1\n");
+    // A comma parts the columns here, and so is no decimal one.
+    let cases = [
+        (String::new(), "no header"),
+        ("time,Ym\n0,0\n".into(), "--column Zm="),
+        (cell("here"), "is no number"),
+        (cell("1x"), "is no number"),
+    ];
+    for (text, words) in cases {
+        says(&refused(&text, &plain), &[words]);
+    }
     let rows =
         |time: &dyn Fn(usize) -> f64| (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time(j))).collect::<String>();
-    let words = refused(&format!("{header}0,here,0,1,1,1\n"), &plain);
-    assert!(words.contains("is no number"), "{words}");
     let back = refused(&format!("{header}{}", rows(&|j| (j as f64 - 25.0).abs())), &plain);
-    assert!(back.contains("time goes back at 25 places, the first in line 3, from 25 s to 24 s"), "{back}");
+    says(&back, &["time goes back at 25 places, the first in line 3, from 25 s to 24 s"]);
     let uneven = format!("{header}{}", rows(&|j| 1e-4 * (j as f64 + 0.4 * (j as f64).sin())));
     // Nothing is proposed that does not fit.
     let words = refused(&uneven, &plain);
     assert!(words.contains("contradict an even pace") && !words.contains("--resample"), "{words}");
     let told = Reading { resample_s: Some(1e-4), ..Reading::default() };
     assert!(Samples::read(&uneven, &told).is_ok());
-    let typo = Reading { columns: vec![("Xm".into(), "a".into())], ..Reading::default() };
-    assert!(refused(&format!("{header}{}", rows(&|j| j as f64)), &typo).contains("Xm is no signal"));
-    // A comma parts the columns here, and so is no decimal one.
-    assert!(refused("time,Ym,Zm,im[1],im[2],im[3]\n0,1x,0,0,0,0\n", &plain).contains("is no number"));
 }
 
 #[test]
@@ -252,8 +272,7 @@ fn one_level_of_noise_may_be_stated() {
         let mut question = question(&samples, &[]);
         question.stated.noise = stated;
         let answer = identify::answer(std::slice::from_ref(&samples), question);
-        assert!(answer.valid, "{stated:?}: {}", answer.verdict);
-        let ratio = answer.found.expect("estimates").conditions[0].parts[0].position_noise_m / 2e-6;
+        let ratio = is_right(&format!("{stated:?}"), &answer).conditions[0].parts[0].position_noise_m / 2e-6;
         assert!((ratio - 1.0).abs() < 0.1, "{stated:?}: {ratio} times the noise");
     }
 }
@@ -267,13 +286,8 @@ fn the_answer_is_that_of_the_whole_recording() {
     for (answer, note) in
         [(&alone, "mind the budget"), (&wide, "the stated tolerances of the bench"), (&twice, "budget")]
     {
-        assert!(answer.valid && answer.verdict.contains(note), "{} {:?}", answer.verdict, answer.findings);
-        assert!(answer.findings.is_empty(), "{:?}", answer.findings);
-        let found = answer.found.as_ref().expect("estimates");
-        for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
-            let ratio = (lambda.value - truth) / lambda.total_std;
-            assert!(ratio.abs() < 4.0, "{lambda:?}: {ratio:.1} standard deviations");
-        }
+        assert!(answer.verdict.contains(note) && answer.findings.is_empty(), "{}", answer.verdict);
+        let found = is_right(note, answer);
         let (recordings, said, answer) = (vec![samples.clone()], vec![answer.said()], Some(answer.clone()));
         let page = identification::page("", "", &Results { recordings, said, answer, ..Results::default() });
         for id in ["constants", "positions", "residuals", "budget", "currents"] {
@@ -329,54 +343,39 @@ fn tolerances_have_units() {
 /// The exit code is 3 and the verdict in words; standard output is one JSON document.
 #[test]
 fn the_command_refuses_in_json_and_by_its_exit_code() {
-    let folder = std::env::temp_dir().join(format!("identify-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
-    let command = |name: &str, text: &str, more: &[&str]| {
-        let path = folder.join(name);
-        std::fs::write(&path, text).expect("a file");
-        let output = std::process::Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"))
-            .arg("identify")
-            .arg(&path)
-            .args(["--json", "-"])
-            .args(more)
-            .output()
-            .expect("it runs");
-        let out = String::from_utf8(output.stdout).expect("text");
-        let json: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
-        (output.status.code(), json)
+    let folder = folder("identify/refuses");
+    let command = |name: &str, text: &str| {
+        std::fs::write(folder.join(name), text).expect("a file");
+        let (code, out, _) = program::run(&folder, &["identify", name, "--json", "-"]);
+        (code, serde_json::from_str::<Json>(&out).unwrap_or_else(|why| panic!("{why}: {out}")))
     };
     let good = csv(&run(montecarlo::NOISE, 0.2).1);
     let short: String = good.lines().take(200).map(|line| format!("{line}\n")).collect();
-    let (code, json) = command("short.csv", &short, &[]);
-    assert!(code == Some(3) && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
-    let (code, json) = command("good.csv", &good, &[]);
-    assert!(code == Some(0) && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
+    let (code, json) = command("short.csv", &short);
+    assert!(code == 3 && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
+    let (code, json) = command("good.csv", &good);
+    assert!(code == 0 && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
     let swapped =
         good.replacen("plant.Ym", "other", 1).replacen("plant.Zm", "plant.Ym", 1).replacen("other", "plant.Zm", 1);
-    let (code, json) = command("swapped.csv", &swapped, &[]);
+    let (code, json) = command("swapped.csv", &swapped);
     let proposal = json["findings"][0].as_str().unwrap_or_default();
-    assert!(code == Some(3) && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
-    std::fs::remove_dir_all(&folder).expect("the folder");
+    assert!(code == 3 && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
 }
 
 /// A table `[tolerance]` of the scenario says the same as `--tolerance`, which goes before it.
 #[test]
 fn a_scenario_tells_tolerances() {
-    let folder = std::env::temp_dir().join(format!("identify-tolerance-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).expect("a folder");
-    let (recording, scenario) = (folder.join("good.csv"), folder.join("mine.toml"));
-    std::fs::write(&recording, csv(&run(montecarlo::NOISE, 0.2).1)).expect("a file");
+    let folder = folder("identify/tolerance");
+    std::fs::write(folder.join("good.csv"), csv(&run(montecarlo::NOISE, 0.2).1)).expect("a file");
     let command = |table: &str, more: &[&str]| {
         let text = format!("title = \"Mine\"\nduration = \"1 s\"\nstep = \"100 µs\"\n\n{table}");
-        std::fs::write(&scenario, text).expect("a file");
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
-        command.args(["identify", "--json", "-", "--scenario"]).arg(&scenario).arg(&recording).args(more);
-        let output = command.output().expect("it runs");
-        let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("text");
-        (text(output.stdout), text(output.stderr))
+        std::fs::write(folder.join("mine.toml"), text).expect("a file");
+        let all = ["identify", "--json", "-", "--scenario", "mine.toml", "good.csv"];
+        let (_, out, error) = program::run(&folder, &[&all, more].concat());
+        (out, error)
     };
     let told = |json: &str, name: &str| {
-        let json: serde_json::Value = serde_json::from_str(json).unwrap_or_else(|why| panic!("{why}: {json}"));
+        let json: Json = serde_json::from_str(json).unwrap_or_else(|why| panic!("{why}: {json}"));
         let budget = json["budget"].as_array().expect("a budget").clone();
         let line = budget.iter().find(|line| line["parameter"] == name && line["told"] == true);
         line.map(|line| line["tolerance"].as_f64().expect("a number"))
@@ -392,10 +391,8 @@ fn a_scenario_tells_tolerances() {
         ("[tolerance]\ngap = \"1 %\"\n", "gap is no parameter of a bench"),
         ("[tolerance]\ns = \"wide\"\n", "a number above 0 is wanted"),
     ] {
-        let (_, error) = command(table, &[]);
-        assert!(error.contains(words), "{words}: {error}");
+        says(&command(table, &[]).1, &[words]);
     }
-    std::fs::remove_dir_all(&folder).expect("the folder");
 }
 
 /// Tolerances of the on-line estimator hold here as well.
@@ -425,8 +422,7 @@ fn an_answer_becomes_a_scenario() {
     let text = answer.twin(&base, &samples).expect("a valid answer").scenario.to_toml();
     let scenario = Scenario::parse("the answer", &text).unwrap_or_else(|why| panic!("{why}\n{text}"));
     let again = ask(&[samples_of(&simulate::run(&scenario).expect("a good scenario").recording)], &[]);
-    assert!(again.valid, "{}", again.verdict);
-    let [before, after] = [&answer, &again].map(|answer| answer.found.as_ref().expect("estimates").lambda.clone());
+    let [before, after] = [&answer, &again].map(|answer| is_right("a twin", answer).lambda);
     for (before, after) in before.iter().zip(after) {
         let ratio = (after.value - before.value) / after.total_std;
         assert!(ratio.abs() < 4.0, "{before:?} became {after:?}");

@@ -1,6 +1,6 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
-use crate::bench::{Bench, Recorded};
+use crate::bench::Bench;
 use fmu_export::variable::Value;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::simulation::simulate;
@@ -9,34 +9,37 @@ use magnetic_bearing::studies::montecarlo::figures::Trial;
 use magnetic_bearing::studies::montecarlo::offline;
 use magnetic_bearing::studies::parallel::in_order;
 
-/// A recording by columns.
-struct Columns<'a> {
-    recorded: &'a Recorded,
-    position_m: Vec<Vec<f64>>,
-    current_a: Vec<Vec<f64>>,
-}
-
-fn columns(recorded: &Recorded) -> Columns<'_> {
-    Columns { recorded, position_m: by_column(&recorded.position), current_a: by_column(&recorded.current) }
-}
-
 fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
     (0..N).map(|n| rows.iter().map(|row| row[n]).collect()).collect()
 }
 
-fn recording<'a>(columns: &'a Columns<'_>, bench: &Bench, told: bool) -> Recording<'a> {
-    let recorded = columns.recorded;
+/// What a bench records, with its noise if that is told.
+fn recording(bench: &Bench, told: bool) -> Recording {
+    let recorded = bench.record();
     Recording {
         step_s: bench.step,
-        position_m: &columns.position_m,
-        current_a: &columns.current_a,
-        theta_rad: &recorded.theta,
-        omega_rad_s: &recorded.omega,
-        usable: &[],
-        missing: &[],
+        position_m: by_column(&recorded.position),
+        current_a: by_column(&recorded.current),
+        theta_rad: recorded.theta,
+        omega_rad_s: recorded.omega,
+        usable: Vec::new(),
+        missing: Vec::new(),
         hold: Hold::HeldBefore,
         position_noise_m: told.then_some(bench.position_noise),
         current_noise_a: told.then_some(bench.current_noise),
+    }
+}
+
+fn identified(bench: &Bench, options: &Options) -> Identification {
+    likelihood::identify(&[recording(bench, false)], options).unwrap()
+}
+
+/// λ are those of the bench, within four of their deviations.
+#[track_caller]
+fn is_right(what: &str, found: &Identification, bench: &Bench) {
+    for (k, (lambda, truth)) in found.lambda.iter().zip(bench.lambda).enumerate() {
+        let error = (lambda.value - truth) / lambda.total_std;
+        assert!(error.abs() < 4.0, "{what}, λ{k}: {error} standard deviations");
     }
 }
 
@@ -63,7 +66,7 @@ fn tell(options: &mut Options, tolerances: &[(&str, f64)]) {
 
 /// A bench of which everything is off by its typical tolerance, drawn.
 fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
-    let noise: [magnetic_bearing::plant::noise::Noise; 28] = magnetic_bearing::plant::noise::Noise::channels(seed);
+    let noise: [Noise; 28] = Noise::channels(seed);
     let drawn = all().into_iter().zip(noise).map(|(parameter, mut noise)| {
         let value = parameter.typical * noise.standard_normal();
         // Sensors do not know the future.
@@ -98,22 +101,20 @@ fn all_typical(bench: &Bench) -> Options {
     options
 }
 
-/// A bench that is off in everything converges to within its deviations, from a second to more rows than the likelihood is believed.
+/// A bench that is off in everything, or in nothing, converges to within its deviations, from a second to more rows than the likelihood is believed.
 #[test]
-fn a_drawn_bench_is_found() {
-    for (seed, seconds) in [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)] {
-        let (bench, truth) = drawn(seed, Bench { seconds, ..Bench::default() });
-        let recorded = bench.record();
-        let found =
-            likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &all_typical(&bench)).unwrap();
-        assert!(found.converged, "seed {seed}: {} iterations", found.iterations);
-        for k in 0..3 {
-            let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
-            assert!(error.abs() < 4.0, "seed {seed}, λ{k}: {error} standard deviations");
-        }
-        for (j, parameter) in all().iter().enumerate() {
-            let error = (found.bench[j].estimate.value - truth[j]) / found.bench[j].estimate.total_std;
-            assert!(error.abs() < 5.0, "seed {seed}, {}: {error} standard deviations", parameter.name);
+fn all_parameters_of_a_bench_are_found_at_once() {
+    let off = [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)];
+    let off = off.map(|(seed, seconds)| drawn(seed, Bench { seconds, ..Bench::default() }));
+    let exact = (Bench { seconds: 3.0, seed: 45, ..Bench::default() }, vec![0.0; all().len()]);
+    for (bench, truth) in off.into_iter().chain([exact]) {
+        let what = format!("seed {}", bench.seed);
+        let found = identified(&bench, &all_typical(&bench));
+        assert!(found.converged, "{what}: {} iterations", found.iterations);
+        is_right(&what, &found, &bench);
+        for (of, truth) in found.bench.iter().zip(truth) {
+            let error = (of.estimate.value - truth) / of.estimate.total_std;
+            assert!(error.abs() < 5.0, "{what}, {}: {error} standard deviations", of.parameter.name);
         }
     }
 }
@@ -130,11 +131,9 @@ fn two_speeds_tell_run_out_better_than_one() {
         ..Bench::default()
     };
     let fast = Bench { omega: std::f64::consts::TAU * 60.0, load: [10.0, -20.0], seed: 47, ..slow.clone() };
-    let recorded = [slow.record(), fast.record()];
-    let recorded = recorded.each_ref().map(columns);
     let mut options = options(&slow);
     tell(&mut options, &[("runout1.forward.cos", 5e-6), ("runout1.forward.sin", 5e-6)]);
-    let both = [recording(&recorded[0], &slow, false), recording(&recorded[1], &fast, false)];
+    let both = [&slow, &fast].map(|bench| recording(bench, false));
     let together = likelihood::identify(&both, &options).unwrap();
     let alone = likelihood::identify(&both[..1], &options).unwrap();
     let runout = by_name(&all(), "runout1.forward.cos").unwrap();
@@ -149,26 +148,9 @@ fn two_speeds_tell_run_out_better_than_one() {
 }
 
 #[test]
-fn all_bench_parameters_at_once() {
-    let bench = Bench { seconds: 3.0, seed: 45, ..Bench::default() };
-    let recorded = bench.record();
-    let mut options = options(&bench);
-    for (parameter, told) in options.bench() {
-        told.knowledge = Knowledge::Tolerance(parameter.typical);
-    }
-    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap();
-    assert!(found.converged, "{} iterations", found.iterations);
-    for k in 0..3 {
-        let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
-        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
-    }
-}
-
-#[test]
 fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
-    let recorded = bench.record();
-    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap();
+    let found = identified(&bench, &options(&bench));
     let [Contradiction { rows, what: Change::Lambda { lambda, .. }, .. }] = &found.contradictions[..] else {
         panic!("{:?}", found.contradictions)
     };
@@ -183,45 +165,29 @@ fn a_change_of_lambda_is_found_and_both_parts_are_told() {
 #[test]
 fn an_impact_is_left_out() {
     let bench = Bench { seconds: 0.6, impact: [0.4, 60.0], seed: 42, ..Bench::default() };
-    let recorded = bench.record();
-    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap();
-    assert!(
-        found
-            .contradictions
-            .iter()
-            .any(|part| matches!(part.what, Change::Disturbed { .. }) && part.rows.contains(&4003)),
-        "{:?}",
-        found.contradictions
-    );
-    for k in 0..3 {
-        let error = (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
-        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
-    }
+    let found = identified(&bench, &options(&bench));
+    let is_impact = |part: &Contradiction| matches!(part.what, Change::Disturbed { .. }) && part.rows.contains(&4003);
+    assert!(found.contradictions.iter().any(is_impact), "{:?}", found.contradictions);
+    is_right("an impact", &found, &bench);
 }
 
 /// A current that is not known for a while tells nothing: what stands in its place does not matter, and λ keeps its standard deviation.
 #[test]
 fn a_current_that_is_not_known_is_not_used() {
     let bench = Bench { seconds: 1.0, seed: 44, ..Bench::default() };
-    let is_lost = |row: usize| row % 200 > 20 && row % 200 < 50;
     let of = |instead_a: f64| {
-        let mut recorded = bench.record();
-        let mut missing = vec![Missing::default(); recorded.current.len()];
-        for row in (0..missing.len()).filter(|row| is_lost(*row)) {
-            recorded.current[row][1] = instead_a;
-            missing[row].current[1] = Origin::Unknown;
+        let mut recording = recording(&bench, true);
+        recording.missing = vec![Missing::default(); recording.theta_rad.len()];
+        for row in (0..recording.missing.len()).filter(|row| (21..50).contains(&(row % 200))) {
+            recording.current_a[1][row] = instead_a;
+            recording.missing[row].current[1] = Origin::Unknown;
         }
-        let columns = columns(&recorded);
-        let recording = Recording { missing: &missing, ..recording(&columns, &bench, true) };
         likelihood::identify(&[recording], &options(&bench)).unwrap()
     };
     let [found, other] = [2.0, 3.0].map(of);
-    for k in 0..3 {
-        let std = found.lambda[k].total_std;
-        let error = (found.lambda[k].value - bench.lambda[k]) / std;
-        let moved = (found.lambda[k].value - other.lambda[k].value) / std;
-        println!("λ{k}: {error} standard deviations; moved by {moved}");
-        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
+    is_right("unknown currents", &found, &bench);
+    for (k, (found, other)) in found.lambda.iter().zip(&other.lambda).enumerate() {
+        let moved = (found.value - other.value) / found.total_std;
         assert!(moved.abs() < 0.5, "λ{k} moved by {moved} standard deviations");
     }
 }
@@ -232,24 +198,15 @@ fn missing_rows_of_a_noisy_bench_do_not_deceive() {
     for (seed, gap) in [(48, 10), (49, 10), (50, 30)] {
         let noise = Bench { position_noise: 0.5e-6, current_noise: 15e-3, ..Bench::default() };
         let bench = Bench { seconds: 1.0, seed, ..noise };
-        let recorded = bench.record();
+        let mut recording = recording(&bench, false);
         let [mut lost] = Noise::channels(seed);
-        let rows = |_| lost.standard_normal().abs() < 1.25 / f64::from(gap);
-        let missing: Vec<Missing> = (0..recorded.current.len())
-            .map(rows)
-            .map(|lost| Missing {
-                position: lost,
-                current: [if lost { Origin::Filled } else { Origin::Recorded }; MAGNETS],
-            })
-            .collect();
-        let columns = columns(&recorded);
-        let recording = Recording { missing: &missing, ..recording(&columns, &bench, false) };
+        let missing = |_| match lost.standard_normal().abs() < 1.25 / f64::from(gap) {
+            true => Missing { position: true, current: [Origin::Filled; MAGNETS] },
+            false => Missing::default(),
+        };
+        recording.missing = (0..recording.theta_rad.len()).map(missing).collect();
         let found = likelihood::identify(&[recording], &options(&bench)).unwrap();
-        let share = missing.iter().filter(|of| of.position).count() as f64 / missing.len() as f64;
-        let error = |k: usize| (found.lambda[k].value - bench.lambda[k]) / found.lambda[k].total_std;
-        let relative = found.lambda[0].total_std / found.lambda[0].value;
-        println!("seed {seed}, {share}: {:?} deviations of {relative}", [0, 1, 2].map(error));
-        (0..3).for_each(|k| assert!(error(k).abs() < 4.0, "seed {seed}, λ{k}: {} standard deviations", error(k)));
+        is_right(&format!("seed {seed}"), &found, &bench);
         assert_eq!(found.suspects, [], "seed {seed}");
     }
 }
@@ -261,9 +218,7 @@ fn a_slow_force_is_found_by_its_likelihood() {
     let by_chance = 0.5 * f64::ln(2.0 * 20_001.0);
     let of = |level: f64, slow_force: bool| {
         let bench = Bench { seconds: 2.0, slow_force: level, seed: 43, ..Bench::default() };
-        let recorded = bench.record();
-        let options = Options { slow_force, ..options(&bench) };
-        likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap()
+        identified(&bench, &Options { slow_force, ..options(&bench) })
     };
     let [without, plain, found] = [of(0.0, false), of(LEVEL, false), of(LEVEL, true)];
     let [gain, asked] = [without, plain].map(|of| of.gain_by_slow_force);
@@ -272,21 +227,15 @@ fn a_slow_force_is_found_by_its_likelihood() {
     assert!(gain < by_chance, "{gain} without a slow force");
     assert!(asked > by_chance, "{asked} with a slow force");
     assert!((0.7 * LEVEL..1.4 * LEVEL).contains(&level), "{level} N/√s, where {LEVEL} are right");
-    for (k, truth) in Bench::default().lambda.into_iter().enumerate() {
-        let error = (found.lambda[k].value - truth) / found.lambda[k].total_std;
-        assert!(error.abs() < 4.0, "λ{k}: {error} standard deviations");
-    }
+    is_right("a slow force", &found, &Bench::default());
 }
 
 #[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let bench = Bench { seconds: 6.0, ..Bench::default() };
-    let recorded = bench.record();
     let of = |threads: usize| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| {
-            likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap()
-        })
+        pool.install(|| identified(&bench, &options(&bench)))
     };
     assert_eq!(of(1), of(4));
 }
@@ -294,8 +243,7 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
 #[test]
 fn unmodelled_run_out_is_the_first_suspect() {
     let bench = Bench { seconds: 0.5, runout2: [1e-6, 0.0, 0.0, 0.0], seed: 43, ..Bench::default() };
-    let recorded = bench.record();
-    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options(&bench)).unwrap();
+    let found = identified(&bench, &options(&bench));
     let named: Vec<&str> =
         found.suspects.iter().map(|suspect| &*found.bench[suspect.parameter].parameter.name).collect();
     assert!(named.first().is_some_and(|name| name.starts_with("runout2")), "{named:?}");
@@ -306,13 +254,12 @@ fn unmodelled_run_out_is_the_first_suspect() {
 fn a_tolerance_of_the_mass_widens_in_proportion() {
     const MASS: f64 = 0.01;
     let bench = Bench { seconds: 0.5, seed: 49, ..Bench::default() };
-    let recorded = bench.record();
-    let identified = |tolerances: &[(&str, f64)]| {
+    let with = |tolerances: &[(&str, f64)]| {
         let mut options = options(&bench);
         tell(&mut options, tolerances);
-        likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap()
+        identified(&bench, &options)
     };
-    let (exact, within) = (identified(&[]), identified(&[("m", MASS)]));
+    let (exact, within) = (with(&[]), with(&[("m", MASS)]));
     let estimates = |of: &Identification| of.lambda.iter().chain(&of.unbalance[0].parts).copied().collect::<Vec<_>>();
     for (exact, within) in estimates(&exact).into_iter().zip(estimates(&within)) {
         assert_eq!(exact.value, within.value);
@@ -326,12 +273,11 @@ fn a_tolerance_of_the_mass_widens_in_proportion() {
 #[test]
 fn mass_and_current_gain_are_not_separated_from_lambda() {
     let bench = Bench { seconds: 0.5, seed: 44, ..Bench::default() };
-    let recorded = bench.record();
     let mut options = options(&bench);
     for name in ["m", "current.gain[2]", "sensor.offset[y]"] {
         told(&mut options, name).knowledge = Knowledge::Free;
     }
-    let found = likelihood::identify(&[recording(&columns(&recorded), &bench, false)], &options).unwrap();
+    let found = identified(&bench, &options);
     let mut held: Vec<&str> = found.not_separated.iter().map(|j| &*found.bench[*j].parameter.name).collect();
     held.sort_unstable();
     assert_eq!(held, ["current.gain[2]", "m"]);
@@ -408,16 +354,14 @@ fn noise_may_grow_with_the_gap() {
     let errors = in_order(12, &|run| {
         let (seed, power) = (84_501 + run as u64, -1.0 + 0.3 * run as f64);
         let bench = Bench { seed, seconds: 0.5, position_noise: 1e-8, ..Bench::default() };
-        let recorded = bench.record();
-        let mut columns = columns(&recorded);
+        let mut recording = recording(&bench, false);
         let [mut noise] = Noise::channels::<1>(seed);
-        for position_m in columns.position_m.iter_mut().flatten() {
+        for position_m in recording.position_m.iter_mut().flatten() {
             *position_m += 1e-6 * (1.0 + *position_m / bench.s).powf(power) * noise.standard_normal();
         }
-        let body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
-        let beside = Beside { exponent: true, ..Beside::default() };
-        let options = Options { parts: vec![Part::new(body, 0, 0, beside)], slow_force: false };
-        let found = likelihood::identify(&[recording(&columns, &bench, false)], &options).unwrap();
+        let mut options = options(&bench);
+        options.parts[0].beside.exponent = true;
+        let found = likelihood::identify(&[recording], &options).unwrap();
         let part = &found.conditions[0].parts[0];
         assert!((part.position_noise_m / 1e-6 - 1.0).abs() < 0.05, "seed {seed}: {}", part.position_noise_m);
         let estimate = part.noise_exponent.expect("an estimate");

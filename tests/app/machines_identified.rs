@@ -9,7 +9,7 @@ use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
 use serde_json::Value as Json;
 
-use crate::program::{folder, run};
+use crate::program::{self, ends, estimate, folder, number};
 use crate::support::{below, says};
 
 /// Errors above this many of their own standard deviations contradict them.
@@ -38,11 +38,17 @@ fn record_with(
     scenario
 }
 
-/// Identifies with these arguments; the result as JSON.
+/// Identifies the recording of the folder.
+#[track_caller]
 fn identified(folder: &Path, arguments: &[&str]) -> Json {
-    let (code, out, errors) = run(folder, &[&["identify", "run.csv"], arguments, &["--json", "-"]].concat());
-    assert_eq!(code, 0, "{errors}");
-    serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"))
+    program::identified(folder, &[&["run.csv"], arguments].concat())
+}
+
+/// The estimate is right.
+#[track_caller]
+fn is_right(what: &str, of: &Json, truth: f64) {
+    let [value, std] = estimate(of);
+    below(&format!("{what}, deviations"), (value - truth).abs() / std, MOST_STD);
 }
 
 /// The answer is valid, and all force constants, loads and unbalances are those of the plant.
@@ -52,14 +58,12 @@ fn agrees(document: &Json, scenario: &Scenario) {
     let truth = |name: &str| scenario.value("plant", name).unwrap_or_else(|| panic!("{name}")).as_f64();
     for (k, name) in machine.of_magnets("lambda").iter().enumerate() {
         assert_eq!(document["magnets"][k], **name);
-        let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| document[of][k].as_f64().expect("a number"));
+        let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| number(&document[of][k]));
         below(&format!("{} {name}, deviations", machine.name), (hat - truth(name)).abs() / std, MOST_STD);
         below(&format!("{} {name} ±", machine.name), std / hat, 0.05);
     }
     for name in machine.of_coordinates(|coordinate| coordinate.load) {
-        let [load, std] =
-            ["value", "stdTotal"].map(|of| document["recordings"][0][&name][of].as_f64().expect("a number"));
-        below(&format!("{} {name}, deviations", machine.name), (load - truth(&name)).abs() / std, MOST_STD);
+        is_right(&format!("{} {name}", machine.name), &document["recordings"][0][&name], truth(&name));
     }
     let planes = match &document["unbalance"] {
         Json::Array(planes) => planes.clone(),
@@ -67,7 +71,7 @@ fn agrees(document: &Json, scenario: &Scenario) {
     };
     assert_eq!(planes.len(), machine.planes);
     for (name, plane) in machine.of_planes("magnitude").iter().zip(&planes) {
-        let [magnitude, std] = ["magnitude", "magnitudeStdTotal"].map(|of| plane[of].as_f64().expect("a number"));
+        let [magnitude, std] = ["magnitude", "magnitudeStdTotal"].map(|of| number(&plane[of]));
         below(&format!("{} {name}, deviations", machine.name), (magnitude - truth(name)).abs() / std, MOST_STD);
     }
 }
@@ -112,7 +116,7 @@ fn a_spindle_is_recorded_with_all_imperfections() {
     let document = identified(&folder, &["--scenario", "bench.toml", "--unit", "B.Zm=m", "--tolerance", "s=5um"]);
     agrees(&document, &scenario);
     for (name, part) in [("m", 0.05 / 12.0), ("X.m", 0.05 / 12.0), ("A.s", 0.01), ("B.s", 0.01), ("X.s", 5.0 / 600.0)] {
-        let std = document["bench"][name]["stdTotal"].as_f64().expect("a number");
+        let [_, std] = estimate(&document["bench"][name]);
         assert!(std > 0.0 && std < 1.001 * part, "{name}: {std}, stated {part}");
     }
     says(&document["notes"].to_string(), &["gaps"]);
@@ -160,12 +164,11 @@ fn what_is_off_on_the_bench_of_a_shaft_is_found() {
     let document = identified(&folder, &arguments);
     agrees(&document, &scenario);
     for (_, _, name, truth) in off {
-        let [value, std] = ["value", "stdTotal"].map(|of| document["bench"][name][of].as_f64().expect("a number"));
-        below(&format!("{name}, deviations"), (value - truth).abs() / std, MOST_STD);
+        is_right(name, &document["bench"][name], truth);
     }
     // These the motion tells: they are known better than they were stated.
     for (name, stated) in [("A.sensor.offset[y]", 5e-6), ("X.sensor.offset", 5e-6), ("Jt", 0.01)] {
-        below(name, document["bench"][name]["stdTotal"].as_f64().expect("a number"), stated);
+        below(name, estimate(&document["bench"][name])[1], stated);
     }
 }
 
@@ -175,9 +178,7 @@ fn exchanged_magnets_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");
     record(&folder, &SPINDLE, |text| text.lines().take(800).map(|line| line.to_owned() + "\n").collect());
     let exchanged = ["--column", "B.im[1]=plant.B.im[2]", "--column", "B.im[2]=plant.B.im[1]"];
-    let (code, out, errors) =
-        run(&folder, &[&["identify", "run.csv", "--machine", "spindle"], &exchanged[..]].concat());
-    assert_eq!(code, 3, "{out} {errors}");
+    let (out, _) = ends(3, &folder, &[&["identify", "run.csv", "--machine", "spindle"], &exchanged[..]].concat());
     says(&out.replace('\n', " "), &["magnets 1 and 2 are exchanged at B: exchange the currents"]);
 }
 
@@ -194,9 +195,7 @@ fn two_speeds_of_a_shaft_are_identified_together() {
     let recordings = document["recordings"].as_array().expect("recordings");
     for (recording, scenario) in recordings.iter().zip([&fast, &scenario]) {
         for name in ["pX", "pY", "pZ", "MY", "MZ"] {
-            let truth = scenario.value("plant", name).expect("a load").as_f64();
-            let [load, std] = ["value", "stdTotal"].map(|of| recording[name][of].as_f64().expect("a number"));
-            below(&format!("{name}, deviations"), (load - truth).abs() / std, MOST_STD);
+            is_right(name, &recording[name], scenario.value("plant", name).expect("a load").as_f64());
         }
     }
 }
@@ -208,8 +207,7 @@ fn wrong_columns_and_options_are_named() {
     let change = |text: String| text.replace("plant.B.im[2]", "none").replace("plant.A.Ym [m]", "plant.A.Ym [furlong]");
     record(&folder, &SPINDLE, change);
     let refused = |arguments: &[&str], words: &[&str]| {
-        let (code, _, errors) = run(&folder, &[&["identify", "run.csv"], arguments].concat());
-        assert_eq!(code, 2, "{arguments:?}: {errors}");
+        let (_, errors) = ends(2, &folder, &[&["identify", "run.csv"], arguments].concat());
         says(&errors, words);
     };
     let spindle = ["--machine", "spindle"];
@@ -226,8 +224,7 @@ fn wrong_columns_and_options_are_named() {
     }
     // All columns of the planar rotor are there as well.
     record(&folder, &PLANAR4, |text| text);
-    let (code, out, errors) = run(&folder, &["identify", "run.csv"]);
-    assert_eq!(code, 3, "{errors}");
+    let (out, _) = ends(3, &folder, &["identify", "run.csv"]);
     says(&out, &["There are also columns of the machine planar4: --machine planar4?"]);
 
     record(&folder, &SPINDLE, |text| text);
@@ -247,8 +244,7 @@ fn wrong_columns_and_options_are_named() {
     refused(&["--machine", "planar4", "--scenario", "spindle"], &["spindle describes the machine spindle"]);
 
     record(&folder, &SPINDLE, |text| text.replace("plant.theta", "none").replace("plant.omegam", "nothing"));
-    let (code, _, errors) = run(&folder, &["identify", "run.csv", "--machine", "spindle"]);
-    assert_eq!(code, 3, "{errors}");
+    let (_, errors) = ends(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);
     says(&errors, &["neither angle nor speed was recorded: --speed RPM is wanted"]);
     let document = identified(&folder, &["--machine", "spindle", "--speed", "3000"]);
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
@@ -260,8 +256,7 @@ fn too_short_a_recording_is_not_valid() {
     let folder = folder("machines-identified/short");
     record(&folder, &SPINDLE4, |text| text.lines().take(150).map(|line| line.to_owned() + "\n").collect());
     let arguments = ["identify", "run.csv", "--machine", "spindle4", "--json", "-", "--save", "twin.toml"];
-    let (code, out, errors) = run(&folder, &arguments);
-    assert_eq!(code, 3, "{errors}");
+    let (out, errors) = ends(3, &folder, &arguments);
     says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
     let document: Json = serde_json::from_str(&out).expect("JSON");
     assert_eq!((&document["valid"], &document["lambdaHat"]), (&Json::Bool(false), &Json::Null));
@@ -281,16 +276,14 @@ fn a_known_load_tells_the_dynamics() {
         let loads: Vec<String> =
             ["pY", "pZ"].map(|name| format!("{name}={}", of(name).expect("a load"))).into_iter().collect();
         let asked = ["--machine", machine.name, "--estimate", "dynamics"];
-        let (code, _, error) = run(&folder, &[&["identify", "run.csv"], &asked[..]].concat());
-        assert_eq!(code, 2, "{error}");
+        let (_, error) = ends(2, &folder, &[&["identify", "run.csv"], &asked[..]].concat());
         says(&error, &["dynamics: ", "known load", "--set pY=… or --set pZ=…"]);
 
         let known = ["--set", &loads[0], "--set", &loads[1], "--estimate", "noise.exponent", "--save", "twin.toml"];
         let document = identified(&folder, &[&asked[..], &known].concat());
-        let number = |of: &Json| of.as_f64().unwrap_or_else(|| panic!("{of}"));
         let found = &document["bench"]["dynamics"];
-        let [value, std] = ["value", "stdTotal"].map(|of| number(&found[of]));
-        below("κ, deviations", (1.0 + value - kappa).abs() / std, MOST_STD);
+        let [value, std] = estimate(found);
+        is_right("κ", found, kappa - 1.0);
         below("κ ±", std, 0.01);
         says(
             &document["findings"].to_string(),
@@ -307,8 +300,7 @@ fn a_known_load_tells_the_dynamics() {
             below(&format!("{} {name}, deviations", machine.name), (hat - truth).abs() / std, MOST_STD);
         }
         let noise = if machine.is_planar() { &document["noise"] } else { &document["noise"][0] };
-        let [power, std] = ["value", "stdTotal"].map(|of| number(&noise["exponent"][of]));
-        below("power of the gap, deviations", power.abs() / std, MOST_STD);
+        is_right("power of the gap", &noise["exponent"], 0.0);
         let twin = Scenario::open(&folder.join("twin.toml")).unwrap_or_else(|why| panic!("{why}"));
         let twin = twin.value("plant", "m").expect("a mass").as_f64();
         below("mass of the twin", (twin / (of("m").expect("a mass") * (1.0 + value)) - 1.0).abs(), 1e-9);
@@ -333,8 +325,7 @@ fn the_deviation_of_the_dynamics_is_honest() {
         fs::write(folder.join("run.csv"), bytes).expect("a file");
         let asked = ["--machine", "planar4", "--estimate", "dynamics", "--hold", "heldBefore"];
         let document = identified(&folder, &[&asked[..], &["--set", &loads[0], "--set", &loads[1]]].concat());
-        let found = &document["bench"]["dynamics"];
-        let [value, std] = ["value", "stdTotal"].map(|of| found[of].as_f64().expect("a number"));
+        let [value, std] = estimate(&document["bench"]["dynamics"]);
         below("κ ±", std, 0.003);
         square += ((1.0 + value - kappa) / std).powi(2) / 12.0;
     }

@@ -4,6 +4,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use serde_json::Value as Json;
+
 use crate::support::says;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::{self, Run};
@@ -47,6 +49,25 @@ pub fn ends(code: i32, folder: &Path, arguments: &[&str]) -> (String, String) {
     let (found, out, err) = run(folder, arguments);
     assert_eq!(found, code, "{arguments:?}: {err}");
     (out, err)
+}
+
+/// Identifies with these arguments; the result as JSON.
+#[track_caller]
+pub fn identified(folder: &Path, arguments: &[&str]) -> Json {
+    let (out, _) = ends(0, folder, &[&["identify"], arguments, &["--json", "-"]].concat());
+    serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"))
+}
+
+/// A number of a result.
+#[track_caller]
+pub fn number(of: &Json) -> f64 {
+    of.as_f64().unwrap_or_else(|| panic!("{of} is no number"))
+}
+
+/// An estimate with its standard deviation in all.
+#[track_caller]
+pub fn estimate(of: &Json) -> [f64; 2] {
+    ["value", "stdTotal"].map(|name| number(&of[name]))
 }
 
 /// Runs the program, which has to refuse the arguments with these words and nothing else on the standard output.

@@ -57,169 +57,74 @@ fn jitter(seed: u64, rows: usize, size: f64) -> Vec<f64> {
     (0..rows).map(|_| random.between(-size, size)).collect()
 }
 
+/// The stamp of a row; none if the row was lost.
+type Stamp<'a> = &'a dyn Fn(usize) -> Option<String>;
+
+/// A number with so many decimals.
+fn text(decimals: usize, number: f64) -> Option<String> {
+    Some(format!("{number:.decimals$}"))
+}
+
+/// The instant of a row, s.
+fn at(row: usize) -> f64 {
+    1e-4 * row as f64
+}
+
 #[test]
 fn the_pace_is_a_straight_line_through_the_stamps() {
     let rows = BENCH.rows;
     let jittered = jitter(1, rows, 5e-6);
+    let jittered = |j: usize| text(7, at(j) + jittered[j]);
     let mut lost = jitter(5, rows, 1.0);
     // The first and the last row are there.
     (lost[0], lost[rows - 1], lost[(rows - 1) / 7]) = (1.0, 1.0, 1.0);
     let late: Vec<f64> = jitter(2, rows, 1.0).iter().map(|u| 2e-6 * -(0.5 + 0.5 * u).max(1e-9).ln()).collect();
-    let at = |j: usize| 1e-4 * j as f64;
-    let some = |text: String| Some(text);
     let epoch = 1_763_735_894_u64;
-    type Stamp<'a> = Box<dyn Fn(usize) -> Option<String> + 'a>;
+    let seconds = |j: usize| format!("{epoch}.{:04}", j % 10_000 + j / 10_000 * 9999);
     let civil = |j: usize, places: usize| {
         let ns = 100_000 * j as u64;
         let fraction = format!("{:09}", ns % 1_000_000_000);
         format!("2026-11-21T14:38:{:02}.{}", 14 + ns / 1_000_000_000, &fraction[..places])
     };
+    let missing = "rows are missing at";
+    let holes = "103 rows are missing at 103";
+    let hole = "3500 rows are missing at 1 places, the first after line 501";
+    let from = "counts from 2026-11-21T14:38:14.000000";
+    let ms_9600 = |j: usize| j as f64 / 9.6;
     // Description, header, stamps, sample time, samples, words among the notes.
-    let cases: Vec<(&str, &str, Stamp, f64, usize, &str)> = vec![
-        ("exact", "time [s]", Box::new(|j| some(format!("{:.4}", at(j)))), 1e-4, rows, ""),
-        (
-            "5 µs of jitter",
-            "time [s]",
-            Box::new(|j| some(format!("{:.7}", at(j) + jittered[j]))),
-            1e-4,
-            rows,
-            "scatter by 2.9 µs",
-        ),
-        ("latency", "time [s]", Box::new(|j| some(format!("{:.7}", at(j) + late[j]))), 1e-4, rows, "scatter"),
-        ("10 µs rounding", "time [s]", Box::new(|j| some(format!("{:.5}", at(j) * 1.0417))), 1.0417e-4, rows, ""),
-        (
-            "1 ms rounding",
-            "time [s]",
-            Box::new(|j| some(format!("{:.3}", at(j) + 3e-5))),
-            1e-4,
-            rows,
-            "rounded to 1 ms",
-        ),
-        (
-            "1 ms, 9600 Hz",
-            "time [ms]",
-            Box::new(|j| some(format!("{:.0}", j as f64 / 9.6))),
-            1.0 / 9600.0,
-            rows,
-            "rounded",
-        ),
-        (
-            "0.1 ms, 9600 Hz",
-            "time [ms]",
-            Box::new(|j| some(format!("{:.1}", j as f64 / 9.6))),
-            1.0 / 9600.0,
-            rows,
-            "rounded",
-        ),
-        (
-            "a clock of 1/64 s",
-            "time [s]",
-            Box::new(|j| some(format!("{}", (64.0 * at(j)).floor() / 64.0))),
-            1e-4,
-            rows,
-            "rounded",
-        ),
-        (
-            "epoch in s",
-            "time [s]",
-            Box::new(|j| some(format!("{epoch}.{:04}", j % 10_000 + j / 10_000 * 9999))),
-            1e-4,
-            10_000,
-            "",
-        ),
-        (
-            "epoch in ms",
-            "time",
-            Box::new(|j| some(format!("{}.{}", epoch * 1000 + j as u64 / 10, j % 10))),
-            1e-4,
-            rows,
-            "Unix times in ms",
-        ),
-        (
-            "epoch in µs",
-            "time [µs]",
-            Box::new(|j| some(format!("{}", epoch * 1_000_000 + 100 * j as u64))),
-            1e-4,
-            rows,
-            "Unix",
-        ),
-        (
-            "epoch in ns",
-            "t",
-            Box::new(|j| some(format!("{}", epoch * 1_000_000_000 + 100_000 * j as u64))),
-            1e-4,
-            rows,
-            "Unix",
-        ),
-        ("ISO", "time", Box::new(|j| some(civil(j, 6))), 1e-4, rows, "counts from 2026-11-21T14:38:14.000000"),
-        ("ISO, zone, 1 ms", "time", Box::new(|j| some(civil(j, 3) + "+01:00")), 1e-4, rows, "rounded to 1 ms"),
-        ("ISO, blank", "time", Box::new(|j| some(civil(j, 4).replace('T', " "))), 1e-4, rows, ""),
-        ("time of day", "time", Box::new(|j| some(civil(j, 4)[11..].into())), 1e-4, rows, ""),
-        (
-            "dropped rows",
-            "time [s]",
-            Box::new(|j| (j % 97 != 50).then(|| format!("{:.4}", at(j)))),
-            1e-4,
-            rows,
-            "103 rows are missing at 103",
-        ),
-        (
-            "dropped, jitter",
-            "time [s]",
-            Box::new(|j| (j % 97 != 50).then(|| format!("{:.7}", at(j) + jittered[j]))),
-            1e-4,
-            rows,
-            "103 rows are missing at 103",
-        ),
-        (
-            "a long hole",
-            "time [s]",
-            Box::new(|j| (!(500..4000).contains(&j)).then(|| format!("{:.7}", at(j) + jittered[j]))),
-            1e-4,
-            rows,
-            "3500 rows are missing at 1 places, the first after line 501",
-        ),
-        (
-            "3 % lost at random",
-            "time [s]",
-            Box::new(|j| (lost[j] > -0.94).then(|| format!("{:.4}", at(j)))),
-            1e-4,
-            rows,
-            "rows are missing at",
-        ),
-        (
-            "40 % lost at random, jitter",
-            "time [s]",
-            Box::new(|j| (lost[j] > -0.2).then(|| format!("{:.7}", at(j) + jittered[j]))),
-            1e-4,
-            rows,
-            "rows are missing at",
-        ),
-        (
-            "lost in bursts",
-            "time [s]",
-            Box::new(|j| (lost[j / 7] > -0.5).then(|| format!("{:.5}", 1.0417 * at(j)))),
-            1.0417e-4,
-            rows,
-            "rows are missing at",
-        ),
+    let cases: [(&str, &str, Stamp, f64, usize, &str); 25] = [
+        ("exact", "time [s]", &|j| text(4, at(j)), 1e-4, rows, ""),
+        ("5 µs of jitter", "time [s]", &jittered, 1e-4, rows, "scatter by 2.9 µs"),
+        ("latency", "time [s]", &|j| text(7, at(j) + late[j]), 1e-4, rows, "scatter"),
+        ("10 µs rounding", "time [s]", &|j| text(5, at(j) * 1.0417), 1.0417e-4, rows, ""),
+        ("1 ms rounding", "time [s]", &|j| text(3, at(j) + 3e-5), 1e-4, rows, "rounded to 1 ms"),
+        ("1 ms, 9600 Hz", "time [ms]", &|j| text(0, ms_9600(j)), 1.0 / 9600.0, rows, "rounded"),
+        ("0.1 ms, 9600 Hz", "time [ms]", &|j| text(1, ms_9600(j)), 1.0 / 9600.0, rows, "rounded"),
+        ("a clock of 1/64 s", "time [s]", &|j| text(6, (64.0 * at(j)).floor() / 64.0), 1e-4, rows, "rounded"),
+        ("epoch in s", "time [s]", &|j| Some(seconds(j)), 1e-4, 10_000, ""),
+        ("epoch in ms", "time", &|j| Some(format!("{}.{}", epoch * 1000 + j as u64 / 10, j % 10)), 1e-4, rows, "in ms"),
+        ("epoch in µs", "time [µs]", &|j| Some((epoch * 1_000_000 + 100 * j as u64).to_string()), 1e-4, rows, "Unix"),
+        ("epoch in ns", "t", &|j| Some((epoch * 1_000_000_000 + 100_000 * j as u64).to_string()), 1e-4, rows, "Unix"),
+        ("ISO", "time", &|j| Some(civil(j, 6)), 1e-4, rows, from),
+        ("ISO, zone, 1 ms", "time", &|j| Some(civil(j, 3) + "+01:00"), 1e-4, rows, "rounded to 1 ms"),
+        ("ISO, blank", "time", &|j| Some(civil(j, 4).replace('T', " ")), 1e-4, rows, ""),
+        ("time of day", "time", &|j| Some(civil(j, 4)[11..].into()), 1e-4, rows, ""),
+        ("dropped rows", "time [s]", &|j| text(4, at(j)).filter(|_| j % 97 != 50), 1e-4, rows, holes),
+        ("dropped, jitter", "time [s]", &|j| jittered(j).filter(|_| j % 97 != 50), 1e-4, rows, holes),
+        ("a long hole", "time [s]", &|j| jittered(j).filter(|_| !(500..4000).contains(&j)), 1e-4, rows, hole),
+        ("3 % lost", "time [s]", &|j| text(4, at(j)).filter(|_| lost[j] > -0.94), 1e-4, rows, missing),
+        ("40 % lost, jitter", "time [s]", &|j| jittered(j).filter(|_| lost[j] > -0.2), 1e-4, rows, missing),
+        ("bursts", "time [s]", &|j| text(5, 1.0417 * at(j)).filter(|_| lost[j / 7] > -0.5), 1.0417e-4, rows, missing),
         (
             "outliers",
             "time [s]",
-            Box::new(|j| some(if j % 1000 == 7 { "99".into() } else { format!("{:.4}", at(j)) })),
+            &|j| text(4, if j % 1000 == 7 { 99.0 } else { at(j) }),
             1e-4,
             rows,
             "in lines 9, 1009",
         ),
-        (
-            "a stuck stamp",
-            "time [s]",
-            Box::new(|j| some(format!("{:.4}", at(if j == 70 { 69 } else { j })))),
-            1e-4,
-            rows,
-            "line 72 replaced",
-        ),
-        ("from 12 s on", "time [s]", Box::new(|j| some(format!("{:.4}", 12.0 + at(j)))), 1e-4, rows, ""),
+        ("stuck", "time [s]", &|j| text(4, at(if j == 70 { 69 } else { j })), 1e-4, rows, "line 72 replaced"),
+        ("from 12 s on", "time [s]", &|j| text(4, 12.0 + at(j)), 1e-4, rows, ""),
     ];
     for (name, header, stamp, step_s, count, words) in cases {
         let samples = Samples::read(&BENCH.with_times(header, stamp), &Reading::default());
@@ -237,57 +142,30 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
 #[test]
 fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
     let rows = BENCH.rows;
-    let at = |j: usize| 1e-4 * j as f64;
-    let wild = jitter(3, rows, 4e-5);
-    let lost = jitter(4, rows, 1.0);
-    type Stamp<'a> = Box<dyn Fn(usize) -> Option<String> + 'a>;
-    let cases: Vec<(&str, Stamp, &[&str])> = vec![
-        (
-            "twice",
-            Box::new(|j| Some(format!("{:.4}", at(if j > 70 { j - 1 } else { j })))),
-            &["line 73: the stamp of the row before", "7 ms"],
-        ),
-        (
-            "back",
-            Box::new(|j| Some(format!("{:.4}", at(if j > 6000 { j - 6000 } else { j })))),
-            &["time goes back at 1 places, the first in line 6003, from 600 ms to 100 µs"],
-        ),
-        (
-            "one row back",
-            Box::new(|j| {
-                Some(format!(
-                    "{:.4}",
-                    match j {
-                        0..80 => at(j),
-                        80 => at(40),
-                        _ => at(j - 1),
-                    }
-                ))
-            }),
-            &["line 82: time goes back"],
-        ),
-        (
-            "two paces",
-            Box::new(|j| Some(format!("{:.7}", at(j) + 2e-6 * (j as f64 - 5000.0).max(0.0)))),
-            &["contradict an even pace", "100 µs in the first tenth, 102 µs in the last"],
-        ),
-        ("wild", Box::new(|j| Some(format!("{:.7}", at(j) + wild[j]))), &["contradict an even pace", "straight line"]),
+    let (wild, lost) = (jitter(3, rows, 4e-5), jitter(4, rows, 1.0));
+    let back = "time goes back at 1 places, the first in line 6003, from 600 ms to 100 µs";
+    let one_back = |j: usize| match j {
+        0..80 => at(j),
+        80 => at(40),
+        _ => at(j - 1),
+    };
+    let slower = |j: usize| at(j) + 2e-6 * (j as f64 - 5000.0).max(0.0);
+    let jump = "time jumps from 900 ms in line 9002 to 1000.9 s in line 9003";
+    let soon = |j: usize| if j == 40 { Some("soon".into()) } else { text(4, at(j)) };
+    let cases: [(&str, Stamp, &[&str]); 9] = [
+        ("twice", &|j| text(4, at(j - usize::from(j > 70))), &["line 73: the stamp of the row before", "7 ms"]),
+        ("back", &|j| text(4, at(if j > 6000 { j - 6000 } else { j })), &[back]),
+        ("one row back", &|j| text(4, one_back(j)), &["line 82: time goes back"]),
+        ("two paces", &|j| text(7, slower(j)), &["contradict", "100 µs in the first tenth, 102 µs in the last"]),
+        ("wild", &|j| text(7, at(j) + wild[j]), &["contradict an even pace", "straight line"]),
         (
             "rounded and lost",
-            Box::new(|j| (lost[j] < 0.8).then(|| format!("{:.3}", at(j)))),
+            &|j| text(3, at(j)).filter(|_| lost[j] < 0.8),
             &["no even pace explains them as rounding"],
         ),
-        ("not rising", Box::new(|_| Some("1".into())), &["time does not rise"]),
-        (
-            "a jump",
-            Box::new(|j| Some(format!("{:.4}", at(j) + if j > 9000 { 1000.0 } else { 0.0 }))),
-            &["time jumps from 900 ms in line 9002 to 1000.9 s in line 9003"],
-        ),
-        (
-            "no stamp",
-            Box::new(|j| Some(if j == 40 { "soon".into() } else { format!("{:.4}", at(j)) })),
-            &["line 42, time: \"soon\" is no time"],
-        ),
+        ("not rising", &|_| text(0, 1.0), &["time does not rise"]),
+        ("a jump", &|j| text(4, at(j) + if j > 9000 { 1000.0 } else { 0.0 }), &[jump]),
+        ("no stamp", &soon, &["line 42, time: \"soon\" is no time"]),
     ];
     for (name, stamp, words) in cases {
         let text = BENCH.with_times("time [s]", stamp);
@@ -396,48 +274,27 @@ fn encodings_separators_and_decimal_commas() {
 #[test]
 fn units_go_by_many_names() {
     use std::f64::consts::{PI, TAU};
-    let cases: [(usize, &str, f64); 40] = [
-        (0, "s", 1.0),
-        (0, "ms", 1e-3),
-        (0, "µs", 1e-6),
-        (0, "us", 1e-6),
-        (0, "μs", 1e-6),
-        (0, "ns", 1e-9),
-        (1, "m", 1.0),
-        (1, "mm", 1e-3),
-        (1, "µm", 1e-6),
-        (1, "um", 1e-6),
-        (1, "nm", 1e-9),
-        (1, "mil", 25.4e-6),
-        (1, "Mil", 25.4e-6),
-        (3, "A", 1.0),
-        (3, "mA", 1e-3),
-        (6, "rad", 1.0),
-        (6, "deg", PI / 180.0),
-        (6, "°", PI / 180.0),
-        (6, "Deg", PI / 180.0),
-        (6, "rev", TAU),
-        (7, "rad/s", 1.0),
-        (7, "rpm", PI / 30.0),
-        (7, "RPM", PI / 30.0),
-        (7, "1/min", PI / 30.0),
-        (7, "U/min", PI / 30.0),
-        (7, "min-1", PI / 30.0),
-        (7, "min^-1", PI / 30.0),
-        (7, "min⁻¹", PI / 30.0),
-        (7, "min−1", PI / 30.0),
-        (7, "u/min", PI / 30.0),
-        (7, "Hz", TAU),
-        (7, "rev/s", TAU),
-        (7, "deg/s", PI / 180.0),
-        (7, "°/s", PI / 180.0),
-        (7, "rad / s", 1.0),
-        (6, "º", PI / 180.0),
-        (1, "Micron", 1e-6),
-        (0, "sec", 1.0),
-        (3, "Ampere", 1.0),
-        (7, "rps", TAU),
+    let cases: [(usize, f64, &[&str]); 18] = [
+        (0, 1.0, &["s", "sec"]),
+        (0, 1e-3, &["ms"]),
+        (0, 1e-6, &["µs", "us", "μs"]),
+        (0, 1e-9, &["ns"]),
+        (1, 1.0, &["m"]),
+        (1, 1e-3, &["mm"]),
+        (1, 1e-6, &["µm", "um", "Micron"]),
+        (1, 1e-9, &["nm"]),
+        (1, 25.4e-6, &["mil", "Mil"]),
+        (3, 1.0, &["A", "Ampere"]),
+        (3, 1e-3, &["mA"]),
+        (6, 1.0, &["rad"]),
+        (6, PI / 180.0, &["deg", "°", "Deg", "º"]),
+        (6, TAU, &["rev"]),
+        (7, 1.0, &["rad/s", "rad / s"]),
+        (7, PI / 30.0, &["rpm", "RPM", "1/min", "U/min", "min-1", "min^-1", "min⁻¹", "min−1", "u/min"]),
+        (7, TAU, &["Hz", "rev/s", "rps"]),
+        (7, PI / 180.0, &["deg/s", "°/s"]),
     ];
+    let cases = cases.into_iter().flat_map(|(at, factor, names)| names.iter().map(move |unit| (at, *unit, factor)));
     const NAMES: [&str; 8] = ["time", "Ym", "Zm", "im[1]", "im[2]", "im[3]", "theta", "omega"];
     const SI: [&str; 8] = ["s", "m", "m", "A", "A", "A", "rad", "rad/s"];
     let bench = Bench { rows: 400, ..BENCH };

@@ -10,7 +10,7 @@ use roxmltree::Document;
 use serde_json::Value as Json;
 
 use crate::package::members;
-use crate::program::{folder, run};
+use crate::program::{ends, estimate, folder, identified, number};
 use crate::support::{below, says};
 
 /// Values of a parameter set by name.
@@ -68,10 +68,19 @@ fn same(name: &str, value: f64, wanted: f64) {
 const FILES: [&str; 6] = ["--save", "twin.toml", "--ssv", "twin.ssv", "--ssp", "twin.ssp"];
 
 /// Identifies with a twin; the result as JSON.
-fn identified(folder: &Path, arguments: &[&str]) -> Json {
-    let (code, out, errors) = run(folder, &[&["identify"], arguments, &FILES[..], &["--json", "-"]].concat());
-    assert_eq!(code, 0, "{errors}");
-    serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"))
+fn twin_of(folder: &Path, arguments: &[&str]) -> Json {
+    identified(folder, &[arguments, &FILES].concat())
+}
+
+/// The twin runs, and what it records is identified with these arguments: λ are the same within so many deviations.
+fn says_the_same(folder: &Path, found: &Json, arguments: &[&str], deviations: f64) {
+    ends(0, folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+    let again = identified(folder, &[&["again.csv", "--scenario", "twin.toml"], arguments].concat());
+    for k in 0..found["lambdaHat"].as_array().expect("force constants").len() {
+        let [before, after, std] =
+            [&found["lambdaHat"], &again["lambdaHat"], &again["lambdaStdTotal"]].map(|of| number(&of[k]));
+        below("λ again, deviations", (after - before).abs() / std, deviations);
+    }
 }
 
 #[test]
@@ -80,12 +89,11 @@ fn every_machine_has_a_twin() {
         [("planar4", "m=6.8", 6.8), ("spindle", "m=12kg", 12.0), ("spindle4", "estimator.m=12", 12.0)]
     {
         let folder = folder(&format!("twin/{machine}"));
-        let (code, _, errors) = run(&folder, &["simulate", machine, "--csv", "run.csv"]);
-        assert_eq!(code, 0, "{errors}");
-        let found = identified(&folder, &["run.csv", "--machine", machine, "--set", mass]);
+        ends(0, &folder, &["simulate", machine, "--csv", "run.csv"]);
+        let found = twin_of(&folder, &["run.csv", "--machine", machine, "--set", mass]);
         let values = same_in_all(&folder);
         for (k, name) in found["magnets"].as_array().expect("names").iter().enumerate() {
-            let (name, lambda) = (name.as_str().expect("a name"), found["lambdaHat"][k].as_f64().expect("a number"));
+            let (name, lambda) = (name.as_str().expect("a name"), number(&found["lambdaHat"][k]));
             same(name, values[&format!("plant.{name}")], lambda);
             for element in ["controller", "estimator"] {
                 same(name, values[&format!("{element}.{}", name.replace("lambda", "lambda0"))], lambda);
@@ -101,20 +109,10 @@ fn every_machine_has_a_twin() {
             (format!("plant.{plane}.phase"), &unbalance["phase"]),
             ("plant.sensor.positionNoise".to_owned(), &noise["position"]),
         ] {
-            same(&name, values[&name], wanted.as_f64().expect("a number"));
+            same(&name, values[&name], number(wanted));
         }
         assert_eq!(["plant.m", "controller.m", "estimator.m"].map(|name| values[name]), [m_kg; 3]);
-        // The twin runs, and says what its recording said.
-        let (code, _, errors) = run(&folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
-        assert_eq!(code, 0, "{errors}");
-        let (code, out, errors) = run(&folder, &["identify", "again.csv", "--scenario", "twin.toml", "--json", "-"]);
-        assert_eq!(code, 0, "{errors}");
-        let again: Json = serde_json::from_str(&out).expect("JSON");
-        for k in 0..found["magnets"].as_array().expect("names").len() {
-            let of = |document: &Json, name: &str| document[name][k].as_f64().expect("a number");
-            let off = of(&again, "lambdaHat") - of(&found, "lambdaHat");
-            below("λ again, deviations", off.abs() / of(&again, "lambdaStdTotal"), 5.0);
-        }
+        says_the_same(&folder, &found, &[], 5.0);
     }
 }
 
@@ -127,17 +125,16 @@ fn a_planar_bench_has_a_twin() {
                  unbalance.magnitude = 2e-4\n[controller]\nreference.omega = 280.0\n[columns]\nYm = \"Weg y\"\n[tolerance]\n\
                  sensor.offset = \"5 µm\"\nalpha = \"0.2 deg\"\n";
     fs::write(folder.join("bench.toml"), bench).expect("a file");
-    let (code, _, errors) = run(&folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
-    assert_eq!(code, 0, "{errors}");
+    ends(0, &folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
     let table = fs::read_to_string(folder.join("run.csv")).expect("a table");
     fs::write(folder.join("run.csv"), table.replace("plant.Ym", "Weg y").replace("controller.Ym", "none"))
         .expect("a file");
 
     let arguments = ["run.csv", "--scenario", "bench.toml"];
-    let found = identified(&folder, &arguments);
+    let found = twin_of(&folder, &arguments);
     let values = same_in_all(&folder);
     for k in 0..3 {
-        let lambda = found["lambdaHat"][k].as_f64().expect("a number");
+        let lambda = number(&found["lambdaHat"][k]);
         for name in ["plant.lambda", "controller.lambda0", "estimator.lambda0"] {
             same(name, values[&format!("{name}[{}]", k + 1)], lambda);
         }
@@ -149,15 +146,15 @@ fn a_planar_bench_has_a_twin() {
         ("estimator.sensor.currentNoise", &found["noise"]["current"]),
         ("plant.sensor.offsetY", &found["bench"]["sensor.offset[y]"]["value"]),
     ] {
-        same(name, values[name], wanted.as_f64().expect("a number"));
+        same(name, values[name], number(wanted));
     }
-    let alpha = found["told"]["alpha"][1].as_f64().expect("told")
-        + found["bench"]["alpha[2]"]["value"].as_f64().expect("estimated");
+    let alpha = number(&found["told"]["alpha"][1]) + number(&found["bench"]["alpha[2]"]["value"]);
     same("alpha[2]", values["controller.alpha[2]"], alpha);
     // The estimator has no offset: it is as far off as the sensor, and as much as nobody knows.
-    let of = |name: &str, what: &str| found["bench"][name][what].as_f64().expect("estimated");
-    let offsets =
-        ["sensor.offset[y]", "sensor.offset[z]"].map(|name| of(name, "value").powi(2) + of(name, "stdTotal").powi(2));
+    let offsets = ["sensor.offset[y]", "sensor.offset[z]"].map(|name| {
+        let [value, std] = estimate(&found["bench"][name]);
+        value.powi(2) + std.powi(2)
+    });
     below(
         "tolerance",
         (values["estimator.tolerance.positionOffset"] / (offsets.iter().sum::<f64>() / 2.0).sqrt() - 1.0).abs(),
@@ -167,19 +164,9 @@ fn a_planar_bench_has_a_twin() {
     assert_eq!(steps, [8e-5; 3]);
     below("speed", (values["plant.omega"] - 280.0).abs(), 1e-3);
 
-    // The twin runs, and says what the bench said. It may be written again.
-    let (code, _, errors) = run(&folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
-    assert_eq!(code, 0, "{errors}");
-    let (code, out, errors) =
-        run(&folder, &["identify", "again.csv", "--scenario", "twin.toml", "--column", "Ym=plant.Ym", "--json", "-"]);
-    assert_eq!(code, 0, "{errors}");
-    let again: Json = serde_json::from_str(&out).expect("JSON");
-    for k in 0..3 {
-        let of = |answer: &Json, name: &str| answer[name][k].as_f64().expect("a number");
-        let off = (of(&again, "lambdaHat") - of(&found, "lambdaHat")).abs() / of(&again, "lambdaStdTotal");
-        below("deviations of the twin", off, 4.0);
-    }
-    identified(&folder, &arguments);
+    says_the_same(&folder, &found, &["--column", "Ym=plant.Ym"], 4.0);
+    // It may be written again.
+    twin_of(&folder, &arguments);
 }
 
 /// Files of others are not overwritten, and nothing is read before that is said.
@@ -200,36 +187,27 @@ fn foreign_files_are_not_overwritten() {
     fs::write(folder.join("theirs.ssp"), archive(&theirs)).expect("a file");
     fs::write(folder.join("broken.ssp"), "PK and no archive").expect("a file");
     fs::write(folder.join("mine.toml"), "title = \"mine\"\n").expect("a file");
-    let before = |name: &str| fs::read(folder.join(name)).expect("a file");
-    for (option, name, words) in [
-        ("--ssv", "theirs.ssv", "not an SSV that this program has generated"),
-        ("--ssv", "theirs.ssp", "not an SSV that this program has generated"),
-        ("--ssp", "theirs.ssp", "not an SSP that this program has generated"),
-        ("--ssp", "broken.ssp", "not an SSP that this program has generated"),
-        ("--ssp", "ours.ssv", "not an SSP that this program has generated"),
-        ("--save", "mine.toml", "not a scenario that this program has written"),
+    let before = |name: &str| fs::read(folder.join(name)).unwrap_or_default();
+    for (option, name, code, words) in [
+        ("--ssv", "theirs.ssv", 1, "not an SSV that this program has generated"),
+        ("--ssv", "theirs.ssp", 1, "not an SSV that this program has generated"),
+        ("--ssp", "theirs.ssp", 1, "not an SSP that this program has generated"),
+        ("--ssp", "broken.ssp", 1, "not an SSP that this program has generated"),
+        ("--ssp", "ours.ssv", 1, "not an SSP that this program has generated"),
+        ("--save", "mine.toml", 1, "not a scenario that this program has written"),
+        ("--ssp", "nowhere/twin.ssp", 1, "there is no folder nowhere"),
+        ("--ssv", "nowhere/twin.ssv", 1, "there is no folder nowhere"),
+        ("--save", "nowhere/twin.toml", 1, "there is no folder nowhere"),
+        // Ours may be replaced: the next thing that is wrong is the recording.
+        ("--ssv", "ours.ssv", 2, "there-is-none.csv"),
+        ("--ssp", "ours.ssp", 2, "there-is-none.csv"),
     ] {
         let content = before(name);
-        let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", option, name]);
-        assert_eq!(code, 1, "{option} {name}: {errors}");
-        says(&errors, &[name, words]);
+        let (_, errors) = ends(code, &folder, &["identify", "there-is-none.csv", option, name]);
+        says(&errors, &[if code == 1 { name } else { words }, words]);
         assert!(content == before(name), "{option} {name}");
     }
-    for (option, path) in
-        [("--ssp", "nowhere/twin.ssp"), ("--ssv", "nowhere/twin.ssv"), ("--save", "nowhere/twin.toml")]
-    {
-        let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", option, path]);
-        assert_eq!(code, 1, "{errors}");
-        says(&errors, &[path, "there is no folder nowhere"]);
-    }
-    // Ours may be replaced: the next thing that is wrong is the recording.
-    for (option, name) in [("--ssv", "ours.ssv"), ("--ssp", "ours.ssp")] {
-        let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", option, name]);
-        assert_eq!(code, 2, "{errors}");
-        says(&errors, &["there-is-none.csv"]);
-    }
-    let (code, _, errors) = run(&folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
-    assert_eq!(code, 2, "{errors}");
+    let (_, errors) = ends(2, &folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
     says(&errors, &["--method likelihood"]);
 }
 
@@ -240,8 +218,7 @@ fn an_answer_that_is_not_valid_has_no_twin() {
     let table = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recording.csv")).expect("a table");
     let short: Vec<&str> = table.lines().take(200).collect();
     fs::write(folder.join("short.csv"), short.join("\n")).expect("a file");
-    let (code, _, errors) = run(&folder, &[&["identify", "short.csv"], &FILES[..]].concat());
-    assert_eq!(code, 3, "{errors}");
+    let (_, errors) = ends(3, &folder, &[&["identify", "short.csv"], &FILES[..]].concat());
     says(&errors, &["Not valid", "The twin was not written"]);
     for file in ["twin.toml", "twin.ssv", "twin.ssp"] {
         assert!(!folder.join(file).exists(), "{file}");
@@ -255,9 +232,9 @@ fn an_axis_has_a_twin() {
     let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/levitation");
     let path = |name: &str| data.join(name).display().to_string();
     let (recording, bench) = (path("levitation-stairs-mpc.csv.gz"), path("bench.toml"));
-    let found = identified(&folder, &[&recording, "--scenario", &bench]);
+    let found = twin_of(&folder, &[&recording, "--scenario", &bench]);
     let values = same_in_all(&folder);
-    let of = |path: &[&str]| path.iter().fold(&found, |json, name| &json[*name]).as_f64().expect("a number");
+    let of = |path: &[&str]| number(path.iter().fold(&found, |json, name| &json[*name]));
     for element in ["plant", "controller", "estimator"] {
         below(
             "m",
@@ -274,20 +251,13 @@ fn an_axis_has_a_twin() {
     assert_eq!((values["controller.Ts"], values["controller.bandwidth.tracking"]), (1e-3, 100.0));
 
     // ki at the middle of the twin is that of the operating point.
-    let (code, _, errors) = run(&folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
-    assert_eq!(code, 0, "{errors}");
+    ends(0, &folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
     let ki = 2.0 * (values["plant.lambda[2]"] * values["plant.pX"]).sqrt() / values["plant.s"];
     below("ki", (ki / of(&["operatingPoint", "ki"]) - 1.0).abs(), 1e-9);
     // The same file describes the bench to `identify`, columns included.
     let other = path("levitation-stairs-lqi.csv.gz");
-    let (code, out, errors) = run(&folder, &["identify", &other, "--scenario", "twin.toml", "--json", "-"]);
-    assert_eq!(code, 0, "{errors}");
-    let again: Json = serde_json::from_str(&out).expect("JSON");
-    below(
-        "λ2 as saved",
-        (again["magnets"]["lambda[2]"]["value"].as_f64().expect("a number") / of(&["magnets", "lambda[2]", "value"])
-            - 1.0)
-            .abs(),
-        1e-9,
-    );
+    let again = identified(&folder, &[&other, "--scenario", "twin.toml"]);
+    let lambda = ["magnets", "lambda[2]", "value"];
+    let again = number(lambda.iter().fold(&again, |json, name| &json[*name]));
+    below("λ2 as saved", (again / of(&lambda) - 1.0).abs(), 1e-9);
 }
