@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Arguments, LIKELIHOOD, Refused, Result, refused};
+use super::{Arguments, Refused, Result};
 use crate::machine::{AXIAL, Machine};
 use crate::report::identification::Results;
 use crate::simulation::scenario::Scenario;
@@ -19,35 +19,12 @@ pub(super) struct Bench {
     pub scenario: Scenario,
 }
 
-/// Options that make sense for a rotor that turns, or for the estimator on line.
-fn unused(arguments: &Arguments) -> [(bool, &'static str); 9] {
-    [
-        (arguments.currents.is_some(), "--currents"),
-        (arguments.speed.is_some(), "--speed"),
-        (arguments.window.is_some(), "--window"),
-        (arguments.method() != LIKELIHOOD, "--method"),
-        (arguments.hold != super::AUTO, "--hold"),
-        (!arguments.tolerances.is_empty(), "--tolerance"),
-        (arguments.csv.is_some(), "--csv"),
-        (arguments.position_noise.is_some(), "--position-noise; --set noise.position=…"),
-        (arguments.current_noise.is_some(), "--current-noise; --set noise.current=…"),
-    ]
-}
-
 /// The bench, if the machine is `axial`.
 pub(super) fn bench(arguments: &Arguments, machine: &Machine) -> Result<Option<Bench>> {
     if *machine != AXIAL {
-        let axial = [(arguments.at.is_some(), "--at"), (arguments.check.is_some(), "--check")];
-        return match axial.iter().find(|(is_given, _)| *is_given) {
-            Some((_, option)) => Err(refused(format!("{option} needs --machine axial"))),
-            None => Ok(None),
-        };
+        return Ok(None);
     }
-    let mut wrong: Vec<String> = unused(arguments)
-        .iter()
-        .filter(|(is_given, _)| *is_given)
-        .map(|(_, option)| format!("the machine axial has no {option}"))
-        .collect();
+    let mut wrong = arguments.unused(machine);
     // A scenario of another machine says nothing of this one.
     let scenario = match &arguments.scenario {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Refused, Result, SLOW_FORCE, refused};
+use super::{AUTO, Arguments, LIKELIHOOD, PREDICTION_ERROR, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
-use crate::machine::{self, Machine, PLANAR};
+use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::quantity;
 
@@ -40,16 +40,33 @@ impl Arguments {
         self.changes.iter().cloned().partition(|(name, _)| loads.contains(name))
     }
 
+    /// Options that say nothing to the machine, each in a sentence.
+    pub(super) fn unused(&self, machine: &Machine) -> Vec<String> {
+        let (is_axial, is_planar, method) = (*machine == AXIAL, *machine == PLANAR, self.method());
+        let has_none = |option: &str| format!("the machine {} has no {option}", machine.name);
+        let is_usual = [LIKELIHOOD, PREDICTION_ERROR].contains(&method);
+        let options = [
+            (is_axial && self.currents.is_some(), has_none("--currents")),
+            (is_axial && self.speed.is_some(), has_none("--speed")),
+            (!is_planar && self.window.is_some(), has_none("--window")),
+            (is_axial && method != LIKELIHOOD, has_none("--method")),
+            (!is_axial && !is_planar && !is_usual, has_none("--method but likelihood and predictionError")),
+            (is_axial && self.hold != AUTO, has_none("--hold")),
+            (is_axial && !self.tolerances.is_empty(), has_none("--tolerance")),
+            (is_axial && self.csv.is_some(), has_none("--csv")),
+            (is_axial && self.position_noise.is_some(), has_none("--position-noise; --set noise.position=…")),
+            (is_axial && self.current_noise.is_some(), has_none("--current-noise; --set noise.current=…")),
+            (!is_axial && self.at.is_some(), "--at needs --machine axial".into()),
+            (!is_axial && self.check.is_some(), "--check needs --machine axial".into()),
+        ];
+        options.into_iter().filter(|(is_unused, _)| *is_unused).map(|(_, words)| words).collect()
+    }
+
     /// The scenario of the machine, with its changes.
     pub(super) fn bearing(&self, machine: &Machine) -> Result<Scenario> {
-        let wrong = [
-            (self.window.is_some(), "--window"),
-            (![LIKELIHOOD, PREDICTION_ERROR].contains(&self.method()), "--method but likelihood and predictionError"),
-        ];
-        let wrong: Vec<_> = wrong.iter().filter(|(is_given, _)| *is_given && *machine != PLANAR).collect();
-        if !wrong.is_empty() {
-            let wrong = wrong.iter().map(|(_, option)| format!("the machine {} has no {option}", machine.name));
-            return Err(Refused(wrong.collect::<Vec<_>>().join("\n  ")).into());
+        let unused = self.unused(machine);
+        if !unused.is_empty() {
+            return Err(refused(unused.join("\n  ")));
         }
         let (loads, changes) = self.loads(machine);
         for (name, value) in loads {

@@ -15,7 +15,7 @@ use std::ops::Range;
 pub use self::answer::{Answer, Check, agreement, answer};
 use self::filter::Readings;
 use self::search::{Fit, Part, fit, follow, log_likelihood};
-use super::read::{Samples, noise};
+use super::read::{Samples, median, noise};
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood, mean};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
@@ -445,9 +445,10 @@ fn begin(axis: &Axis, readings: Readings<'_>, point: &Point) -> Option<usize> {
     });
     let means = |of: &[f64]| of.chunks_exact(window).map(|of| mean(of.iter().copied())).collect::<Vec<_>>();
     let (nis, slow_n) = (means(&nis), means(&slow_n));
-    let mut later: Vec<f64> = nis[nis.len() / 2..].iter().copied().filter(|nis| nis.is_finite()).collect();
-    later.sort_by(f64::total_cmp);
-    let median = *later.get(later.len() / 2)?;
+    let median = median(nis[nis.len() / 2..].iter().copied());
+    if median.is_nan() {
+        return None;
+    }
     let carried_n = CARRIED * axis.weight_n();
     let is_loud = |(nis, slow_n): (&f64, &f64)| *nis > LOUD * median || slow_n.abs() > carried_n;
     let loud: Vec<bool> = nis.iter().zip(&slow_n).map(is_loud).collect();

@@ -19,7 +19,7 @@ use crate::estimation::Hold;
 use crate::machine::Machine;
 
 pub(super) use self::plausible::REST_RAD_S;
-pub(super) use self::signals::{noise, range};
+pub(super) use self::signals::{median, noise, range};
 
 /// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
 pub const FILLED: usize = 3;

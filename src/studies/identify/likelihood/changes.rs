@@ -10,6 +10,7 @@ use super::rotor::Kind;
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, part};
 use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
+use crate::studies::identify::read::median;
 
 /// χ² of a change of three force constants between two blocks above which it counts. At one place chance makes 30 with a probability of
 /// 1.4 · 10⁻⁶ (three degrees of freedom); there are [`BLOCKS`] places, which are not independent of each other.
@@ -131,9 +132,7 @@ pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
     for recording in 0..finished.search.cases.len() {
         let blocks: Vec<&Block> = finished.blocks(recording).collect();
         let mean = |block: &Block| block.nis / (coordinates * block.count);
-        let mut sorted: Vec<f64> = blocks.iter().map(|block| mean(block)).collect();
-        sorted.sort_by(f64::total_cmp);
-        let median = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+        let median = median(blocks.iter().map(|block| mean(block)));
         for block in blocks {
             let ratio = mean(block) / median;
             // The variance of χ² with Nn degrees of freedom is 2Nn.

@@ -231,7 +231,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         let residual = std::array::from_fn(|a| measured[a] - read[a]);
         let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         let counts = row >= piece.counted.start;
-        let w = innovation.whiten(innovation.e);
+        let w = innovation.factor.whiten(innovation.e);
         if sums.filled + N > BATCH {
             sums.flush();
         }
@@ -250,7 +250,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
                     x[i][l] -= innovation.gain[i][a] * phi[a];
                 }
             }
-            let white = innovation.whiten(phi);
+            let white = innovation.factor.whiten(phi);
             for a in 0..N {
                 whitened[a][l] = white[a];
             }
@@ -258,7 +258,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         if gains {
             let by_level: [[f64; N]; K] = std::array::from_fn(|k| {
                 let other = raised[k].update(rotor, of.variance(row, rotor.exponent), residual);
-                innovation.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
+                innovation.factor.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
                 let column = match columns {
@@ -381,7 +381,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Ve
         let keep = &kept[row - start];
         let innovation = &keep.innovation;
         // r ← Hᵀ (S⁻¹ e − Kᵀ r) + r.
-        let mut u = innovation.unwhiten(innovation.whiten(innovation.e));
+        let mut u = innovation.factor.unwhiten(innovation.factor.whiten(innovation.e));
         for (a, u) in u.iter_mut().enumerate() {
             *u -= (0..S).map(|i| innovation.gain[i][a] * r[i]).sum::<f64>();
         }
@@ -416,7 +416,7 @@ fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) 
         if row >= piece.counted.start {
             let error = if data.is_missing(row) { [f64::NAN; N] } else { innovation.e };
             innovations[0].extend(error);
-            innovations[1].extend(innovation.whiten(innovation.e));
+            innovations[1].extend(innovation.factor.whiten(innovation.e));
         }
     });
     innovations
@@ -455,7 +455,7 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, 
             let variance = of.variance(row, rotor.exponent + levels[f].exponent);
             let innovation = kalman[f].update(rotor, variance, residual);
             if row >= piece.counted.start.max(start + 4) && data.tells(row) {
-                let w = innovation.whiten(innovation.e);
+                let w = innovation.factor.whiten(innovation.e);
                 logs[f].times(innovation.det);
                 sums[f][1] += w.iter().map(|w| w * w).sum::<f64>();
                 sums[f][2] += 1.0;

@@ -17,63 +17,57 @@ pub(super) struct Kalman<const S: usize> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Innovation<const N: usize, const S: usize> {
     pub e: [f64; N],
-    /// Cholesky factor L of the covariance of e, with the reciprocals of its diagonal.
-    factor: [[f64; N]; N],
+    /// That of the covariance of e.
+    pub factor: Factor<N>,
     pub gain: [[f64; N]; S],
     /// Determinant of the covariance.
     pub det: f64,
 }
 
-impl<const N: usize, const S: usize> Innovation<N, S> {
+/// The Cholesky factor L of a covariance, with the reciprocals of its diagonal.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Factor<const N: usize>([[f64; N]; N]);
+
+impl<const N: usize> Factor<N> {
+    /// With the determinant of the covariance.
+    #[inline(always)]
+    fn of(s: &[[f64; N]; N]) -> (Self, f64) {
+        let (mut l, mut det) = ([[0.0; N]; N], 1.0);
+        for a in 0..N {
+            for b in 0..a {
+                let rest: f64 = s[a][b] - (0..b).map(|c| l[a][c] * l[b][c]).sum::<f64>();
+                l[a][b] = rest * l[b][b];
+            }
+            let rest = s[a][a] - (0..a).map(|c| l[a][c] * l[a][c]).sum::<f64>();
+            det *= rest;
+            l[a][a] = 1.0 / rest.sqrt();
+        }
+        (Self(l), det)
+    }
+
     /// `L⁻¹ e`.
     #[inline(always)]
-    pub fn whiten(&self, e: [f64; N]) -> [f64; N] {
-        whiten(&self.factor, e)
+    pub fn whiten(&self, mut e: [f64; N]) -> [f64; N] {
+        for a in 0..N {
+            for b in 0..a {
+                e[a] -= self.0[a][b] * e[b];
+            }
+            e[a] *= self.0[a][a];
+        }
+        e
     }
 
     /// `S⁻¹ e` from the whitened e.
     #[inline(always)]
-    pub fn unwhiten(&self, w: [f64; N]) -> [f64; N] {
-        unwhiten(&self.factor, w)
-    }
-}
-
-#[inline(always)]
-fn whiten<const N: usize>(factor: &[[f64; N]; N], mut e: [f64; N]) -> [f64; N] {
-    for a in 0..N {
-        for b in 0..a {
-            e[a] -= factor[a][b] * e[b];
+    pub fn unwhiten(&self, mut w: [f64; N]) -> [f64; N] {
+        for a in (0..N).rev() {
+            for b in a + 1..N {
+                w[a] -= self.0[b][a] * w[b];
+            }
+            w[a] *= self.0[a][a];
         }
-        e[a] *= factor[a][a];
+        w
     }
-    e
-}
-
-#[inline(always)]
-fn unwhiten<const N: usize>(factor: &[[f64; N]; N], mut w: [f64; N]) -> [f64; N] {
-    for a in (0..N).rev() {
-        for b in a + 1..N {
-            w[a] -= factor[b][a] * w[b];
-        }
-        w[a] *= factor[a][a];
-    }
-    w
-}
-
-/// The Cholesky factor of a covariance, with the reciprocals of its diagonal, and the determinant.
-#[inline(always)]
-fn cholesky<const N: usize>(s: &[[f64; N]; N]) -> ([[f64; N]; N], f64) {
-    let (mut l, mut det) = ([[0.0; N]; N], 1.0);
-    for a in 0..N {
-        for b in 0..a {
-            let rest: f64 = s[a][b] - (0..b).map(|c| l[a][c] * l[b][c]).sum::<f64>();
-            l[a][b] = rest * l[b][b];
-        }
-        let rest = s[a][a] - (0..a).map(|c| l[a][c] * l[a][c]).sum::<f64>();
-        det *= rest;
-        l[a][a] = 1.0 / rest.sqrt();
-    }
-    (l, det)
 }
 
 /// The transition of one interval, without the identity: stiffness K and gyroscope G act to the third order of its length.
@@ -262,10 +256,10 @@ impl<const S: usize> Kalman<S> {
             }
             covariance[a][a] += variance[a];
         }
-        let (factor, det) = cholesky(&covariance);
+        let (factor, det) = Factor::of(&covariance);
         let mut gain = [[0.0; N]; S];
         for i in 0..S {
-            gain[i] = unwhiten(&factor, whiten(&factor, pht[i]));
+            gain[i] = factor.unwhiten(factor.whiten(pht[i]));
         }
         let (predicted, mut e) = (at(&self.x), residual);
         for a in 0..N {

@@ -2,6 +2,8 @@
 
 use std::f64::consts::PI;
 
+use crate::studies::identify::read::median;
+
 /// Rows in which a step is looked for.
 const ROWS: usize = 10_000;
 /// A column is quantised if its values occur so many times on average ...
@@ -21,12 +23,11 @@ pub(super) fn step(values: impl Iterator<Item = f64>) -> f64 {
     let count = sorted.len();
     sorted.sort_by(f64::total_cmp);
     sorted.dedup();
-    let mut steps: Vec<f64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let steps: Vec<f64> = sorted.windows(2).map(|pair| pair[1] - pair[0]).collect();
     if steps.is_empty() || TIMES * sorted.len() > count {
         return 0.0;
     }
-    let middle = steps.len() / 2;
-    let step = *steps.select_nth_unstable_by(middle, f64::total_cmp).1;
+    let step = median(steps.iter().copied());
     let is_multiple = |of: &&f64| (**of / step - (**of / step).round()).abs() < ROUNDING;
     let even = steps.iter().filter(is_multiple).count();
     if even as f64 >= EVEN * steps.len() as f64 { step } else { 0.0 }

@@ -50,6 +50,9 @@ const BENCH_ROWS: f64 = 50_000.0;
 /// Rows of a long recording, in stretches over the whole of it, from which the search starts: all rows are for its last iterations.
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
+/// Kinds of innovations.
+const METRES: usize = 0;
+const WHITENED: usize = 1;
 /// Pieces that are smoothed together at least.
 const SMOOTHED: usize = 8;
 
@@ -226,7 +229,7 @@ impl Search<'_> {
         if !self.exact() {
             return;
         }
-        let innovations = self.innovations();
+        let innovations = self.innovations(WHITENED, 0.0);
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
             let variance = case.position_noise * case.position_noise;
@@ -235,13 +238,13 @@ impl Search<'_> {
         }
     }
 
-    /// The whitened innovations of every recording, row by row; 0 where there are none.
-    fn innovations(&self) -> Vec<Vec<f64>> {
-        let pieces = self.passes(&self.tasks(), &|on| (on.piece.counted.clone(), self.kind.passes.innovations(on)));
+    /// The innovations of every recording, row by row, [`METRES`] or [`WHITENED`]; `none` where there are none.
+    fn innovations(&self, kind: usize, none: f64) -> Vec<Vec<f64>> {
+        let pass = |on: On<'_>| (on.piece.counted.clone(), std::mem::take(&mut self.kind.passes.innovations(on)[kind]));
         let n = self.coordinates();
-        let mut all: Vec<_> = self.cases.iter().map(|case| vec![0.0; n * case.data.at.len()]).collect();
-        for (r, (rows, [_, whitened])) in pieces {
-            all[r][n * rows.start..n * rows.end].copy_from_slice(&whitened);
+        let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.data.at.len()]).collect();
+        for (r, (rows, own)) in self.passes(&self.tasks(), &pass) {
+            all[r][n * rows.start..n * rows.end].copy_from_slice(&own);
         }
         all
     }
@@ -251,7 +254,7 @@ impl Search<'_> {
         if self.cases.iter().all(|case| case.data.missing.is_empty() || case.data.distrusts_filled) {
             return;
         }
-        let innovations = self.innovations();
+        let innovations = self.innovations(WHITENED, 0.0);
         for (case, innovations) in self.cases.iter_mut().zip(&innovations) {
             missing::refill(&mut case.data, case.recording, &case.current, &case.segments, innovations);
         }
@@ -260,17 +263,9 @@ impl Search<'_> {
     /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
     pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
         let count = self.coordinates();
-        let mut errors: Vec<_> =
-            self.cases.iter().map(|case| vec![vec![f64::NAN; case.data.at.len()]; count]).collect();
-        for (r, (rows, [metres, _])) in
-            self.passes(&self.tasks(), &|on| (on.piece.counted.clone(), self.kind.passes.innovations(on)))
-        {
-            for (n, errors) in errors[r].iter_mut().enumerate() {
-                let own = metres[n..].iter().step_by(count);
-                errors[rows.clone()].iter_mut().zip(own).for_each(|(error, metres)| *error = *metres);
-            }
-        }
-        errors
+        let column = |rows: &[f64], n: usize| rows.iter().skip(n).step_by(count).copied().collect();
+        let by_coordinate = |rows: Vec<f64>| (0..count).map(|n| column(&rows, n)).collect();
+        self.innovations(METRES, f64::NAN).into_iter().map(by_coordinate).collect()
     }
 
     /// Likelihoods of the recordings that `of` holds for, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).

@@ -10,7 +10,7 @@ use crate::studies::identify::mean;
 const SPAN: usize = 2 * FILLED + 1;
 
 /// The median of finite values; NaN if there are none.
-pub(super) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+pub(in crate::studies::identify) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
     if values.is_empty() {
         return f64::NAN;
