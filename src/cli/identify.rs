@@ -163,13 +163,13 @@ impl Arguments {
         let columns: Vec<_> = bearing.columns.iter().chain(&self.column).cloned().collect();
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
-                return Err(Refused("--currents needs a single recording".into()).into());
+                return Err(refused("--currents needs a single recording"));
             }
             if method != LIKELIHOOD {
-                return Err(Refused(format!("--method {method} needs a single recording")).into());
+                return Err(refused(format!("--method {method} needs a single recording")));
             }
         }
-        let recordings = self.read(&columns, bearing.machine, None, Some(&bearing))?;
+        let recordings = self.read(&self.reading(&columns, machine, None), Some(&bearing))?;
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
@@ -217,7 +217,7 @@ impl Arguments {
         };
         match &self.csv {
             Some(path) if self.recordings.iter().chain(&self.currents).any(|recording| same(path, recording)) => {
-                Err(Refused(format!("--csv {}: this is the recording", path.display())).into())
+                Err(refused(format!("--csv {}: this is the recording", path.display())))
             }
             _ => Ok(()),
         }
@@ -264,19 +264,26 @@ impl Arguments {
         (is_off || is_estimated).then_some(is_estimated)
     }
 
+    /// How recordings of a machine are read, with the currents of these magnets if not of all.
+    fn reading(&self, columns: &Pairs, machine: &'static Machine, magnets: Option<Vec<usize>>) -> Reading {
+        Reading {
+            machine,
+            magnets,
+            columns: columns.clone(),
+            units: self.unit.clone(),
+            omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
+            rate_s: self.rate.or(self.step),
+            resample_s: self.resample,
+        }
+    }
+
     /// Reads the recordings and refuses those that the bearing, if it is known, cannot have made.
-    fn read(
-        &self,
-        columns: &Pairs,
-        machine: &'static Machine,
-        magnets: Option<&Vec<usize>>,
-        bearing: Option<&Scenario>,
-    ) -> Result<Vec<Samples>> {
+    fn read(&self, reading: &Reading, bearing: Option<&Scenario>) -> Result<Vec<Samples>> {
+        let gap_m = |name: String| bearing?.value("estimator", &name).map(Value::as_f64);
+        let gap_m: Option<Vec<f64>> = reading.machine.of_bearings("s").into_iter().map(gap_m).collect();
         let one = |path: &PathBuf| {
-            let samples = self.read_one(path, columns, machine, magnets)?;
-            let gap_m = |name: String| bearing?.value("estimator", &name).map(Value::as_f64);
-            let gap_m: Option<Vec<f64>> = machine.of_bearings("s").into_iter().map(gap_m).collect();
-            match gap_m.map(|gap_m| samples.implausible(&gap_m)).unwrap_or_default() {
+            let samples = self.read_one(path, reading)?;
+            match gap_m.as_ref().map(|gap_m| samples.implausible(gap_m)).unwrap_or_default() {
                 findings if findings.is_empty() => Ok(samples),
                 findings => Err(self.refused(path, findings)),
             }
@@ -284,26 +291,10 @@ impl Arguments {
         self.recordings.iter().map(one).collect()
     }
 
-    /// Reads a recording of a machine, with the currents of these magnets if not of all.
-    fn read_one(
-        &self,
-        path: &Path,
-        columns: &Pairs,
-        machine: &'static Machine,
-        magnets: Option<&Vec<usize>>,
-    ) -> Result<Samples> {
-        let reading = Reading {
-            machine,
-            magnets: magnets.cloned(),
-            columns: columns.clone(),
-            units: self.unit.clone(),
-            omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
-            rate_s: self.rate.or(self.step),
-            resample_s: self.resample,
-        };
+    fn read_one(&self, path: &Path, reading: &Reading) -> Result<Samples> {
         let samples = match &self.currents {
-            None => Samples::read_from(open(path)?, &reading),
-            Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, &reading),
+            None => Samples::read_from(open(path)?, reading),
+            Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, reading),
         };
         samples.map_err(|unusable| self.refused(path, unusable.0))
     }
@@ -317,7 +308,7 @@ impl Arguments {
                 return named(json)(error);
             }
         }
-        Refused(format!("{}: {}", path.display(), identify::Unusable(findings))).into()
+        refused(format!("{}: {}", path.display(), identify::Unusable(findings)))
     }
 
     /// Writes the wanted files.
@@ -357,13 +348,12 @@ impl Arguments {
 
     /// The meaning of a current sample; none if the data decide.
     fn stated_hold(&self) -> Result<Option<Hold>> {
-        let names = || HOLDS.map(|(name, _)| name).join(", ");
-        let stated = HOLDS.into_iter().find(|(name, _)| *name == self.hold).map(|(_, hold)| hold);
-        match stated {
+        match HOLDS.into_iter().find(|(name, _)| *name == self.hold) {
             None if self.hold != AUTO => {
-                Err(refused(format!("--hold {}: expected one of {}, {AUTO}", self.hold, names())))
+                let names = HOLDS.map(|(name, _)| name).join(", ");
+                Err(refused(format!("--hold {}: expected one of {names}, {AUTO}", self.hold)))
             }
-            _ => Ok(stated),
+            stated => Ok(stated.map(|(_, hold)| hold)),
         }
     }
 }

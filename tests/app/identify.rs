@@ -6,13 +6,13 @@ use std::path::Path;
 
 use crate::bench::Bench;
 use crate::program::{self, folder};
-use crate::support::says;
+use crate::support::{library, says};
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification::{self, Results};
 use magnetic_bearing::simulation::recording::Recording;
-use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::scenario::{Element, Scenario, Setting};
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
@@ -46,12 +46,19 @@ fn config(samples: &Samples) -> EstimatorConfig {
     EstimatorConfig { step_s: samples.step_s, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
 }
 
+/// The estimator of the planar rotor with this configuration.
+fn estimator(config: &EstimatorConfig) -> Element {
+    let settings = library::estimator::settings(config).into_iter().map(|(index, value)| Setting { index, value });
+    let model_type = library::find(PLANAR.models[2].0).expect("a model of this project");
+    Element { name: "estimator".into(), model_type, settings: settings.collect() }
+}
+
 fn stated(config: &EstimatorConfig) -> Stated {
-    Stated::of(&PLANAR, &identify::estimator(config))
+    Stated::of(&PLANAR, &estimator(config))
 }
 
 fn track(samples: &Samples, config: &EstimatorConfig) -> Track {
-    identify::track(samples, &identify::estimator(config), 1).expect("a good configuration")
+    identify::track(samples, &estimator(config), 1).expect("a good configuration")
 }
 
 /// λ̂ and its standard deviation after a sample.
@@ -401,7 +408,7 @@ fn tolerances_of_the_estimator_are_those_of_the_bench() {
     use magnetic_bearing::estimation::Tolerance;
     let tolerance = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
     let config = EstimatorConfig { tolerance, ..EstimatorConfig::default() };
-    let found = identify::of_estimator(&stated(&config), &identify::estimator(&config));
+    let found = identify::of_estimator(&stated(&config), &estimator(&config));
     let of = |name: &str| {
         let at = likelihood::by_name(&stated(&config).parameters(), name).expect("a parameter");
         found.iter().find(|(of, _)| *of == at).map(|(_, std)| *std)

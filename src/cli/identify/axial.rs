@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Arguments, Refused, Result};
+use super::{Arguments, Result, refused};
 use crate::machine::{AXIAL, Machine};
 use crate::report::identification::Results;
 use crate::simulation::scenario::Scenario;
@@ -46,7 +46,7 @@ pub(super) fn bench(arguments: &Arguments, machine: &Machine) -> Result<Option<B
     if bench.axis.m_kg.is_nan() {
         wrong.push("m is missing: the mass of what levitates, --set m=…".into());
     }
-    if wrong.is_empty() { Ok(Some(bench)) } else { Err(Refused(wrong.join("\n  ")).into()) }
+    if wrong.is_empty() { Ok(Some(bench)) } else { Err(refused(wrong.join("\n  "))) }
 }
 
 impl Bench {
@@ -120,7 +120,8 @@ fn no_parameter(name: &str) -> String {
 impl Bench {
     /// Identifies the axis from each recording.
     pub(super) fn identify(&self, arguments: &Arguments) -> Result<Results> {
-        let recordings = arguments.read(&self.columns, &AXIAL, Some(&self.axis.used), None)?;
+        let reading = arguments.reading(&self.columns, &AXIAL, Some(self.axis.used.clone()));
+        let recordings = arguments.read(&reading, None)?;
         let mut axes: Vec<Answer> = Vec::new();
         for (path, samples) in arguments.recordings.iter().zip(&recordings) {
             axes.push(self.answer(arguments, path, samples, axes.first())?);
@@ -138,7 +139,7 @@ impl Bench {
             }
         };
         if let Some(path) = &arguments.check {
-            let samples = arguments.read_one(path, &self.columns, &AXIAL, Some(&self.axis.used))?;
+            let samples = arguments.read_one(path, &reading)?;
             let check = axes[0].check(&self.answer(arguments, path, &samples, axes.first())?);
             summary.push(format!("{}: {}", path.display(), check.verdict));
             document["check"] = check.json();

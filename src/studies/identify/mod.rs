@@ -20,7 +20,7 @@ use serde_json::{Value as Json, json};
 
 pub use self::answer::{Answer, Question, answer};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
-pub use self::track::{Track, estimator, recording, said, track};
+pub use self::track::{Track, recording, said, track};
 pub use self::twin::Twin;
 
 use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Options, Part, Told, parameters};

@@ -290,13 +290,6 @@ impl Samples {
         ));
         self.apart = Some(currents);
     }
-
-    /// Signs of a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
-    /// air gap of each bearing in m. A recording with findings must not be used.
-    #[must_use]
-    pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
-        plausible::findings(self, gap_m)
-    }
 }
 
 /// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
@@ -410,8 +403,8 @@ fn samples(table: Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let currents: Vec<Known> = of_currents.clone().map(known).collect();
     let rows = table.known([positions.start]).len();
     let is_read = |at: &usize| table.units[*at].is_some();
-    let mut read = of_currents.clone().filter(is_read).map(|at| &currents[at - of_currents.start]).peekable();
-    let is_apart = read.peek().is_none() || !read.all(|of| signals::is_at_samples(of) && 2 * of.len() > rows);
+    let is_beside = |of: &Known| signals::is_at_samples(of) && 2 * of.len() > rows;
+    let is_apart = of_currents.clone().zip(&currents).any(|(at, of)| is_read(&at) && !is_beside(of));
     let at = positions.start..if is_apart { positions.end } else { of_currents.end };
     let mut columns: Vec<Vec<f64>> = Vec::new();
     let mut at_samples = true;
@@ -450,7 +443,7 @@ fn samples(table: Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     samples.current_a.resize(of_currents.len(), Vec::new());
     samples.position_m = columns;
     samples.notes = notes;
-    if is_apart && of_currents.clone().any(|at| is_read(&at)) {
+    if is_apart {
         samples.take_apart(currents);
     }
     let mut theta = known(*theta);

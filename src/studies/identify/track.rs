@@ -11,11 +11,10 @@ use serde_json::{Map, Value as Json, json};
 use super::read::Samples;
 use super::units::significant;
 use super::{Failed, METHODS, Said, name_of};
-use crate::estimation::{EstimatorConfig, Hold, Method, STD_LIMIT, Verdict};
-use crate::fmu;
+use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};
 use crate::machine::{Bearing, Machine, PLANAR};
 use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::{Element, Setting};
+use crate::simulation::scenario::Element;
 use crate::simulation::simulate;
 use crate::table::Table;
 use crate::variables::Choice;
@@ -33,14 +32,6 @@ pub struct Track {
 
 /// Note below the estimates over time.
 const DRIFT: &str = "± of noise alone. Values that drift from line to line are a bearing that changes.";
-
-/// The estimator of the planar rotor with this configuration.
-#[must_use]
-pub fn estimator(config: &EstimatorConfig) -> Element {
-    let settings = fmu::estimator::settings(config).into_iter().map(|(index, value)| Setting { index, value });
-    let model_type = fmu::find(PLANAR.models[2].0).expect("a model of this project");
-    Element { name: "estimator".into(), model_type, settings: settings.collect() }
-}
 
 /// Runs an estimator over a recording and keeps the outputs of every n-th sample: all those of a long recording take more memory than itself.
 ///

@@ -104,6 +104,14 @@ impl Values {
         }
     }
 
+    /// A force constant of the plant, which is the first guess of the others.
+    pub fn put_lambda(&mut self, name: &str, value: f64) {
+        self.put("plant", name, value);
+        for element in ["controller", "estimator"] {
+            self.put(element, &name.replace("lambda", "lambda0"), value);
+        }
+    }
+
     /// A tolerance of the estimator, unless it is 0.
     pub fn put_tolerance(&mut self, name: &str, std: f64) {
         if std > 0.0 {
@@ -202,11 +210,8 @@ impl Answer {
                 values.put_unless_stated(base, "plant", &format!("{prefix}touchdown.clearance"), 0.5 * value);
             }
         }
-        let of_magnets = |name| machine.of_magnets(name).into_iter();
-        for ((lambda, lambda0), found) in of_magnets("lambda").zip(of_magnets("lambda0")).zip(&found.lambda) {
-            values.put("plant", &lambda, found.value);
-            values.put("controller", &lambda0, found.value);
-            values.put("estimator", &lambda0, found.value);
+        for (lambda, found) in machine.of_magnets("lambda").iter().zip(&found.lambda) {
+            values.put_lambda(lambda, found.value);
         }
         let of_planes = |name| machine.of_planes(name).into_iter();
         for ((magnitude, phase), found) in of_planes("magnitude").zip(of_planes("phase")).zip(&found.unbalance) {

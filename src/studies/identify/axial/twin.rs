@@ -40,9 +40,7 @@ impl Answer {
         }
         values.put_unless_stated(base, "plant", "touchdown.clearance", 0.5 * gap_m);
         for (k, lambda) in &self.lambda {
-            values.put("plant", &format!("lambda[{}]", k + 1), lambda.value);
-            values.put("controller", &format!("lambda0[{}]", k + 1), lambda.value);
-            values.put("estimator", &format!("lambda0[{}]", k + 1), lambda.value);
+            values.put_lambda(&format!("lambda[{}]", k + 1), lambda.value);
         }
         if let [k] = *axis.used.as_slice() {
             // Tools that ignore enumerations take both magnets for used: without a smallest force the other one then has nothing to do.

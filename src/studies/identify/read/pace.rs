@@ -1,6 +1,6 @@
 //! The pace of a recording: a straight line through its time stamps, which scatter, are rounded, and lack rows.
 
-use super::signals::median;
+use super::signals::{median, range};
 use crate::studies::identify::units::{rounded_time, time as shown};
 
 /// The stamps may scatter about the line by so many sample times (rms): rounding to half a sample time scatters by 0.5/√12 = 0.144.
@@ -338,11 +338,12 @@ fn uneven(time: &[f64], straight: Line, line: &impl Fn(usize) -> u32) -> String 
     };
     let worst = (0..time.len()).max_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0);
     let short = |seconds: f64| rounded_time(seconds, 4);
+    let [least, greatest] = range(steps.iter().copied());
     format!(
         "the time stamps contradict an even pace: steps are from {} to {} (median {}; {} in the first tenth, {} in the last), and \
          stamps are up to {:.0} % of a sample time off the straight line (line {})",
-        short(steps.iter().copied().fold(f64::INFINITY, f64::min)),
-        short(steps.iter().copied().fold(f64::NEG_INFINITY, f64::max)),
+        short(least),
+        short(greatest),
         short(median(steps.iter().copied())),
         short(median(steps[..tenth].iter().copied())),
         short(median(steps[steps.len() - tenth..].iter().copied())),

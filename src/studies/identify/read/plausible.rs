@@ -26,23 +26,27 @@ const AGREE: f64 = 0.05;
 /// Below this speed, in rad/s, the rotor counts as being at rest.
 pub const REST_RAD_S: f64 = 1.0;
 
-/// All findings, with the gap of each bearing in m.
-pub(super) fn findings(samples: &Samples, gap_m: &[f64]) -> Vec<String> {
-    let read = Read { samples, signals: Signals::of(samples.machine) };
-    let mut findings: Vec<String> = read.pace().into_iter().collect();
-    let is_paced = findings.is_empty();
-    for (bearing, gap_m) in samples.machine.bearings.iter().zip(gap_m) {
-        findings.extend(read.positions(bearing.prefix, *gap_m));
+impl Samples {
+    /// Signs of a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
+    /// air gap of each bearing in m. A recording with findings must not be used.
+    #[must_use]
+    pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
+        let read = Read { samples: self, signals: Signals::of(self.machine) };
+        let mut findings: Vec<String> = read.pace().into_iter().collect();
+        let is_paced = findings.is_empty();
+        for (bearing, gap_m) in self.machine.bearings.iter().zip(gap_m) {
+            findings.extend(read.positions(bearing.prefix, *gap_m));
+        }
+        findings.extend(read.currents());
+        let before = findings.len();
+        findings.extend(read.wrapping());
+        findings.extend(read.angle_against_speed());
+        // The other checks go by a speed that makes sense only if the time does, and say less than these.
+        if is_paced && findings.len() == before {
+            findings.extend(read.speed().or_else(|| read.motion_against_angle()));
+        }
+        findings
     }
-    findings.extend(read.currents());
-    let before = findings.len();
-    findings.extend(read.wrapping());
-    findings.extend(read.angle_against_speed());
-    // The other checks go by a speed that makes sense only if the time does, and say less than these.
-    if is_paced && findings.len() == before {
-        findings.extend(read.speed().or_else(|| read.motion_against_angle()));
-    }
-    findings
 }
 
 fn rpm(rad_s: f64) -> String {

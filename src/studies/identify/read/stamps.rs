@@ -6,13 +6,13 @@ use crate::studies::identify::units::{TIME, in_si};
 /// Unix times from 2000 to 2100, in seconds.
 const EPOCH_S: std::ops::Range<f64> = 946_684_800.0..4_102_444_800.0;
 
-/// How the time stamps of a recording are written. Large numbers count from the first stamp, so that nanoseconds survive.
+/// How the time stamps of a recording are written.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) enum Stamps {
-    /// Numbers in a unit of so many seconds, whose name stands beside it.
-    Number { unit: (&'static str, f64), origin: i64 },
-    /// Civil or absolute times, counted from this one in nanoseconds.
-    Iso { origin: i128 },
+pub(super) struct Stamps {
+    /// Numbers in a unit, by its name and what one of it is in s; civil or absolute times otherwise.
+    unit: Option<(&'static str, f64)>,
+    /// Large numbers count from this one, and times from this one in ns, so that nanoseconds survive.
+    origin: i128,
 }
 
 /// A stamp in plain decimal notation as whole units and the rest; others as a rest alone.
@@ -51,12 +51,12 @@ impl Stamps {
         let Some((whole, rest)) = parts(first, separator) else {
             let origin = iso_ns(first)
                 .ok_or_else(|| format!("{shown:?} is no time: a number or an ISO 8601 stamp is wanted"))?;
-            return Ok((Self::Iso { origin }, Some(format!("Time counts from {shown}."))));
+            return Ok((Self { unit: None, origin }, Some(format!("Time counts from {shown}."))));
         };
         let value = whole as f64 + rest;
         let Some((names, factor)) = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor))) else {
             let note = unit.is_none().then(|| "time has no unit; it is taken to be in s.".to_owned());
-            return Ok((Self::Number { unit: unit.unwrap_or(("s", 1.0)), origin: 0 }, note));
+            return Ok((Self { unit: Some(unit.unwrap_or(("s", 1.0))), origin: 0 }, note));
         };
         if let Some((given, _)) = unit.filter(|(_, given)| given != factor) {
             return Err(format!(
@@ -65,35 +65,28 @@ impl Stamps {
             ));
         }
         let note = format!("The stamps are Unix times in {}; time counts from the first, {shown}.", names[0]);
-        Ok((Self::Number { unit: (names[0], *factor), origin: whole }, Some(note)))
+        Ok((Self { unit: Some((names[0], *factor)), origin: whole.into() }, Some(note)))
     }
 
     /// The origin of the times, in ns of the clock.
     pub(super) fn origin_ns(&self) -> i128 {
-        match self {
-            Self::Number { unit: (_, factor), origin } => i128::from(*origin) * (factor * 1e9).round() as i128,
-            Self::Iso { origin } => *origin,
-        }
+        self.origin * self.unit.map_or(1, |(_, factor)| (factor * 1e9).round() as i128)
     }
 
     /// The name of the unit, where there is one.
     pub(super) fn unit(&self) -> Option<&'static str> {
-        match self {
-            Self::Number { unit, .. } => Some(unit.0),
-            Self::Iso { .. } => None,
-        }
+        self.unit.map(|(name, _)| name)
     }
 
     /// A stamp in seconds; NaN if it is missing, `None` if it is none.
     pub(super) fn seconds(&self, cell: &[u8], separator: char) -> Option<f64> {
-        match self {
-            Self::Number { unit: (_, factor), origin } => {
+        match self.unit {
+            Some((_, factor)) => {
                 let (whole, rest) = parts(cell, separator)?;
-                let value = (whole.wrapping_sub(*origin)) as f64 + rest;
-                Some(in_si(value, *factor))
+                Some(in_si(whole.wrapping_sub(self.origin as i64) as f64 + rest, factor))
             }
-            Self::Iso { .. } if text::missing(std::str::from_utf8(cell).ok()?.trim()) => Some(f64::NAN),
-            Self::Iso { origin } => Some((iso_ns(cell)? - origin) as f64 * 1e-9),
+            None if text::missing(std::str::from_utf8(cell).ok()?.trim()) => Some(f64::NAN),
+            None => Some((iso_ns(cell)? - self.origin) as f64 * 1e-9),
         }
     }
 }
