@@ -212,7 +212,7 @@ impl<'s> Drawn<'s> {
             .iter()
             .filter(|part| part.recording == 0)
             .filter_map(|part| match &part.what {
-                Change::Lambda { lambda, .. } => {
+                Change::Lambda(lambda) => {
                     let first = if part.part == 0 { 0 } else { found.lambda.len() - lambda.len() };
                     Some((part.rows.clone(), *lambda.get(k.checked_sub(first)?)?))
                 }

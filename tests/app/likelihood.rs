@@ -151,7 +151,7 @@ fn two_speeds_tell_run_out_better_than_one() {
 fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
     let found = identified(&bench, &options(&bench));
-    let [Contradiction { rows, what: Change::Lambda { lambda, .. }, .. }] = &found.contradictions[..] else {
+    let [Contradiction { rows, what: Change::Lambda(lambda), .. }] = &found.contradictions[..] else {
         panic!("{:?}", found.contradictions)
     };
     assert!(rows.start.abs_diff(6000) <= 200 && rows.end == 10_001, "{rows:?}");
@@ -260,7 +260,8 @@ fn a_tolerance_of_the_mass_widens_in_proportion() {
         identified(&bench, &options)
     };
     let (exact, within) = (with(&[]), with(&[("m", MASS)]));
-    let estimates = |of: &Identification| of.lambda.iter().chain(&of.unbalance[0].parts).copied().collect::<Vec<_>>();
+    let estimates =
+        |of: &Identification| of.lambda.iter().chain([&of.unbalance[0].magnitude]).copied().collect::<Vec<_>>();
     for (exact, within) in estimates(&exact).into_iter().zip(estimates(&within)) {
         assert_eq!(exact.value, within.value);
         let wanted = exact.total_std.hypot(MASS * exact.value);

@@ -399,7 +399,7 @@ fn words_on(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<S
                     significant(*ratio, 2)
                 )
             }
-            Change::Lambda { lambda, .. } => format!(
+            Change::Lambda(lambda) => format!(
                 "From {rows} the force constants are others, {} · 10⁻⁶ N·m²/A²; left out.",
                 lambda
                     .iter()

@@ -329,13 +329,8 @@ pub enum Change {
         /// Normalised innovation squared, relative to the rest of the recording.
         ratio: f64,
     },
-    /// λ has other values in this part: estimates from it alone.
-    Lambda {
-        /// Values, N·m²/A².
-        lambda: Vec<Estimate>,
-        /// χ² of the change, with a degree of freedom for each.
-        chi_square: f64,
-    },
+    /// λ has these values in this part, N·m²/A²: estimates from it alone.
+    Lambda(Vec<Estimate>),
     /// The load has other values in this part.
     Load {
         /// χ² of the change (2 degrees of freedom).
@@ -346,8 +341,6 @@ pub enum Change {
 /// Unbalance in a plane of the rotor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unbalance {
-    /// U cos φ and U sin φ, kg·m.
-    pub parts: [Estimate; 2],
     /// |U|, kg·m.
     pub magnitude: Estimate,
     /// Angle of U, rad.

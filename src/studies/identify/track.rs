@@ -50,7 +50,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
         estimator.settings.retain(|of| !variables.variables()[of.index].name.starts_with("tolerance."));
         estimator.set("identify.unbalance", Value::Boolean(true));
     }
-    let mut instance = simulate::start(&estimator).map_err(Failed::Refused)?;
+    let mut instance = simulate::start(&estimator).map_err(Failed)?;
     let index = |name: &String| estimator.index(name).expect("a variable of the estimator");
     let rotation = ["theta", "omega"].map(str::to_owned);
     let currents = samples.currents(hold(&estimator));
@@ -68,7 +68,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     let (mut time_s, mut values) = (Vec::new(), Vec::with_capacity(inputs.len()));
     // Short gaps are filled for the paper's methods, which bridge none.
     let has_gaps = *machine != PLANAR;
-    let refused = |why: &dyn std::fmt::Display| Failed::Refused(vec![why.to_string()]);
+    let refused = |why: &dyn std::fmt::Display| Failed(vec![why.to_string()]);
     instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(&why))?;
     for j in 0..samples.len() {
         let theta_rad = samples.theta_rad.get(j).copied().unwrap_or(0.0);

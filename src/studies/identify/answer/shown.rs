@@ -121,14 +121,7 @@ impl Answer {
                 rows.push(row(format!("{name}{of}"), load, 1.0, unit, None));
             }
             let noise = |name: &str, value: f64, unit: &str| {
-                vec![
-                    format!("{name}{of}"),
-                    significant(value, 3),
-                    String::new(),
-                    String::new(),
-                    String::new(),
-                    unit.into(),
-                ]
+                [&format!("{name}{of}"), &*significant(value, 3), "", "", "", unit].map(String::from).to_vec()
             };
             for (prefix, part) in stated.machine.of_parts("").iter().zip(&conditions.parts) {
                 rows.push(noise(&format!("{prefix}noise of positions"), 1e6 * part.position_noise_m, "µm"));

@@ -61,33 +61,25 @@ impl Body {
         if let Self::Axis { .. } = self { self.prefixes()[0] } else { "" }
     }
 
-    /// Number of magnets.
-    #[must_use]
-    pub fn magnets(&self) -> usize {
+    /// Numbers of coordinates, magnets and planes of unbalance.
+    fn sizes(&self) -> [usize; 3] {
         match self {
-            Self::Disc { alpha_rad, .. } => alpha_rad.len(),
-            Self::Shaft { magnets, .. } => 2 * magnets,
-            Self::Axis { .. } => 2,
+            Self::Disc { alpha_rad, .. } => [2, alpha_rad.len(), 1],
+            Self::Shaft { magnets, .. } => [4, 2 * magnets, PLANES],
+            Self::Axis { .. } => [1, 2, 0],
         }
     }
 
     /// Number of coordinates, which the position sensors read.
     #[must_use]
     pub fn coordinates(&self) -> usize {
-        match self {
-            Self::Disc { .. } => 2,
-            Self::Shaft { .. } => 4,
-            Self::Axis { .. } => 1,
-        }
+        self.sizes()[0]
     }
 
-    /// Number of planes of unbalance.
-    fn planes(&self) -> usize {
-        match self {
-            Self::Disc { .. } => 1,
-            Self::Shaft { .. } => PLANES,
-            Self::Axis { .. } => 0,
-        }
+    /// Number of magnets.
+    #[must_use]
+    pub fn magnets(&self) -> usize {
+        self.sizes()[1]
     }
 
     /// Mass, kg.
@@ -147,8 +139,7 @@ impl Part {
 
     /// Identifies this part of the motion.
     pub(super) fn identify(&self, recordings: &[Recording], slow_force: bool) -> Result<Identification, Failed> {
-        let magnets = self.body.magnets();
-        let passes = passes(self.body.coordinates(), magnets);
+        let [coordinates, magnets, planes] = self.body.sizes();
         let (describe, varied) = match &self.body {
             Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {
                 [a, b, c] => self.one_bearing::<2, 3, 9>(*m_kg, *gap_m, [a, b, c]),
@@ -159,8 +150,7 @@ impl Part {
             Body::Shaft { magnets: 3, geometry, planes_m } => self.shaft::<3, 6, 18>(geometry, planes_m),
             Body::Shaft { geometry, planes_m, .. } => self.shaft::<4, 8, 20>(geometry, planes_m),
         };
-        let (parameters, coordinates) = (&self.parameters, self.body.coordinates());
-        let load = magnets + 2 * self.body.planes();
+        let (parameters, load) = (&self.parameters, magnets + 2 * planes);
         let kind = Kind {
             part: self,
             slow_force,
@@ -174,7 +164,7 @@ impl Part {
                 all: load + coordinates + parameters.len(),
                 dynamics: self.dynamics().map(|at| load + coordinates + at),
             },
-            passes,
+            passes: passes(coordinates, magnets),
         };
         search::identify(recordings, &kind)
     }

@@ -113,12 +113,10 @@ pub(super) fn describe(
         let mut mask = vec![false; masks[recording].len()];
         mask[rows.clone()].fill(true);
         let alone = &recordings[recording..=recording];
-        let fitted = fit(alone, &[mask], kind, &mut Vec::new());
-        let lambda = fitted.map_or(
-            vec![Estimate { value: f64::NAN, noise_std: f64::NAN, total_std: f64::NAN }; kind.layout.magnets],
-            |fitted| (0..kind.layout.magnets).map(|k| fitted.estimate(k)).collect(),
-        );
-        Change::Lambda { lambda, chi_square: change.chi_square }
+        let fitted = fit(alone, &[mask], kind, &mut Vec::new()).ok();
+        let unknown = Estimate::default().scaled(f64::NAN);
+        let lambda = |k: usize| fitted.as_ref().map_or(unknown, |fitted| fitted.estimate(k));
+        Change::Lambda((0..kind.layout.magnets).map(lambda).collect())
     } else {
         Change::Load { chi_square: change.chi_square }
     };

@@ -57,12 +57,11 @@ pub(super) fn report(
 
 /// The unbalance whose parts are the unknowns `at` and the next one.
 fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
-    let parts = [at, at + 1].map(|at| finished.estimate(at));
-    let [c, s] = parts.map(|of| of.value);
+    let [c, s] = [at, at + 1].map(|at| finished.search.x[at]);
     let size = c.hypot(s);
     let (Some(i), Some(l)) = (finished.at(at), finished.at(at + 1)) else {
         let magnitude = Estimate { value: size, ..Estimate::default() };
-        return Unbalance { parts, magnitude, phase: Estimate::default() };
+        return Unbalance { magnitude, phase: Estimate::default() };
     };
     let (along, across) = ([c / size, s / size], [-s / size, c / size]);
     let std = |matrix: &DMatrix<f64>, d: [f64; 2]| {
@@ -75,7 +74,7 @@ fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
         noise_std: std(&finished.noise, d) / per,
         total_std: std(&finished.total, d) / per,
     };
-    Unbalance { parts, magnitude: of(size, along, 1.0), phase: of(libm::atan2(s, c), across, size) }
+    Unbalance { magnitude: of(size, along, 1.0), phase: of(libm::atan2(s, c), across, size) }
 }
 
 fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditions {
