@@ -55,6 +55,7 @@ pub use self::body::Body;
 pub use self::filter::{HARMONICS, LAGS};
 pub use crate::estimation::Hold;
 use crate::machine::Bearing;
+use crate::studies::identify::units::significant;
 
 /// One recording, sampled at equal distances.
 #[derive(Clone, Debug)]
@@ -205,6 +206,11 @@ impl Estimate {
     /// The value with its deviations.
     pub(super) fn json(&self) -> Json {
         json!({"value": self.value, "std": self.noise_std, "stdTotal": self.total_std})
+    }
+
+    /// Value, deviation by noise and in all, in a unit of this size, as tables show them.
+    pub(super) fn cells(&self, unit: f64) -> [String; 3] {
+        [(self.value, 5), (self.noise_std, 2), (self.total_std, 2)].map(|(of, digits)| significant(of / unit, digits))
     }
 
     /// Of a value that is proportional to this one.

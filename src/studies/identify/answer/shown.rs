@@ -86,14 +86,9 @@ impl Answer {
     fn estimates(&self, found: &Identification) -> Table {
         let typical = self.typical().unwrap_or_default();
         let row = |name: String, of: &likelihood::Estimate, factor: f64, unit: &str, typical: Option<f64>| {
-            vec![
-                name,
-                significant(of.value / factor, 5),
-                significant(of.noise_std / factor, 2),
-                significant(of.total_std / factor, 2),
-                typical.map_or(String::new(), |std| significant(std / factor, 2)),
-                unit.to_owned(),
-            ]
+            let [value, noise, total] = of.cells(factor);
+            let typical = typical.map_or(String::new(), |std| significant(std / factor, 2));
+            vec![name, value, noise, total, typical, unit.to_owned()]
         };
         let stated = &self.question.stated;
         let names = stated.machine.symbols("λ");

@@ -277,13 +277,8 @@ impl Answer {
     /// Estimates as a table.
     fn table(&self) -> Table {
         let row = |name: &str, of: &Estimate, factor: f64, unit: &str| {
-            vec![
-                name.to_owned(),
-                significant(of.value / factor, 5),
-                significant(of.noise_std / factor, 2),
-                significant(of.total_std / factor, 2),
-                unit.to_owned(),
-            ]
+            let [value, noise, total] = of.cells(factor);
+            vec![name.to_owned(), value, noise, total, unit.to_owned()]
         };
         let [current, ki, ks, ki_dynamic, ks_dynamic] = &self.operating;
         let mut rows = vec![

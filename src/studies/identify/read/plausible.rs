@@ -173,8 +173,10 @@ impl Read<'_> {
         if samples.rotation != Rotation::Both {
             return None;
         }
-        let turned = samples.theta_rad.windows(2).map(|theta| (theta[1] - theta[0]) / samples.step_s);
-        let [slope, mean] = [mean(turned), mean(samples.omega_rad_s.iter().copied())];
+        let both = samples.theta_rad.windows(2).zip(samples.omega_rad_s.windows(2));
+        let both = both.map(|(theta, omega)| [(theta[1] - theta[0]) / samples.step_s, 0.5 * (omega[0] + omega[1])]);
+        let both = both.filter(|of| of.iter().all(|speed| speed.is_finite()));
+        let [slope, mean] = [0, 1].map(|of| mean(both.clone().map(|both| both[of])));
         let ratio = slope / mean;
         let agrees = |scale: f64| (ratio * scale - 1.0).abs() < AGREE;
         if slope.hypot(mean) < REST_RAD_S || agrees(1.0) {
