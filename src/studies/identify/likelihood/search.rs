@@ -30,7 +30,7 @@ const MOST: usize = 30;
 const CONVERGED: f64 = 0.05;
 /// The same before bench parameters are estimated with the rest.
 const ROUGH: f64 = 1.0;
-/// Longest step of a bench parameter, in typical tolerances: a bench of the test `a_drawn_bench_is_found` is not found without.
+/// Longest step of a bench parameter, in typical tolerances: a bench of the test `all_parameters_of_a_bench_are_found_at_once` is not found without.
 const LONGEST: f64 = 3.0;
 /// Changes of the logarithm of a noise level below this need no second look.
 const NOISE_SETTLED: f64 = 0.002;
