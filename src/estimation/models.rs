@@ -79,6 +79,8 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
     /// go with λ.
     force_odds: [f64; FORCE_PARTS.len()],
     retained: [f64; FORCE_PARTS.len()],
+    /// Solutions in a row in which there is a force.
+    solutions: u32,
     /// Blocks in a row that agree with a force.
     force_blocks: u64,
 }
@@ -94,6 +96,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             force: 0,
             force_odds: [0.0; FORCE_PARTS.len()],
             retained: [0.0; FORCE_PARTS.len()],
+            solutions: 0,
             force_blocks: 0,
         }
     }
@@ -281,7 +284,13 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let probability = 1.0 - exp(models[0].0 - most) / all;
         let likeliest = (1..models.len()).max_by(|a, b| models[*a].0.total_cmp(&models[*b].0)).unwrap_or(1);
         let likely = is_plausible && probability > FORCE_LIMITS[usize::from(self.force > 0)];
-        self.force = if likely { likeliest } else { 0 };
+        self.solutions = if likely { self.solutions.saturating_add(1) } else { 0 };
+        self.force = match likely {
+            // A transient that no model explains looks like a force for a quarter (`coil-loss`).
+            true if self.solutions >= 4 => likeliest,
+            true => self.force,
+            false => 0,
+        };
         let used = self.force;
         let tempered = models.map(|model| exp(TEMPER * (model.0 - most)));
         let sum: f64 = tempered.iter().sum();
