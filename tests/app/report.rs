@@ -17,7 +17,7 @@ use crate::program::{column, of, ran};
 use crate::support::says;
 
 /// Limit of the data, so that the page of a long run can be mailed and opens at once.
-const DATA_LIMIT_BYTES: usize = 2_500_000;
+const DATA_LIMIT_BYTES: usize = 2_000_000;
 
 /// The run of the paper's scenario.
 static PAPER: LazyLock<(Scenario, Run)> = LazyLock::new(|| of("paper", &[]));
@@ -98,6 +98,11 @@ fn data(page: &str) -> Vec<Json> {
 
 /// Well-formed, loads nothing, contains no address, and its data are valid.
 fn assert_sound(page: &str) {
+    assert_sound_within(page, DATA_LIMIT_BYTES);
+}
+
+/// The same with a limit of its own.
+fn assert_sound_within(page: &str, limit_bytes: usize) {
     assert!(page.starts_with("<!DOCTYPE html>"));
     let (text, scripts) = taken_apart(page);
     for (name, attributes) in elements(&text) {
@@ -117,7 +122,7 @@ fn assert_sound(page: &str) {
     let addresses = ["://", "url(", "@import"].iter().any(|sign| text.replace("url(#", "").contains(sign));
     assert!(!addresses, "the page names an address");
     let size: usize = scripts.iter().filter(|(open, _)| open.contains("json")).map(|(_, data)| data.len()).sum();
-    assert!(size < DATA_LIMIT_BYTES, "{size} bytes of data, limit {DATA_LIMIT_BYTES}");
+    assert!(size < limit_bytes, "{size} bytes of data, limit {limit_bytes}");
     data(page);
 }
 
@@ -340,7 +345,8 @@ fn a_long_run_makes_no_longer_page() {
             column.values = column.values.iter().copied().cycle().take(100_000).collect();
         }
     });
-    assert_sound(&repeated);
+    // Every method and every plot.
+    assert_sound_within(&repeated, 2_500_000);
 }
 
 #[test]

@@ -6,7 +6,6 @@ use super::header::{Signals, TIME_AT};
 use super::signals::{median, noise, range};
 use super::{Rotation, Samples};
 use crate::estimation::Hold;
-use crate::studies::identify::mean;
 use crate::studies::identify::units::{rounded_time, significant, time};
 
 /// Sample times of controllers and recorders of magnetic bearings, in s: 2 MHz to 500 Hz.
@@ -167,19 +166,26 @@ impl Read<'_> {
         (!fits(1.0)).then(|| self.misread(theta, &value, &[(theta, 1)], fits))
     }
 
-    /// Angle and speed, both recorded, must agree: the slope of the one is the other on average, but at rest.
+    /// Angle and speed, both recorded, must agree: the slope of the one is the other, by least squares, but at rest.
     fn angle_against_speed(&self) -> Option<String> {
         let samples = self.samples;
         if samples.rotation != Rotation::Both {
             return None;
         }
-        let both = samples.theta_rad.windows(2).zip(samples.omega_rad_s.windows(2));
-        let both = both.map(|(theta, omega)| [(theta[1] - theta[0]) / samples.step_s, 0.5 * (omega[0] + omega[1])]);
-        let both = both.filter(|of| of.iter().all(|speed| speed.is_finite()));
-        let [slope, mean] = [0, 1].map(|of| mean(both.clone().map(|both| both[of])));
-        let ratio = slope / mean;
+        let (mut up, mut speeds, mut slopes, mut count) = (0.0, 0.0, 0.0, 0.0_f64);
+        for (theta, omega) in samples.theta_rad.windows(2).zip(samples.omega_rad_s.windows(2)) {
+            let (slope, omega) = ((theta[1] - theta[0]) / samples.step_s, 0.5 * (omega[0] + omega[1]));
+            if slope.is_finite() && omega.is_finite() {
+                up += slope * omega;
+                speeds += omega * omega;
+                slopes += slope * slope;
+                count += 1.0;
+            }
+        }
+        let rest = REST_RAD_S * REST_RAD_S * count;
+        let ratio = if speeds > 0.0 { up / speeds } else { f64::INFINITY };
         let agrees = |scale: f64| (ratio * scale - 1.0).abs() < AGREE;
-        if slope.hypot(mean) < REST_RAD_S || agrees(1.0) {
+        if speeds <= rest && slopes <= rest || agrees(1.0) {
             return None;
         }
         let speed = median(samples.omega_rad_s.iter().copied());
