@@ -92,7 +92,7 @@ impl<const N: usize> Spectrum<N> {
         Self { turned: 0.0, sums: [[SVector::zeros(); 2]; ORDERS], variance: 0.0 }
     }
 
-    /// Takes in an innovation, a part of a revolution after the last one.
+    /// Takes in an innovation of unit variance, a part of a revolution after the last one.
     #[inline(always)]
     fn add(&mut self, white: &SVector<f64, N>, pace: f64) {
         self.turned = (self.turned + pace) % 4.0;
@@ -107,7 +107,7 @@ impl<const N: usize> Spectrum<N> {
         }
     }
 
-    /// The greatest χ² of an order, for innovations of this variance. Cosine and sine are apart for what is slower than 0.4 of the sampling rate.
+    /// The greatest χ² of an order, for innovations of this variance. Beyond 0.4 of the sampling rate cosine and sine are no longer independent.
     fn greatest(&self, variance: f64, per_revolution: f64) -> f64 {
         let orders = ((1.6 * per_revolution - FIRST_ORDER).clamp(0.0, ORDERS as f64)) as usize;
         let power = |[a, b]: &[SVector<f64, N>; 2]| a.norm_squared() + b.norm_squared();
@@ -257,12 +257,11 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let ease = if was_valid { 1.0 } else { 0.7 };
         let samples = N as f64 * self.averaged.min(2.0 * MEAN_REVOLUTIONS * per_revolution);
         let correlation = self.product / self.square.max(1.0) * sqrt(samples);
-        let line = self.spectrum.greatest((self.square / N as f64).max(1.0), per_revolution);
-        let [harmonic, order] = [HARMONIC_LIMIT, SPECTRUM_LIMIT].map(|limit| chi_square(2 * N, limit * ease));
+        let order = self.spectrum.greatest((self.square / N as f64).max(1.0), per_revolution);
         // Innovations 1.6 times as strong as they should be.
-        if self.greatest >= harmonic || self.nis > 2.5 * ease {
+        if self.greatest >= chi_square(2 * N, HARMONIC_LIMIT * ease) || self.nis > 2.5 * ease {
             Verdict::Unexplained
-        } else if correlation.abs() >= WHITENESS_LIMIT * ease || line >= order {
+        } else if correlation.abs() >= WHITENESS_LIMIT * ease || order >= chi_square(2 * N, SPECTRUM_LIMIT * ease) {
             Verdict::Coloured
         } else {
             Verdict::Valid
