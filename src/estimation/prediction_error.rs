@@ -297,12 +297,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.samples += 1;
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        state.validation.add(&innovation, sample.turn);
+        // Of a slow rotor the lines are those of one of 2250 rpm.
+        let pace = state.pace.max(self.filter.step_s / REVOLUTION_AT_REST_S);
+        state.validation.add(&innovation, sample.turn, pace);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
-            let pace = state.pace.max(self.filter.step_s / REVOLUTION_AT_REST_S);
-            state.validation.add_settled(&innovation.error, position_variance, per_revolution, pace);
+            state.validation.add_settled(&innovation.error, position_variance, per_revolution);
             let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2);
             if discount < 1.0 {
                 state.validation.forget();
@@ -436,7 +437,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
             let moved = state.models.discount_of(time_s) < 1.0;
-            state.validation.judge_harmonics(&found, moved, variances[0]);
+            let per_revolution = state.per_revolution();
+            state.validation.judge_lines(&found, moved, variances[0], per_revolution);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);
