@@ -25,10 +25,10 @@ fn chi_square(degrees: usize, deviations: f64) -> f64 {
     n * root * root * root
 }
 
-/// Limit of χ² of a harmonic: 35 with four degrees of freedom, probability 4.6·10⁻⁷; and of an order of the spectrum, for the same probability over all
+/// Limit of χ² of a harmonic: 35 with four degrees of freedom, probability 4.6·10⁻⁷; and of another order, for the same probability over all
 /// of them (Bonferroni): 41.
 const HARMONIC_LIMIT: f64 = 4.735;
-const SPECTRUM_LIMIT: f64 = 5.2;
+const ORDER_LIMIT: f64 = 5.2;
 
 /// The part of these, in deviations, below which all lines have to be for an estimate to become valid (hysteresis), a level of about 5 % over all of them: a
 /// line that is barely below its limit has moved λ by deviations. With 0.7, 25 of 400 runs with 1 N at twice the speed were valid and beyond 5
@@ -38,13 +38,13 @@ const LINES_EASED: f64 = 0.5;
 /// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations beyond it count as such.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Orders of the rotor at which the spectrum of the innovations is tested, in quarters: what shakes the machine at a frequency of its own shows
+/// Other orders of the rotor that are tested, the first in quarters of an order, and their number, a quarter apart: what shakes the machine at a frequency of its own shows
 /// there before it has moved λ. Nearer to the speed, λ and unbalance that drift leave something, and the harmonics are tested for longer.
 const FIRST_ORDER: f64 = 6.0;
 const ORDERS: usize = 15;
 
-/// Revolutions over which the spectrum is taken: a line between two of these orders then loses least (`M/(1 + (π M/4)²)` is greatest at 4/π).
-const SPECTRUM_REVOLUTIONS: f64 = 4.0 / PI;
+/// Revolutions for which such an order counts: a line between two of these orders then loses least (`M/(1 + (π M/4)²)` is greatest at 4/π).
+const ORDER_REVOLUTIONS: f64 = 4.0 / PI;
 
 /// Revolutions over which correlation and mean square of the innovations are taken: over 600 samples at 3000 rpm and
 /// 10 kHz the mean square is known to 4 %.
@@ -124,10 +124,11 @@ impl<const N: usize, const U: usize, const T: usize> Line<N, U, T> {
         let sums = [0, 1].map(|part| self.motion[part].transpose() - self.unknowns[part].tr_mul(&found.unknowns));
         // ψ, and what the estimate makes of it.
         let by = [0, 1].map(|part| self.tolerances[part] + found.sensitivity.tr_mul(&self.unknowns[part]));
+        let estimated = self.unknowns.map(|unknowns| found.inverse * unknowns * sign);
         let covariance = |r: usize, c: usize, white: f64| {
             by[r].tr_mul(&by[c]) / position_variance
                 + Square::<N>::identity() * white
-                + self.unknowns[r].tr_mul(&(found.inverse * self.unknowns[c])) * sign
+                + self.unknowns[r].tr_mul(&estimated[c])
         };
         // Of the cosines first, then of what these leave of the sines.
         let Some(cosines) = covariance(0, 0, cc + floor).cholesky() else { return 0.0 };
@@ -173,7 +174,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Counts a quarter of a revolution.
     pub fn end_quarter(&mut self) {
         self.quarters = self.quarters.map(|quarters| quarters + 1);
-        self.orders.iter_mut().for_each(|line| line.scale(exp(-0.25 / SPECTRUM_REVOLUTIONS)));
+        self.orders.iter_mut().for_each(|line| line.scale(exp(-0.25 / ORDER_REVOLUTIONS)));
     }
 
     /// Quarters since the last start.
@@ -252,8 +253,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         // Innovations 1.6 times as strong as they should be.
         if harmonic >= chi_square(2 * N, HARMONIC_LIMIT * line_ease) || self.nis > 2.5 * ease {
             Verdict::Unexplained
-        } else if correlation.abs() >= WHITENESS_LIMIT * ease || order >= chi_square(2 * N, SPECTRUM_LIMIT * line_ease)
-        {
+        } else if correlation.abs() >= WHITENESS_LIMIT * ease || order >= chi_square(2 * N, ORDER_LIMIT * line_ease) {
             Verdict::Coloured
         } else {
             Verdict::Valid
