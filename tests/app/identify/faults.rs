@@ -35,7 +35,7 @@ const WRONG: &[Wrong] = &[
 
 #[test]
 fn what_is_wrong_is_told_in_words() {
-    let good = samples_of(&run(montecarlo::NOISE, 0.3).1);
+    let good = samples_of(&run(montecarlo::NOISE, 0.2).1);
     for (spoil, proposal) in WRONG {
         let mut samples = good.clone();
         let mut question = question(&good, &[]);
