@@ -9,6 +9,7 @@ use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
 use crate::machine::{Kind, Machine};
+use crate::studies::parallel::in_order;
 
 /// Rows of the stretch at least, and at most where the rotor turns slowly.
 const ROWS: [usize; 2] = [2000, 20_000];
@@ -266,7 +267,6 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
 pub(super) fn proposals(take: &Take) -> Vec<String> {
     let take = stretch(take, 1);
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
-    let mut fits: Vec<(f64, String)> = Vec::new();
     let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
     let each = |alternative: &'static Alternative| {
         let of_bearings = bearings.iter().enumerate().filter(|(_, of)| of.magnets >= alternative.magnets);
@@ -275,25 +275,25 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
     let least = told + better(alternatives.len(), take.recording.usable.len());
-    for (alternative, at, bearing) in alternatives {
-        let mut other = Take { bearing: at, ..take.clone() };
+    let words = |index: usize| {
+        let (alternative, at, bearing) = &alternatives[index];
+        let mut other = Take { bearing: *at, ..take.clone() };
         (alternative.apply)(&mut other);
-        if let Some((likelihood, gap, true)) = fit(&other)
-            && likelihood > least
-        {
-            let of =
-                if alternative.magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
-            let mut words = format!("{}{of}: {}", alternative.name, alternative.proposal);
-            if let ("--estimate s", Some(gap)) = (alternative.proposal, gap) {
-                words +=
-                    &format!("; about {} mm", significant(1e3 * take.options.parts[0].body.gap_m() * (1.0 + gap), 3));
-            }
-            if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.recording)) {
-                words += &format!("; by about {} %", significant(100.0 * off, 2));
-            }
-            fits.push((likelihood, words));
+        let (likelihood, gap, sound) = fit(&other)?;
+        if !sound || likelihood <= least {
+            return None;
         }
-    }
+        let of = if alternative.magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
+        let mut words = format!("{}{of}: {}", alternative.name, alternative.proposal);
+        if let ("--estimate s", Some(gap)) = (alternative.proposal, gap) {
+            words += &format!("; about {} mm", significant(1e3 * take.options.parts[0].body.gap_m() * (1.0 + gap), 3));
+        }
+        if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.recording)) {
+            words += &format!("; by about {} %", significant(100.0 * off, 2));
+        }
+        Some((likelihood, words))
+    };
+    let mut fits: Vec<(f64, String)> = in_order(alternatives.len(), &words).into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
     let as_good: Vec<String> =
