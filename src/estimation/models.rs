@@ -42,8 +42,8 @@ const FORCE_LIMITS: [f64; 2] = [0.9999, 0.50];
 const TEMPER: f64 = 0.5;
 
 /// Blocks for which a force has to be in the model, of sums that were not replaced, before λ is relied on: two revolutions, within which the tests of
-/// lines show other disturbances that pass for such a force. Without this 6 of 120 runs with 0.5 N in a narrow band at 140 Hz, 1 N at twice the speed and an encoder that is
-/// eccentric by 1 % were up to 11 deviations off, with it 2 (seeds 984001 to 984040).
+/// lines show other disturbances that pass for such a force. Without this 6 of 120 runs with 0.5 N in a narrow band at 140 Hz, 1 N at twice the
+/// speed and an encoder that is eccentric by 1 % were up to 11 deviations off, with it 2 (seeds 984001 to 984040).
 const CONFIRMED: u64 = 8;
 
 /// The most unknowns of backward forces.

@@ -297,8 +297,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.samples += 1;
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        // Of a slow rotor the lines are those of one of 2250 rpm.
-        let pace = state.pace.max(self.filter.step_s / REVOLUTION_AT_REST_S);
+        let pace = state.least_pace(self.filter.step_s);
         state.validation.add(&innovation, sample.turn, pace);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
@@ -551,8 +550,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         // Below one revolution a second a rotor is at rest.
         self.pace = if omega > TAU { omega * step_s / TAU } else { at_rest };
         self.revolution.passed += self.pace;
-        self.passed += self.pace.max(at_rest);
+        self.passed += self.least_pace(step_s);
         self.quarter_samples += 1.0;
+    }
+
+    /// Revolutions in a sample, of a slow rotor those of one of 2250 rpm: quarters and orders are counted by it.
+    fn least_pace(&self, step_s: f64) -> f64 {
+        self.pace.max(step_s / REVOLUTION_AT_REST_S)
     }
 
     /// Samples in a revolution at the present pace.

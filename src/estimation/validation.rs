@@ -30,16 +30,16 @@ fn chi_square(degrees: usize, deviations: f64) -> f64 {
 const HARMONIC_LIMIT: f64 = 4.735;
 const ORDER_LIMIT: f64 = 5.2;
 
-/// The part of these, in deviations, below which all lines have to be for an estimate to become valid (hysteresis), a level of about 5 % over all of them: a
-/// line that is barely below its limit has moved λ by deviations. With 0.7, 25 of 400 runs with 1 N at twice the speed were valid and beyond 5
+/// The part of these, in deviations, below which all lines have to be for an estimate to become valid (hysteresis), a level of about 5 % over all of
+/// them: a line that is barely below its limit has moved λ by deviations. With 0.7, 25 of 400 runs with 1 N at twice the speed were valid and beyond 5
 /// deviations, with 0.5 11, with 0.4 8, but then 8 of 200 nominal runs were not valid after two revolutions, with 0.5 one (seeds from 986001).
 const LINES_EASED: f64 = 0.5;
 
 /// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations beyond it count as such.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Other orders of the rotor that are tested, the first in quarters of an order, and their number, a quarter apart: what shakes the machine at a frequency of its own shows
-/// there before it has moved λ. Nearer to the speed, λ and unbalance that drift leave something, and the harmonics are tested for longer.
+/// Other orders of the rotor that are tested, a quarter apart: the first, in quarters, and their number. Forces with a frequency of their own show
+/// there before they have moved λ. Nearer to the speed, λ and unbalance that drift leave something, and the harmonics are tested for longer.
 const FIRST_ORDER: f64 = 6.0;
 const ORDERS: usize = 15;
 
@@ -174,7 +174,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Counts a quarter of a revolution.
     pub fn end_quarter(&mut self) {
         self.quarters = self.quarters.map(|quarters| quarters + 1);
-        self.orders.iter_mut().for_each(|line| line.scale(exp(-0.25 / ORDER_REVOLUTIONS)));
+        let kept = exp(-0.25 / ORDER_REVOLUTIONS);
+        self.orders.iter_mut().for_each(|line| line.scale(kept));
     }
 
     /// Quarters since the last start.
@@ -185,22 +186,20 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ), a part of a revolution after the last one.
     #[inline(always)]
     pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, turn: [f64; 2], pace: f64) {
-        let times = |[a, b]: [f64; 2], [c, s]: [f64; 2]| [a * c - b * s, b * c + a * s];
-        let mut at = turn;
-        for line in &mut self.harmonics {
-            line.add(innovation, at);
-            at = times(at, turn);
-        }
+        let each = |lines: &mut [Line<N, U, T>], [mut a, mut b]: [f64; 2], [c, s]: [f64; 2]| {
+            for line in lines {
+                line.add(innovation, [a, b]);
+                (a, b) = (a * c - b * s, b * c + a * s);
+            }
+        };
+        each(&mut self.harmonics, turn, turn);
         self.turned = (self.turned + pace) % 4.0;
         let quarter = FRAC_PI_2 * self.turned;
-        let [mut at, turn] = [FIRST_ORDER * quarter, quarter].map(|angle| {
+        let [first, step] = [FIRST_ORDER * quarter, quarter].map(|angle| {
             let (sin, cos) = sincos(angle);
             [cos, sin]
         });
-        for line in &mut self.orders {
-            line.add(innovation, at);
-            at = times(at, turn);
-        }
+        each(&mut self.orders, first, step);
     }
 
     /// Takes in the innovation of a good estimate.

@@ -68,7 +68,7 @@ pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)
     quantity.iter().find(|(names, _)| names.iter().any(same)).map(|(names, factor)| (names[0], *factor))
 }
 
-/// What one of a unit is in SI; without a name it is the SI unit.
+/// Size of a unit in SI; without a name it is the SI unit.
 pub(super) fn factor(quantity: Quantity, name: &str) -> Option<f64> {
     if name.is_empty() { Some(1.0) } else { find(quantity, name).map(|(_, factor)| factor) }
 }
