@@ -14,7 +14,7 @@ use std::ops::Range;
 
 pub use self::answer::{Answer, Check, agreement, answer};
 use self::filter::Readings;
-use self::search::{Fit, Part, fit, follow, log_likelihood};
+use self::search::{Fit, fit, follow, log_likelihood};
 use super::read::{Samples, median, noise};
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood, mean};
 
@@ -92,8 +92,13 @@ pub(crate) fn is_noise(at: usize) -> bool {
 }
 
 /// Whether the search moves the logarithm of an unknown.
-pub(crate) fn is_logarithm(at: usize) -> bool {
+fn is_logarithm(at: usize) -> bool {
     at < GAP || is_noise(at)
+}
+
+/// The unknowns of a point in SI units: noises and λ not as logarithms.
+fn values(point: &Point) -> Point {
+    std::array::from_fn(|at| if is_logarithm(at) { libm::exp(point[at]) } else { point[at] })
 }
 
 impl Axis {
@@ -151,23 +156,8 @@ impl Axis {
     pub(crate) fn law(&self, point: &Point) -> Law {
         let at_m = self.at_m.unwrap_or(0.0);
         let magnets = self.used.iter().map(|k| (if *k == 0 { 1.0 } else { -1.0 }, libm::exp(point[*k])));
-        let mut law = Law {
-            magnets: [(0.0, 0.0); 2],
-            gap_m: point[GAP],
-            load_n: point[LOAD],
-            dynamics: point[DYNAMICS],
-            position_noise_m: libm::exp(point[POSITION_NOISE]),
-            exponent: point[EXPONENT],
-            reference_m: 1.0,
-            current_noise_a: libm::exp(point[CURRENT_NOISE]),
-            walk_a: libm::exp(point[WALK]),
-            slope_a_s: libm::exp(point[SLOPE]),
-            slow_n: libm::exp(point[SLOW]),
-            delay_s: point[DELAY],
-        };
-        for (of, magnet) in law.magnets.iter_mut().zip(magnets) {
-            *of = magnet;
-        }
+        let mut law = Law { magnets: [(0.0, 0.0); 2], values: values(point), reference_m: 1.0 };
+        law.magnets.iter_mut().zip(magnets).for_each(|(of, magnet)| *of = magnet);
         law.reference_m = law.gap_of(0, at_m);
         law
     }
@@ -178,22 +168,14 @@ impl Axis {
 pub(crate) struct Law {
     /// Direction along x and λ in N·m²/A² of the magnets that are used.
     magnets: [(f64, f64); 2],
-    gap_m: f64,
-    load_n: f64,
-    dynamics: f64,
-    position_noise_m: f64,
-    exponent: f64,
+    /// The unknowns in SI units.
+    pub(crate) values: Point,
     pub(crate) reference_m: f64,
-    pub(crate) current_noise_a: f64,
-    pub(crate) walk_a: f64,
-    pub(crate) slope_a_s: f64,
-    pub(crate) slow_n: f64,
-    pub(crate) delay_s: f64,
 }
 
 impl Law {
     fn gap_of(&self, k: usize, x_m: f64) -> f64 {
-        self.gap_m - self.magnets[k].0 * x_m
+        self.values[GAP] - self.magnets[k].0 * x_m
     }
 
     /// Force of the magnets, N, and its derivatives by x, N/m, and by the currents, N/A.
@@ -212,17 +194,18 @@ impl Law {
     /// Acceleration without the slow force, m/s², with its derivatives by x and by the currents.
     pub(crate) fn linearised(&self, axis: &Axis, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
         let (force, stiffness, gain) = self.force(x_m, current_a);
-        let inertia = self.dynamics * axis.m_kg;
-        ((self.load_n + force) / inertia, stiffness / inertia, gain.map(|gain| gain / inertia))
+        let inertia = self.values[DYNAMICS] * axis.m_kg;
+        ((self.values[LOAD] + force) / inertia, stiffness / inertia, gain.map(|gain| gain / inertia))
     }
 
     /// Standard deviation of a position reading, m.
     pub(crate) fn position_noise(&self, reading_m: f64) -> f64 {
-        if self.exponent == 0.0 {
-            return self.position_noise_m;
+        let [noise_m, exponent] = [POSITION_NOISE, EXPONENT].map(|at| self.values[at]);
+        if exponent == 0.0 {
+            return noise_m;
         }
         let gap = (self.gap_of(0, reading_m) / self.reference_m).max(0.05);
-        self.position_noise_m * libm::pow(gap, self.exponent)
+        noise_m * libm::pow(gap, exponent)
     }
 }
 
@@ -270,9 +253,8 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut columns = recording.unfilled().into_iter();
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
-    let readings = Readings { step_s: recording.step_s, x_m: &x_m, current_a: &current_a };
     let count = x_m.len();
-    let half = Part { readings, rows: count / 2..count };
+    let half = Readings { step_s: recording.step_s, x_m: &x_m, current_a: &current_a, rows: count / 2..count };
     if axis.at_m.is_none() {
         axis.at_m = Some(mean(half.rows.clone().map(|row| x_m[row])));
     }
@@ -280,10 +262,10 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let free = free(&axis);
     let failed = "the search fails: the readings do not follow the law of this machine at all";
     let rough = fit(&axis, &half, &start, &free, ROUGH).ok_or(failed)?;
-    let begin = begin(&axis, readings, &rough.point).ok_or(
+    let begin = begin(&axis, &half.of(0..count), &rough.point).ok_or(
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
     )?;
-    let part = Part { readings, rows: begin..count };
+    let part = half.of(begin..count);
     let mut best = fit(&axis, &part, &rough.point, &free, usize::MAX).ok_or(failed)?;
     let mut effects = Vec::new();
     let mut free = free;
@@ -313,8 +295,8 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
 }
 
 impl Found {
-    fn part(&self, step_s: f64) -> Part<'_> {
-        Part { readings: Readings { step_s, x_m: &self.x_m, current_a: &self.current_a }, rows: self.rows.clone() }
+    fn readings(&self, step_s: f64) -> Readings<'_> {
+        Readings { step_s, x_m: &self.x_m, current_a: &self.current_a, rows: self.rows.clone() }
     }
 }
 
@@ -344,8 +326,8 @@ fn noise_of_walk(values: &[f64]) -> f64 {
 
 /// First guess: statics where one magnet carries a load that is known, and otherwise the most likely of force constants that differ
 /// by factors of two.
-fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
-    let Part { readings, rows } = part;
+fn first_guess(axis: &Axis, readings: &Readings<'_>) -> Result<Point, String> {
+    let rows = &readings.rows;
     let mut point = [0.0; UNKNOWNS];
     point[DYNAMICS] = 1.0;
     point[SLOW] = libm::log(0.01 * axis.weight_n());
@@ -360,10 +342,7 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
             point[at] = if is_logarithm(at) { libm::log(*told) } else { *told };
         }
     }
-    let known: Vec<usize> = rows
-        .clone()
-        .filter(|row| readings.x_m[*row].is_finite() && readings.current_a.iter().all(|of| of[*row].is_finite()))
-        .collect();
+    let known: Vec<usize> = rows.clone().filter(|row| readings.are_known(*row)).collect();
     if known.len() < 100 {
         return Err(format!(
             "the second half of the recording has {} rows with all readings, 100 at least are wanted",
@@ -398,17 +377,14 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
             }
             guess
         });
-        return most_likely(axis, part, guesses);
+        return most_likely(axis, readings, guesses);
     }
     if axis.told[GAP].is_none() {
         return Err("s is not known: --set s=… is wanted where the load is not known or there are two magnets".into());
     }
     // Largest force constants with which the mean currents carry a hundred times the weight, and all below.
-    let pull = axis
-        .used
-        .iter()
-        .enumerate()
-        .map(|(n, _)| mean(known.iter().map(|row| (readings.current_a[n][*row] / point[GAP]).powi(2))));
+    let square = |current: &Vec<f64>| mean(known.iter().map(|row| (current[*row] / point[GAP]).powi(2)));
+    let pull = readings.current_a.iter().map(square);
     let largest = 100.0 * axis.weight_n() / pull.fold(1e-300, f64::max);
     let guesses = (0..20).map(|halved| {
         let mut guess = point;
@@ -425,21 +401,21 @@ fn first_guess(axis: &Axis, part: &Part<'_>) -> Result<Point, String> {
         }
         guess
     });
-    most_likely(axis, part, guesses)
+    most_likely(axis, readings, guesses)
 }
 
-fn most_likely(axis: &Axis, part: &Part<'_>, guesses: impl Iterator<Item = Point>) -> Result<Point, String> {
-    let weighed = guesses.map(|guess| (log_likelihood(axis, part, &guess), guess));
+fn most_likely(axis: &Axis, readings: &Readings<'_>, guesses: impl Iterator<Item = Point>) -> Result<Point, String> {
+    let weighed = guesses.map(|guess| (log_likelihood(axis, readings, &guess), guess));
     let best = weighed.filter(|(likelihood, _)| likelihood.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0));
     best.map(|(_, guess)| guess).ok_or_else(|| "no force constant explains the motion at all".into())
 }
 
 /// The row from which on the readings follow the law.
-fn begin(axis: &Axis, readings: Readings<'_>, point: &Point) -> Option<usize> {
+fn begin(axis: &Axis, readings: &Readings<'_>, point: &Point) -> Option<usize> {
     let count = readings.x_m.len();
     let window = ((WINDOW_S / readings.step_s).round() as usize).max(1);
     let (mut nis, mut slow_n) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    follow(axis, &Part { readings, rows: 0..count }, point, |filter, [error, variance]| {
+    follow(axis, readings, point, |filter, [error, variance]| {
         nis.push(error * error / variance);
         slow_n.push(filter.slow_n()[0]);
     });

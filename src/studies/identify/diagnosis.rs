@@ -51,31 +51,9 @@ impl Take {
     }
 }
 
-/// Something that people get wrong: its name, how to undo it, and what to propose.
-struct Alternative {
-    /// The fault of the data, in words.
-    name: &'static str,
-    /// Undoes it.
-    apply: fn(&mut Take),
-    /// Advice to the user.
-    proposal: &'static str,
-    /// The fewest magnets of a bearing that can show it; 0 for what is not about a bearing.
-    magnets: usize,
-}
-
-/// An alternative for the whole recording.
-const fn row(name: &'static str, apply: fn(&mut Take), proposal: &'static str) -> Alternative {
-    Alternative { name, apply, proposal, magnets: 0 }
-}
-
-/// One for a radial bearing, and one for those with four magnets.
-const fn bearing(name: &'static str, apply: fn(&mut Take), proposal: &'static str) -> Alternative {
-    Alternative { magnets: 3, ..row(name, apply, proposal) }
-}
-
-const fn of_four(name: &'static str, apply: fn(&mut Take)) -> Alternative {
-    Alternative { magnets: 4, ..row(name, apply, ORDER) }
-}
+/// Something that people get wrong: the fewest magnets of a bearing that can show it, 0 for what is not about a bearing; the fault of the data, in words; what undoes
+/// it; advice to the user.
+type Alternative = (usize, &'static str, fn(&mut Take), &'static str);
 
 /// Changes the positions that the sensors of the bearing read.
 fn positions(take: &mut Take, change: impl Fn([f64; 2]) -> [f64; 2]) {
@@ -106,60 +84,57 @@ const MIRROR: &str = "reverse the sign of the sensor";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 
 const ALTERNATIVES: &[Alternative] = &[
-    bearing("y and z are exchanged", |take| positions(take, |[y, z]| [z, y]), SWAP),
-    bearing("y is mirrored", |take| positions(take, |[y, z]| [-y, z]), MIRROR),
-    bearing("z is mirrored", |take| positions(take, |[y, z]| [y, -z]), MIRROR),
-    bearing("y and z are mirrored", |take| positions(take, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
-    bearing(
-        "the sensors are turned by 90°",
-        |take| positions(take, |[y, z]| [z, -y]),
-        "exchange Ym and Zm and mirror y",
-    ),
-    bearing(
-        "the sensors are turned by −90°",
-        |take| positions(take, |[y, z]| [-z, y]),
-        "exchange Ym and Zm and mirror z",
-    ),
-    bearing("y and z are exchanged and mirrored", |take| positions(take, |[y, z]| [-z, -y]), SWAP),
-    bearing("magnets 1 and 2 are exchanged", |take| currents(take, |order| order.swap(0, 1)), ORDER),
-    bearing("magnets 1 and 3 are exchanged", |take| currents(take, |order| order.swap(0, 2)), ORDER),
-    bearing("magnets 2 and 3 are exchanged", |take| currents(take, |order| order.swap(1, 2)), ORDER),
-    of_four("magnets 1 and 4 are exchanged", |take| currents(take, |order| order.swap(0, 3))),
-    of_four("magnets 2 and 4 are exchanged", |take| currents(take, |order| order.swap(1, 3))),
-    of_four("magnets 3 and 4 are exchanged", |take| currents(take, |order| order.swap(2, 3))),
-    bearing("the magnets count from the second", |take| currents(take, |order| order.rotate_left(1)), ORDER),
-    bearing("the magnets count from the third", |take| currents(take, |order| order.rotate_left(2)), ORDER),
-    of_four("the magnets count from the fourth", |take| currents(take, |order| order.rotate_left(3))),
-    row(
+    (3, "y and z are exchanged", |take| positions(take, |[y, z]| [z, y]), SWAP),
+    (3, "y is mirrored", |take| positions(take, |[y, z]| [-y, z]), MIRROR),
+    (3, "z is mirrored", |take| positions(take, |[y, z]| [y, -z]), MIRROR),
+    (3, "y and z are mirrored", |take| positions(take, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    (3, "the sensors are turned by 90°", |take| positions(take, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
+    (3, "the sensors are turned by −90°", |take| positions(take, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
+    (3, "y and z are exchanged and mirrored", |take| positions(take, |[y, z]| [-z, -y]), SWAP),
+    (3, "magnets 1 and 2 are exchanged", |take| currents(take, |order| order.swap(0, 1)), ORDER),
+    (3, "magnets 1 and 3 are exchanged", |take| currents(take, |order| order.swap(0, 2)), ORDER),
+    (3, "magnets 2 and 3 are exchanged", |take| currents(take, |order| order.swap(1, 2)), ORDER),
+    (4, "magnets 1 and 4 are exchanged", |take| currents(take, |order| order.swap(0, 3)), ORDER),
+    (4, "magnets 2 and 4 are exchanged", |take| currents(take, |order| order.swap(1, 3)), ORDER),
+    (4, "magnets 3 and 4 are exchanged", |take| currents(take, |order| order.swap(2, 3)), ORDER),
+    (3, "the magnets count from the second", |take| currents(take, |order| order.rotate_left(1)), ORDER),
+    (3, "the magnets count from the third", |take| currents(take, |order| order.rotate_left(2)), ORDER),
+    (4, "the magnets count from the fourth", |take| currents(take, |order| order.rotate_left(3)), ORDER),
+    (
+        0,
         "the currents are those before the sample (measured)",
         |take| take.recording.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    row(
+    (
+        0,
         "the currents are commands, held after the sample",
         |take| take.recording.hold = Hold::HeldAfter,
         "--hold heldAfter",
     ),
-    row("the currents are continuous", |take| take.recording.hold = Hold::Linear, "--hold linear"),
-    row(
+    (0, "the currents are continuous", |take| take.recording.hold = Hold::Linear, "--hold linear"),
+    (
+        0,
         "the currents come a sample late, or the positions early",
         |take| take.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
         "shift the currents by one row",
     ),
-    row(
+    (
+        0,
         "the currents come a sample early, or the positions late",
         later,
         "shift the currents by one row, or --estimate delay",
     ),
-    row("the angle counts against the rotation", |take| turn(take, -1.0), "reverse the signs of theta and omega"),
-    row("the speed is twice as high", |take| turn(take, 2.0), "double theta and omega"),
-    row("the speed is half as high", |take| turn(take, 0.5), "halve theta and omega"),
-    row(
+    (0, "the angle counts against the rotation", |take| turn(take, -1.0), "reverse the signs of theta and omega"),
+    (0, "the speed is twice as high", |take| turn(take, 2.0), "double theta and omega"),
+    (0, "the speed is half as high", |take| turn(take, 0.5), "halve theta and omega"),
+    (
+        0,
         "the speed is another",
         |take| drift(&take.recording).into_iter().for_each(|[off, ..]| turn(take, 1.0 + off)),
         SPEED,
     ),
-    row("the gap is another", |take| free(take, "s"), "--estimate s"),
+    (0, "the gap is another", |take| free(take, "s"), "--estimate s"),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
@@ -269,26 +244,26 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
     let each = |alternative: &'static Alternative| {
-        let of_bearings = bearings.iter().enumerate().filter(|(_, of)| of.magnets >= alternative.magnets);
-        let count = if alternative.magnets == 0 { 1 } else { bearings.len() };
+        let of_bearings = bearings.iter().enumerate().filter(|(_, of)| of.magnets >= alternative.0);
+        let count = if alternative.0 == 0 { 1 } else { bearings.len() };
         of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
     let least = told + better(alternatives.len(), take.recording.usable.len());
     let words = |index: usize| {
-        let (alternative, at, bearing) = &alternatives[index];
+        let ((magnets, name, apply, proposal), at, bearing) = &alternatives[index];
         let mut other = Take { bearing: *at, ..take.clone() };
-        (alternative.apply)(&mut other);
+        apply(&mut other);
         let (likelihood, gap, sound) = fit(&other)?;
         if !sound || likelihood <= least {
             return None;
         }
-        let of = if alternative.magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
-        let mut words = format!("{}{of}: {}", alternative.name, alternative.proposal);
-        if let ("--estimate s", Some(gap)) = (alternative.proposal, gap) {
+        let of = if *magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
+        let mut words = format!("{name}{of}: {proposal}");
+        if let ("--estimate s", Some(gap)) = (*proposal, gap) {
             words += &format!("; about {} mm", significant(1e3 * take.options.parts[0].body.gap_m() * (1.0 + gap), 3));
         }
-        if let (SPEED, Some([off, ..])) = (alternative.proposal, drift(&take.recording)) {
+        if let (SPEED, Some([off, ..])) = (*proposal, drift(&take.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
         }
         Some((likelihood, words))

@@ -121,17 +121,12 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
         return Vec::new();
     }
     let least = (longest.ceil() as usize).max(LEAST);
-    let mut found = Vec::new();
-    let mut from = 0;
-    for row in 1..=values.len() {
-        if row == values.len() || values[row] != values[from] {
-            if row - from > least {
-                found.push(from..row);
-            }
-            from = row;
-        }
-    }
-    found
+    let mut end = 0;
+    let runs = values.chunk_by(|value, next| value == next).map(|run| {
+        end += run.len();
+        end - run.len()..end
+    });
+    runs.filter(|run| run.len() > least).collect()
 }
 
 /// Rows over which the noise of a sensor is taken to be the same.

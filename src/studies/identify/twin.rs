@@ -82,30 +82,50 @@ impl Stated {
     }
 }
 
-/// Values by element and variable, gathered before they are set.
-#[derive(Default)]
-pub(super) struct Values(Vec<(&'static str, String, Value)>);
-
-impl Values {
-    /// A value of a variable of an element.
-    pub fn put(&mut self, element: &'static str, name: &str, value: f64) {
-        self.put_value(element, name, Value::Real(value));
+impl Twin {
+    /// The scenario of the bench before anything that was identified replaces its values, with the sample time rounded to four digits: recordings have clocks of
+    /// their own, and libcosim counts nanoseconds. Where it is longer than that of the start values, the bandwidths of the controller are lower in proportion, unless
+    /// the scenario states them.
+    pub(super) fn of(base: &Scenario, step_s: f64, verdict: &str) -> Self {
+        let mut scenario = base.clone();
+        scenario.title = "Identified from a recording".into();
+        scenario.description = verdict.into();
+        scenario.remove_observers();
+        scenario.profiles.clear();
+        scenario.balance_s = None;
+        // The tolerances of the estimator say how well the bench is known now.
+        scenario.tolerance.clear();
+        scenario.changes.clear();
+        let step_s = format!("{step_s:.3e}").parse().unwrap_or(step_s);
+        (scenario.step_s, scenario.duration_s) = (step_s, STEPS * step_s);
+        let mut twin = Self { scenario, left_out: Vec::new() };
+        for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
+            twin.put(element, name, step_s);
+        }
+        let plain = Scenario::plain(base.machine);
+        let slower = start(&plain, "controller", "Ts") / step_s;
+        if slower < 1.0 {
+            for name in ["tracking", "observer", "current", "reference"].map(|of| format!("bandwidth.{of}")) {
+                twin.put_unless_stated("controller", &name, slower * start(&plain, "controller", &name));
+            }
+        }
+        twin
     }
 
-    /// A value of any type.
-    pub fn put_value(&mut self, element: &'static str, name: &str, value: Value) {
-        self.0.push((element, name.into(), value));
+    /// A value of a variable of an element.
+    pub(super) fn put(&mut self, element: &str, name: &str, value: impl Into<Value>) {
+        self.scenario.set(element, name, value);
     }
 
     /// A value, unless the scenario states one.
-    pub fn put_unless_stated(&mut self, base: &Scenario, element: &'static str, name: &str, value: f64) {
-        if !base.is_stated(element, name) {
+    pub(super) fn put_unless_stated(&mut self, element: &str, name: &str, value: f64) {
+        if !self.scenario.is_stated(element, name) {
             self.put(element, name, value);
         }
     }
 
     /// A force constant of the plant, which is the first guess of the others.
-    pub fn put_lambda(&mut self, name: &str, value: f64) {
+    pub(super) fn put_lambda(&mut self, name: &str, value: f64) {
         self.put("plant", name, value);
         for element in ["controller", "estimator"] {
             self.put(element, &name.replace("lambda", "lambda0"), value);
@@ -113,60 +133,27 @@ impl Values {
     }
 
     /// A tolerance of the estimator, unless it is 0.
-    pub fn put_tolerance(&mut self, name: &str, std: f64) {
+    pub(super) fn put_tolerance(&mut self, name: &str, std: f64) {
         if std > 0.0 {
             self.put("estimator", &format!("tolerance.{name}"), std);
         }
     }
 
     /// Noise of the sensors, m and A, as the plant makes it and the estimator expects it.
-    pub fn put_noise(&mut self, position_m: f64, current_a: f64) {
+    pub(super) fn put_noise(&mut self, position_m: f64, current_a: f64) {
         for element in ["plant", "estimator"] {
             self.put(element, "sensor.positionNoise", position_m);
             self.put(element, "sensor.currentNoise", current_a);
         }
     }
 
-    /// The sample time, rounded to four digits and returned: recordings have clocks of their own, and libcosim counts nanoseconds.
-    /// Where it is longer than that of the start values, the bandwidths of the controller are lower in proportion, unless the scenario
-    /// states them.
-    pub fn put_sample_time(&mut self, base: &Scenario, step_s: f64) -> f64 {
-        let step_s = format!("{step_s:.3e}").parse().unwrap_or(step_s);
-        let plain = Scenario::plain(base.machine);
-        let slower = start(&plain, "controller", "Ts") / step_s;
-        for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
-            self.put(element, name, step_s);
-        }
-        if slower < 1.0 {
-            for name in ["tracking", "observer", "current", "reference"].map(|of| format!("bandwidth.{of}")) {
-                self.put_unless_stated(base, "controller", &name, slower * start(&plain, "controller", &name));
-            }
-        }
-        step_s
-    }
-
-    /// The twin with these values.
+    /// The twin, if all models take its values.
     ///
     /// # Errors
     /// All values that a model refuses.
-    pub fn twin(self, base: &Scenario, step_s: f64, verdict: &str) -> Result<Twin, Vec<String>> {
-        let mut scenario = base.clone();
-        scenario.title = "Identified from a recording".into();
-        scenario.description = verdict.into();
-        (scenario.step_s, scenario.duration_s) = (step_s, STEPS * step_s);
-        scenario.remove_observers();
-        scenario.profiles.clear();
-        scenario.balance_s = None;
-        // The tolerances of the estimator say how well the bench is known now.
-        scenario.tolerance.clear();
-        scenario.changes.clear();
-        for (element, name, value) in self.0 {
-            scenario.set(element, &name, value);
-        }
-        match simulate::refused(&scenario) {
-            refused if refused.is_empty() => Ok(Twin { scenario, left_out: Vec::new() }),
-            refused => Err(refused),
-        }
+    pub(super) fn checked(self) -> Result<Self, Vec<String>> {
+        let refused = simulate::refused(&self.scenario);
+        if refused.is_empty() { Ok(self) } else { Err(refused) }
     }
 }
 
@@ -195,64 +182,62 @@ impl Answer {
         let omega_rad_s = mean(samples.omega_rad_s.iter().copied());
         let machine = base.machine;
 
-        let mut values = Values::default();
-        let step_s = values.put_sample_time(base, samples.step_s);
+        let mut twin = Twin::of(base, samples.step_s, &self.verdict);
         for (name, value) in stated.with([start(base, "plant", "theta0"), omega_rad_s], of) {
             if value != 0.0 || base.is_stated("plant", &name) {
-                values.put("plant", &name, value);
+                twin.put("plant", &name, value);
             }
             // Sensors and forces are the plant's alone.
             if !name.contains("sensor.") && !name.starts_with("perturbation") {
-                values.put("controller", &name, value);
-                values.put("estimator", &name, value);
+                twin.put("controller", &name, value);
+                twin.put("estimator", &name, value);
             }
             if let Some(prefix) = name.strip_suffix('s').filter(|prefix| prefix.is_empty() || prefix.ends_with('.')) {
-                values.put_unless_stated(base, "plant", &format!("{prefix}touchdown.clearance"), 0.5 * value);
+                twin.put_unless_stated("plant", &format!("{prefix}touchdown.clearance"), 0.5 * value);
             }
         }
         for (lambda, found) in machine.of_magnets("lambda").iter().zip(&found.lambda) {
-            values.put_lambda(lambda, found.value);
+            twin.put_lambda(lambda, found.value);
         }
         let of_planes = |name| machine.of_planes(name).into_iter();
         for ((magnitude, phase), found) in of_planes("magnitude").zip(of_planes("phase")).zip(&found.unbalance) {
-            values.put("plant", &magnitude, found.magnitude.value);
-            values.put("plant", &phase, found.phase.value);
+            twin.put("plant", &magnitude, found.magnitude.value);
+            twin.put("plant", &phase, found.phase.value);
         }
         for (name, load) in stated.loads().iter().zip(&first.load_n) {
-            values.put("plant", name, load.value);
+            twin.put("plant", name, load.value);
         }
-        values.put("plant", "omega", omega_rad_s);
-        values.put_noise(first.parts[0].position_noise_m, first.parts[0].current_noise_a);
+        twin.put("plant", "omega", omega_rad_s);
+        twin.put_noise(first.parts[0].position_noise_m, first.parts[0].current_noise_a);
         // One tolerance of the estimator is that of all bearings and magnets.
         let of_all = |begin: &str, of: &dyn Fn(&str) -> f64| {
             let names = found.bench.iter().map(|of| of.parameter.name.as_str());
             rms(names.filter(|name| plain(name).starts_with(begin)).map(of))
         };
         let of_bearings = |of: &dyn Fn(&str) -> f64| rms(machine.bearings.iter().map(|bearing| of(bearing.prefix)));
-        values.put_tolerance("m", stated.value("m") * std("m").hypot(std(DYNAMICS)));
+        twin.put_tolerance("m", stated.value("m") * std("m").hypot(std(DYNAMICS)));
         let gap = |prefix: &str| {
             let [gap, iron] = ["s", "gap.iron"].map(|name| format!("{prefix}{name}"));
             (stated.value(&gap) * std(&gap)).hypot(std(&iron))
         };
-        values.put_tolerance("s", of_bearings(&gap));
-        values.put_tolerance("alpha", of_all("alpha", &std));
+        twin.put_tolerance("s", of_bearings(&gap));
+        twin.put_tolerance("alpha", of_all("alpha", &std));
         let gain = |prefix: &str| {
             let [common, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| error(&format!("{prefix}{name}")));
             common.hypot(half)
         };
-        values.put_tolerance("positionGain", of_bearings(&gain));
-        values.put_tolerance("positionOffset", of_all("sensor.offset", &error));
-        values.put_tolerance("currentGain", of_all("current.gain", &error));
-        values.put_tolerance("currentOffset", of_all("current.offset", &error));
+        twin.put_tolerance("positionGain", of_bearings(&gain));
+        twin.put_tolerance("positionOffset", of_all("sensor.offset", &error));
+        twin.put_tolerance("currentGain", of_all("current.gain", &error));
+        twin.put_tolerance("currentOffset", of_all("current.offset", &error));
         if stated.bodies.len() > 1 {
-            values.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
-            values.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
-            values.put_tolerance("position", of_all("position", &std));
-            values.put_tolerance("sensorPosition", of_all("sensorPosition", &std));
-            values.put_tolerance("unbalancePosition", of_all("unbalance", &std));
+            twin.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
+            twin.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
+            twin.put_tolerance("position", of_all("position", &std));
+            twin.put_tolerance("sensorPosition", of_all("sensorPosition", &std));
+            twin.put_tolerance("unbalancePosition", of_all("unbalance", &std));
         }
 
-        let twin = values.twin(base, step_s, &self.verdict)?;
         let estimated = || found.bench.iter().filter(|of| of.estimated).map(|of| plain(&of.parameter.name));
         let backward = (stated.bodies.len() > 1).then_some("force.backward");
         let without = WITHOUT.into_iter().chain(backward);
@@ -260,7 +245,8 @@ impl Answer {
         let along = bench("X.dynamics").map(|_| "X.dynamics");
         let slow_force = first.parts.iter().any(|part| part.slow_force_n > 0.0).then_some("force.slow");
         let exponent = first.parts.iter().any(|part| part.noise_exponent.is_some()).then_some("noise.exponent");
-        Ok(Twin { left_out: left_out.chain(along).chain(slow_force).chain(exponent).collect(), ..twin })
+        twin.left_out = left_out.chain(along).chain(slow_force).chain(exponent).collect();
+        twin.checked()
     }
 }
 

@@ -3,7 +3,8 @@
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
 
-use super::search::{Fit, Part, follow};
+use super::filter::Readings;
+use super::search::{Fit, follow};
 use super::{
     Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
     UNKNOWNS, find, mean,
@@ -88,11 +89,11 @@ impl Check {
 }
 
 /// rms of the errors of predictions over so many rows, m.
-fn prediction_rms(axis: &Axis, part: &Part<'_>, point: &Point, ahead: usize) -> f64 {
-    let (mut squares, mut row) = (Vec::new(), part.rows.start);
-    follow(axis, part, point, |filter, _| {
-        if let Some(x_m) = part.readings.x_m[..part.rows.end].get(row + ahead) {
-            squares.push((x_m - filter.ahead(axis, &part.readings, ahead)).powi(2));
+fn prediction_rms(axis: &Axis, readings: &Readings<'_>, point: &Point, ahead: usize) -> f64 {
+    let (mut squares, mut row) = (Vec::new(), readings.rows.start);
+    follow(axis, readings, point, |filter, _| {
+        if let Some(x_m) = readings.x_m[..readings.rows.end].get(row + ahead) {
+            squares.push((x_m - filter.ahead(axis, readings, ahead)).powi(2));
         }
         row += 1;
     });
@@ -111,7 +112,7 @@ fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
     let (_, stiffness, gain) = law.force(at_m, current_a);
     let gain: f64 = gain.iter().map(|gain| gain.abs()).sum();
     let current = current_a.iter().sum::<f64>() / axis.used.len() as f64;
-    [current, gain, stiffness, gain / law.dynamics, stiffness / law.dynamics]
+    [current, gain, stiffness, gain / point[DYNAMICS], stiffness / point[DYNAMICS]]
 }
 
 /// Identifies the axis from one recording.
@@ -347,7 +348,7 @@ impl Answer {
     pub fn traces(&self) -> Traces {
         let (found, from) = (&self.found, self.found.rows.start);
         let mut traces = Traces { slow_n: vec![[f64::NAN; 2]; from], error_m: vec![f64::NAN; from], from };
-        follow(&found.axis, &found.part(self.step_s), &found.fit.point, |filter, [error, variance]| {
+        follow(&found.axis, &found.readings(self.step_s), &found.fit.point, |filter, [error, variance]| {
             traces.slow_n.push(filter.slow_n());
             traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
         });
@@ -358,7 +359,7 @@ impl Answer {
     #[must_use]
     pub fn check(&self, own: &Self) -> Check {
         let found = &own.found;
-        let part = found.part(own.step_s);
+        let readings = found.readings(own.step_s);
         // Noises, slow force and delay are of the recording, force constants and gap of the bench.
         let mut point = found.fit.point;
         let bench = [0, 1, GAP, DYNAMICS];
@@ -368,7 +369,7 @@ impl Answer {
             .iter()
             .map(|ahead| {
                 let [foreign, fitted] =
-                    [&point, &found.fit.point].map(|point| prediction_rms(&found.axis, &part, point, *ahead));
+                    [&point, &found.fit.point].map(|point| prediction_rms(&found.axis, &readings, point, *ahead));
                 [*ahead as f64 * own.step_s, foreign, fitted]
             })
             .collect();

@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use super::{Axis, Law};
+use super::{Axis, CURRENT_NOISE, DELAY, Law, SLOPE, SLOW, WALK};
 
 /// Standard deviation of what is not known at the start: the position, and the way of a sample time, relative to the gap; a current, A.
 const UNKNOWN: f64 = 0.1;
@@ -25,7 +25,7 @@ const UNKNOWN_A_S: f64 = 10.0;
 const LOST: f64 = 0.3;
 
 /// Input of the filter: readings at a uniform sample time, NaN where there is none.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub(super) struct Readings<'a> {
     /// Sample time, s.
     pub step_s: f64,
@@ -33,6 +33,20 @@ pub(super) struct Readings<'a> {
     pub x_m: &'a [f64],
     /// Currents of the magnets that are used, A.
     pub current_a: &'a [Vec<f64>],
+    /// The rows that count.
+    pub rows: Range<usize>,
+}
+
+impl Readings<'_> {
+    /// The same, of which other rows count.
+    pub(super) fn of(&self, rows: Range<usize>) -> Self {
+        Self { rows, ..*self }
+    }
+
+    /// Whether a row has all readings.
+    pub(super) fn are_known(&self, row: usize) -> bool {
+        self.x_m[row].is_finite() && self.current_a.iter().all(|current| current[row].is_finite())
+    }
 }
 
 /// Numbers of the state x, v, d, two currents and their slopes; a magnet that is not used has the current 0 without variance.
@@ -56,20 +70,17 @@ pub(super) struct Filter {
 
 impl Filter {
     /// Starts at the first row with all readings.
-    pub(super) fn new(axis: &Axis, law: Law, readings: &Readings<'_>, rows: &Range<usize>) -> Option<Self> {
-        let known = |row: &usize| {
-            readings.x_m[*row].is_finite() && readings.current_a.iter().all(|current| current[*row].is_finite())
-        };
-        let row = rows.clone().find(known)?;
+    pub(super) fn new(axis: &Axis, law: Law, readings: &Readings<'_>) -> Option<Self> {
+        let row = readings.rows.clone().find(|row| readings.are_known(*row))?;
         let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row };
         filter.x[0] = readings.x_m[row];
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
             filter.p[3 + k][3 + k] = UNKNOWN_A * UNKNOWN_A;
-            filter.p[SLOPES + k][SLOPES + k] = if law.slope_a_s > 0.0 { UNKNOWN_A_S * UNKNOWN_A_S } else { 0.0 };
+            filter.p[SLOPES + k][SLOPES + k] = if law.values[SLOPE] > 0.0 { UNKNOWN_A_S * UNKNOWN_A_S } else { 0.0 };
         }
         filter.forget_motion(readings.step_s);
-        let start_n = if law.slow_n > 0.0 { axis.slow_start_n() } else { 0.0 };
+        let start_n = if law.values[SLOW] > 0.0 { axis.slow_start_n() } else { 0.0 };
         filter.p[2][2] = start_n * start_n;
         Some(filter)
     }
@@ -108,8 +119,8 @@ impl Filter {
     /// One sample time: midpoint rule.
     fn predict(&mut self, axis: &Axis, h: f64) {
         let law = self.law;
-        let walk = law.walk_a * law.walk_a * h;
-        self.p[2][2] += law.slow_n * law.slow_n * h;
+        let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
+        self.p[2][2] += slow;
         if self.is_lost() {
             self.forget_motion(h);
             self.p[0][0] = law.reference_m * law.reference_m;
@@ -161,7 +172,7 @@ impl Filter {
             for r in 0..N {
                 self.p[r][3 + k] += h * self.p[r][SLOPES + k];
             }
-            self.p[SLOPES + k][SLOPES + k] += law.slope_a_s * law.slope_a_s * h;
+            self.p[SLOPES + k][SLOPES + k] += slope;
             // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
             let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
             for r in 0..2 {
@@ -186,9 +197,9 @@ impl Filter {
                 self.x[0] = reading;
                 self.forget_motion(readings.step_s);
             }
-            let (at, delay_s) = if is_position { (0, self.law.delay_s) } else { (3 + k, 0.0) };
+            let (at, delay_s) = if is_position { (0, self.law.values[DELAY]) } else { (3 + k, 0.0) };
             let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
-            let noise = if is_position { self.law.position_noise(reading) } else { self.law.current_noise_a };
+            let noise = if is_position { self.law.position_noise(reading) } else { self.law.values[CURRENT_NOISE] };
             let variance = gain[at] - delay_s * gain[1] + noise * noise;
             let error = reading - (self.x[at] - delay_s * self.x[1]);
             innovations[k] = [error, variance];

@@ -1,7 +1,5 @@
 //! The most likely point: Fisher scoring with the damping of Levenberg and Marquardt on the innovations of the filter.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 
 use super::filter::{Filter, POSITION, Readings, Row};
@@ -30,13 +28,6 @@ pub(super) struct Fit {
     pub converged: bool,
 }
 
-/// Readings with the rows that count.
-#[derive(Clone, Debug)]
-pub(super) struct Part<'a> {
-    pub readings: Readings<'a>,
-    pub rows: Range<usize>,
-}
-
 /// Sums of one pass: log-likelihood, number of readings, information and score of the unknowns.
 struct Sums {
     log_likelihood: f64,
@@ -45,27 +36,27 @@ struct Sums {
     score: DVector<f64>,
 }
 
-/// Filters a part and calls `each` with the filter after every row, and the innovation of its position with its variance.
-pub(super) fn follow(axis: &Axis, part: &Part<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
-    let Some(mut filter) = Filter::new(axis, axis.law(point), &part.readings, &part.rows) else { return };
+/// Filters readings and calls `each` with the filter after every row, and the innovation of its position with its variance.
+pub(super) fn follow(axis: &Axis, readings: &Readings<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+    let Some(mut filter) = Filter::new(axis, axis.law(point), readings) else { return };
     let mut out: Vec<Row> = Vec::new();
-    for row in part.rows.clone() {
+    for row in readings.rows.clone() {
         out.clear();
-        filter.advance(axis, &part.readings, row..row + 1, &mut out);
+        filter.advance(axis, readings, row..row + 1, &mut out);
         each(&filter, out[0][POSITION]);
     }
 }
 
-pub(super) fn log_likelihood(axis: &Axis, part: &Part<'_>, point: &Point) -> f64 {
-    pass(axis, part, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
+pub(super) fn log_likelihood(axis: &Axis, readings: &Readings<'_>, point: &Point) -> f64 {
+    pass(axis, readings, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
 }
 
 /// The most likely point, from a start along the unknowns that are free, in `most` iterations at most.
-pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
+pub(super) fn fit(axis: &Axis, readings: &Readings<'_>, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
     let mut point = *start;
     let mut damping = 1e-4;
     let mut converged = false;
-    let mut sums = pass(axis, part, &point, free)?;
+    let mut sums = pass(axis, readings, &point, free)?;
     for _ in 0..most.min(MOST) {
         let scale = DVector::from_fn(free.len(), |i, _| sums.information[(i, i)].sqrt() + 1e-300);
         let mut step = None;
@@ -87,7 +78,7 @@ pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], m
                 axis.bounded(to)
             });
             if let Some(to) = moved {
-                let there = pass(axis, part, &to, &[]).map_or(f64::NAN, |of| of.log_likelihood);
+                let there = pass(axis, readings, &to, &[]).map_or(f64::NAN, |of| of.log_likelihood);
                 let gain = there - sums.log_likelihood;
                 if gain >= -1e-9 {
                     step = Some((to, gain));
@@ -103,7 +94,7 @@ pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], m
         };
         point = to;
         damping = (0.1 * damping).max(1e-9);
-        sums = pass(axis, part, &point, free)?;
+        sums = pass(axis, readings, &point, free)?;
         if gain < CONVERGED {
             converged = true;
             break;
@@ -113,20 +104,19 @@ pub(super) fn fit(axis: &Axis, part: &Part<'_>, start: &Point, free: &[usize], m
         (0..free.len()).filter(|i| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > FLAT).collect();
     let information = DMatrix::from_fn(told.len(), told.len(), |i, j| sums.information[(told[i], told[j])]);
     let inverse = information.cholesky()?.inverse();
-    let mut covariance = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
-    for (i, a) in told.iter().enumerate() {
-        for (j, b) in told.iter().enumerate() {
-            covariance[(free[*a], free[*b])] = inverse[(i, j)];
-        }
-    }
+    let place: [Option<usize>; UNKNOWNS] = std::array::from_fn(|at| told.iter().position(|i| free[*i] == at));
+    let covariance = DMatrix::from_fn(UNKNOWNS, UNKNOWNS, |a, b| match (place[a], place[b]) {
+        (Some(i), Some(j)) => inverse[(i, j)],
+        _ => 0.0,
+    });
     Some(Fit { point, log_likelihood: sums.log_likelihood, covariance, readings: sums.readings, converged })
 }
 
 /// One pass of the filters at a point and, by central differences, at its neighbours along the unknowns.
 ///
 /// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
-fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
-    let Part { readings, rows } = part;
+fn pass(axis: &Axis, readings: &Readings<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
+    let rows = &readings.rows;
     let mut points = vec![*point];
     for at in free {
         for sign in [1.0, -1.0] {
@@ -135,7 +125,7 @@ fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<S
             points.push(beside);
         }
     }
-    let filters = points.iter().map(|point| Filter::new(axis, axis.law(point), readings, rows));
+    let filters = points.iter().map(|point| Filter::new(axis, axis.law(point), readings));
     let mut filters: Vec<Filter> = filters.collect::<Option<_>>()?;
     let n = free.len();
     let mut sums =
@@ -173,10 +163,6 @@ fn pass(axis: &Axis, part: &Part<'_>, point: &Point, free: &[usize]) -> Option<S
         }
         from = to;
     }
-    for i in 0..n {
-        for l in 0..i {
-            sums.information[(l, i)] = sums.information[(i, l)];
-        }
-    }
+    sums.information.fill_upper_triangle_with_lower_triangle();
     sums.log_likelihood.is_finite().then_some(sums)
 }

@@ -10,9 +10,9 @@
 use fmu_export::variable::Value;
 
 use super::answer::Answer;
-use super::{CURRENT_NOISE, DELAY, EXPONENT, GAP, LOAD, PARAMETERS, POSITION_NOISE, SLOW, UNKNOWNS, is_logarithm};
+use super::{CURRENT_NOISE, DELAY, EXPONENT, GAP, LOAD, PARAMETERS, POSITION_NOISE, SLOW, UNKNOWNS, values};
 use crate::simulation::scenario::Scenario;
-use crate::studies::identify::twin::{Twin, Values};
+use crate::studies::identify::twin::Twin;
 
 /// Effects of a bench that the FMUs do not have.
 const WITHOUT: [usize; 3] = [EXPONENT, SLOW, DELAY];
@@ -31,48 +31,46 @@ impl Answer {
         }
         let (axis, point) = (&self.found.axis, &self.found.fit.point);
         let law = axis.law(point);
-        let mut values = Values::default();
-        let step_s = values.put_sample_time(base, self.step_s);
+        let mut twin = Twin::of(base, self.step_s, &self.verdict);
         let gap_m = if let [_] = axis.used.as_slice() { law.reference_m } else { point[GAP] };
         for element in ["plant", "controller", "estimator"] {
-            values.put(element, "m", self.dynamics.value * axis.m_kg);
-            values.put(element, "s", gap_m);
+            twin.put(element, "m", self.dynamics.value * axis.m_kg);
+            twin.put(element, "s", gap_m);
         }
-        values.put_unless_stated(base, "plant", "touchdown.clearance", 0.5 * gap_m);
+        twin.put_unless_stated("plant", "touchdown.clearance", 0.5 * gap_m);
         for (k, lambda) in &self.lambda {
-            values.put_lambda(&format!("lambda[{}]", k + 1), lambda.value);
+            twin.put_lambda(&format!("lambda[{}]", k + 1), lambda.value);
         }
         if let [k] = *axis.used.as_slice() {
             // Tools that ignore enumerations take both magnets for used: without a smallest force the other one then has nothing to do.
             for element in ["controller", "estimator"] {
-                values.put_value(element, "magnets.used", Value::Integer(k as i32 + 2));
+                twin.put(element, "magnets.used", Value::Integer(k as i32 + 2));
             }
-            values.put_value("plant", &format!("coil.open[{}]", 2 - k), Value::Boolean(true));
-            values.put_unless_stated(base, "controller", "F0", 0.0);
+            twin.put("plant", &format!("coil.open[{}]", 2 - k), Value::Boolean(true));
+            twin.put_unless_stated("controller", "F0", 0.0);
         }
-        values.put("plant", "pX", point[LOAD]);
-        values.put_noise(libm::exp(point[POSITION_NOISE]), libm::exp(point[CURRENT_NOISE]));
+        twin.put("plant", "pX", point[LOAD]);
+        twin.put_noise(libm::exp(point[POSITION_NOISE]), libm::exp(point[CURRENT_NOISE]));
         // Only what was searched has a deviation of noise.
         for (name, of, scale) in [("m", &self.dynamics, axis.m_kg), ("s", &self.gap, 1.0)] {
             if of.noise_std > 0.0 {
-                values.put_tolerance(name, scale * of.total_std);
+                twin.put_tolerance(name, scale * of.total_std);
             }
         }
-        let mut twin = values.twin(base, step_s, &self.verdict)?;
         twin.scenario.identify = self.bench();
         let has = |at: &usize| point[*at] != 0.0 && point[*at] != f64::NEG_INFINITY;
         twin.left_out = WITHOUT.into_iter().filter(has).map(|at| PARAMETERS[at].0).collect();
-        Ok(twin)
+        twin.checked()
     }
 
     /// The bench as `identify` reads it, with the estimate as what is known.
     fn bench(&self) -> toml::Table {
         let (axis, point) = (&self.found.axis, &self.found.fit.point);
         let used = if let [k] = *axis.used.as_slice() { ONE[k] } else { BOTH };
-        let value = |at: usize| if is_logarithm(at) { libm::exp(point[at]) } else { point[at] };
+        let value = values(point);
         let is_there = |at: &usize| (*at >= GAP || axis.used.contains(at)) && point[*at] != f64::NEG_INFINITY;
-        let values = (0..UNKNOWNS).filter(is_there).map(|at| (PARAMETERS[at].0.to_owned(), value(at).into()));
-        let mut bench: toml::Table = values.collect();
+        let known = (0..UNKNOWNS).filter(is_there).map(|at| (PARAMETERS[at].0.to_owned(), value[at].into()));
+        let mut bench: toml::Table = known.collect();
         bench.insert("m".into(), axis.m_kg.into());
         bench.insert("magnets.used".into(), used.into());
         bench.insert("at".into(), self.at_m.into());

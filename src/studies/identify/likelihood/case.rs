@@ -75,23 +75,9 @@ impl Case<'_> {
 
 /// Segments of usable rows.
 fn segments(usable: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
-    let mut segments = Vec::new();
-    let mut start = None;
-    let mut count = 0;
-    for (row, usable) in usable.enumerate() {
-        count = row + 1;
-        match (usable, start) {
-            (true, None) => start = Some(row),
-            (false, Some(from)) => {
-                segments.push(from..row);
-                start = None;
-            }
-            _ => {}
-        }
-    }
-    segments.extend(start.map(|from| from..count));
-    segments.retain(|segment: &Range<usize>| segment.len() >= SHORTEST);
-    segments
+    let rows: Vec<usize> = usable.enumerate().filter(|(_, usable)| *usable).map(|(row, _)| row).collect();
+    let segments = rows.chunk_by(|row, next| row + 1 == *next).filter(|rows| rows.len() >= SHORTEST);
+    segments.map(|rows| rows[0]..rows[rows.len() - 1] + 1).collect()
 }
 
 fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {

@@ -102,8 +102,8 @@ impl Search<'_> {
     }
 
     fn tasks(&self) -> Vec<(usize, Piece)> {
-        let of = |(r, case): (usize, &Case<'_>)| case.pieces.iter().map(move |piece| (r, piece.clone())).collect();
-        self.cases.iter().enumerate().flat_map(|of_case| -> Vec<_> { of(of_case) }).collect()
+        let cases = self.cases.iter().enumerate();
+        cases.flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece.clone()))).collect()
     }
 
     /// A pass of the filter over pieces of recordings; results in their order.
@@ -341,13 +341,13 @@ impl Search<'_> {
     /// Where the search has ended.
     fn found(&self) -> Point {
         let noise = |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force, case.exponent];
-        Point { x: self.x.clone(), noise: self.cases.iter().map(noise).collect() }
+        (self.x.clone(), self.cases.iter().map(noise).collect())
     }
 
     /// Starts where a search over some of the rows ended.
-    fn start_at(&mut self, point: Point) {
-        self.x = point.x;
-        for (case, noise) in self.cases.iter_mut().zip(point.noise) {
+    fn start_at(&mut self, (x, noise): Point) {
+        self.x = x;
+        for (case, noise) in self.cases.iter_mut().zip(noise) {
             [case.position_noise, case.current_noise, case.slow_force, case.exponent] = noise;
         }
     }
@@ -402,10 +402,7 @@ impl Search<'_> {
 }
 
 /// Where a search ends: unknowns, and by recording noise of positions and currents, level of the slow force, power of the gap.
-struct Point {
-    x: Vec<f64>,
-    noise: Vec<[f64; 4]>,
-}
+type Point = (Vec<f64>, Vec<[f64; 4]>);
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
 fn first_guess(cases: &[Case<'_>], body: &Body) -> f64 {
@@ -486,14 +483,15 @@ const REMAINS: f64 = 0.5;
 /// Most rounds in which contradictions are left out.
 const ROUNDS: usize = 6;
 
-/// Numbers of the bench parameters that are free but not told by the data.
-fn not_separated(finished: &Finished<'_>) -> Vec<usize> {
+/// The widest of the bench parameters that are free but not told by the data: the others may be told once it is held.
+fn not_separated(finished: &Finished<'_>) -> Option<usize> {
     let (part, first) = (finished.search.kind.part, finished.search.kind.layout.load);
-    let too_wide = |j: &usize| {
-        let free = part.bench[*j].knowledge == Knowledge::Free;
-        free && finished.estimate(first + j).total_std > NOT_SEPARATED * part.parameters[*j].typical
-    };
-    (0..part.bench.len()).filter(too_wide).collect()
+    let typical = |j: usize| part.parameters[j].typical;
+    let std = |j: usize| finished.estimate(first + j).total_std;
+    let free = (0..part.bench.len()).filter(|j| part.bench[*j].knowledge == Knowledge::Free);
+    let too_wide = free.filter(|j| std(*j) > NOT_SEPARATED * typical(*j));
+    let width = |j: usize| std(j) / typical(j);
+    too_wide.reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
 }
 
 /// Some of the rows in stretches, evenly distributed; `None` where there are few.
@@ -502,13 +500,6 @@ fn stretches(masks: &[Vec<bool>]) -> Option<Vec<Vec<bool>>> {
     let period = STRETCH * all / FIRST_ROWS;
     let used = |mask: &Vec<bool>| mask.iter().enumerate().map(|(row, used)| *used && row % period < STRETCH).collect();
     (period > 2 * STRETCH).then(|| masks.iter().map(used).collect())
-}
-
-/// The widest of them: the others may be told once it is held.
-fn widest(finished: &Finished<'_>, of: &[usize]) -> Option<usize> {
-    let (parameters, first) = (&finished.search.kind.part.parameters, finished.search.kind.layout.load);
-    let width = |j: usize| finished.estimate(first + j).total_std / parameters[j].typical;
-    of.iter().copied().reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
 }
 
 pub(super) fn fit<'a>(
@@ -536,8 +527,7 @@ pub(super) fn fit<'a>(
     }
     loop {
         let finished = finish(search)?;
-        let wide = not_separated(&finished);
-        let Some(widest) = widest(&finished, &wide) else { return Ok(finished) };
+        let Some(widest) = not_separated(&finished) else { return Ok(finished) };
         held.push(widest);
         search = finished.search;
         search.prior[kind.layout.load + widest].1 = 0.0;

@@ -139,14 +139,6 @@ fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &DVector<f64>, non
     Some(sum)
 }
 
-/// Prior knowledge of the bias of an estimate.
-struct Bias {
-    /// From the maximum of the likelihood.
-    step: DVector<f64>,
-    /// Of what remains unknown.
-    covariance: DMatrix<f64>,
-}
-
 impl Search<'_> {
     /// Whether all recordings tell what was to be expected of them.
     fn has_instruments(&self) -> bool {
@@ -233,9 +225,9 @@ impl Search<'_> {
             let (j, b) = self.equations_by(&normal, &of, &columns, &columns);
             let inverse = inverse(&j)?;
             let found = &inverse * b;
-            let bias = self.bias(&normal, &of, &columns, &inverse, &found);
-            let step = found + bias.step;
-            added = bias.covariance;
+            let (bias, unknown) = self.bias(&normal, &of, &columns, &inverse, &found);
+            let step = found + bias;
+            added = unknown;
             for (i, at) in of.iter().enumerate() {
                 self.x[*at] += step[i];
             }
@@ -248,7 +240,8 @@ impl Search<'_> {
         Ok(added)
     }
 
-    /// The bias of the estimate that noise makes, at a point from which `found` leads to the maximum of the likelihood ϑ.
+    /// The bias of the estimate that noise makes, at a point from which `found` leads to the maximum of the likelihood ϑ: the step from there that removes it, and
+    /// the covariance of what remains unknown.
     ///
     /// Noise of the currents in the regressors lowers the score of λ_k by A_k, what the controller makes of the noise of the positions raises it, by about
     /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`], [`Search::gap_variance`]), moves ϑ by −J⁻¹ A s; κ, which divides all
@@ -262,7 +255,7 @@ impl Search<'_> {
         columns: &[usize],
         inverse: &DMatrix<f64>,
         found: &DVector<f64>,
-    ) -> Bias {
+    ) -> (DVector<f64>, DMatrix<f64>) {
         let (n, magnets, attenuation) = (of.len(), self.kind.layout.magnets, self.attenuation());
         let rows: Vec<usize> = (0..n).filter(|i| self.measured(of[*i]).is_some()).collect();
         let mut follows = DMatrix::zeros(n, magnets);
@@ -272,7 +265,7 @@ impl Search<'_> {
         }
         let moves = inverse * follows;
         let variance = BIAS_VARIANCE + self.gap_variance();
-        let unknown = || Bias { step: DVector::zeros(n), covariance: &moves * moves.transpose() * variance };
+        let unknown = || (DVector::zeros(n), &moves * moves.transpose() * variance);
         if !self.has_instruments() {
             return unknown();
         }
@@ -290,6 +283,6 @@ impl Search<'_> {
         if !size.iter().chain(&rest).all(|x: &f64| x.is_finite()) {
             return unknown();
         }
-        Bias { step: &moves * size, covariance: &moves * rest * moves.transpose() }
+        (&moves * size, &moves * rest * moves.transpose())
     }
 }
