@@ -24,7 +24,7 @@ use crate::report::frame;
 use crate::report::identification::{self, Results};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
-use crate::studies::identify::likelihood::{Beside, Knowledge, Told};
+use crate::studies::identify::likelihood::Knowledge;
 use crate::studies::identify::{self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Stated};
 use crate::variables::Choice;
 
@@ -158,7 +158,7 @@ impl Arguments {
     fn identify(&self, machine: &'static Machine) -> Result<(Results, Pairs, Scenario)> {
         let method = self.method();
         let bearing = self.bearing(machine)?;
-        let (beside, bench) = self.bench(&bearing)?;
+        let mut stated = self.stated(&bearing)?;
         let methods = methods(method)?;
         let columns: Vec<_> = bearing.columns.iter().chain(&self.column).cloned().collect();
         if self.recordings.len() > 1 {
@@ -176,9 +176,9 @@ impl Arguments {
         let wanted = self.stated_hold()?;
         // A stated reading is compared with the others as well, where an answer depends on it.
         let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
-        let stated = Stated { beside, ..Stated::of(machine, &estimator) };
-        let holds = is_compared.then(|| Holds::of(samples, &stated, &bench));
+        let holds = is_compared.then(|| Holds::of(samples, &stated));
         let hold = wanted.unwrap_or_else(|| holds.map_or(stated.hold, |holds| holds.most_likely()));
+        stated.hold = hold;
         estimator.set("hold", Value::Integer(hold.number()));
 
         let every = if method == LIKELIHOOD && self.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
@@ -187,7 +187,7 @@ impl Arguments {
             identify::track(samples, &estimator, every)
         });
         let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-        let question = Question { stated: Stated { hold, ..stated }, bench, holds, slow_force: self.slow_force() };
+        let question = Question { stated, holds, slow_force: self.slow_force() };
         let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
         let mut said = answer.as_ref().map_or_else(|| identify::said(samples, &tracks), Answer::said);
         if answer.is_some() && samples.rotation != Rotation::Unknown {
@@ -223,13 +223,14 @@ impl Arguments {
         }
     }
 
-    /// Knowledge of the bench, and what else is known or asked: from the scenario, then from the arguments.
-    fn bench(&self, bearing: &Scenario) -> Result<(Vec<Beside>, Vec<Told>)> {
+    /// The bearing with knowledge of its bench, and what else is known or asked: from the scenario, then from the arguments.
+    fn stated(&self, bearing: &Scenario) -> Result<Stated> {
         let refused = simulate::refused(bearing);
         if !refused.is_empty() {
             return Err(simulate::Refused(refused).into());
         }
         let mut stated = Stated::of(bearing.machine, bearing.estimator());
+        stated.noise = [self.position_noise, self.current_noise].map(Option::unwrap_or_default);
         for (name, value) in self.loads(bearing.machine).0 {
             stated.set_load(&name, identify::quantity(&name, &value, "N").map_err(Refused)?);
         }
@@ -239,22 +240,20 @@ impl Arguments {
             stated.ask(name).map_err(Refused)?;
         }
         estimates.retain(|name| !name.ends_with(identify::NOISE_EXPONENT));
-        let parameters = stated.parameters();
-        let mut bench = vec![Told::default(); parameters.len()];
         for (at, std) in identify::of_estimator(&stated, bearing.estimator()) {
-            bench[at].knowledge = Knowledge::Tolerance(std);
+            stated.know(at, Knowledge::Tolerance(std));
         }
         for (name, value) in tolerances() {
             for (at, std) in identify::tolerance(name, value, &stated).map_err(Refused)? {
-                bench[at].knowledge = Knowledge::Tolerance(std);
+                stated.know(at, Knowledge::Tolerance(std));
             }
         }
         for name in estimates {
-            for at in identify::named(&parameters, name).map_err(Refused)? {
-                bench[at].knowledge = Knowledge::Free;
+            for at in identify::named(&stated.parameters(), name).map_err(Refused)? {
+                stated.know(at, Knowledge::Free);
             }
         }
-        Ok((stated.beside, bench))
+        Ok(stated)
     }
 
     /// Whether a slow force is to be estimated, whatever the likelihood says, if that is stated.

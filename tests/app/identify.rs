@@ -132,13 +132,12 @@ fn the_hold_is_found() {
     let text = csv(&recording);
     let measured = Samples::read(&text, &Reading::default()).expect("a good recording");
     let stated = stated(&config(&measured));
-    let bench = vec![likelihood::Told::default(); stated.parameters().len()];
-    let Holds(residuals) = Holds::of(&measured, &stated, &bench);
+    let Holds(residuals) = Holds::of(&measured, &stated);
     println!("{residuals:?}");
     assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
     let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("controller.i[{k}]"))).to_vec();
     let issued = Samples::read(&text, &Reading { columns, ..Reading::default() }).expect("a good recording");
-    let holds @ Holds(residuals) = Holds::of(&issued, &stated, &bench);
+    let holds @ Holds(residuals) = Holds::of(&issued, &stated);
     assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
     // Commands that are stated to be measured are no answer, whatever else fits.
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
@@ -253,14 +252,13 @@ fn results_can_be_read_back() {
 }
 
 fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
-    let stated = stated(&config(samples));
-    let mut bench = vec![likelihood::Told::default(); stated.parameters().len()];
+    let mut stated = stated(&config(samples));
     for (name, value) in tolerances {
         for (at, std) in identify::tolerance(name, value, &stated).expect("a good tolerance") {
-            bench[at].knowledge = likelihood::Knowledge::Tolerance(std);
+            stated.know(at, likelihood::Knowledge::Tolerance(std));
         }
     }
-    Question { stated, bench, holds: None, slow_force: None }
+    Question { stated, holds: None, slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
@@ -506,7 +504,7 @@ fn a_slow_force_may_be_ruled_out() {
     let level = |slow_force: Option<bool>| {
         let mut question = question(&samples, &[]);
         let stated = &mut question.stated;
-        stated.bodies = vec![Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() }];
+        stated.parts[0].body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
         let answer = identify::answer(std::slice::from_ref(&samples), Question { slow_force, ..question });
         let is_told = answer.findings.iter().any(|finding| finding.contains("A slow force"));
         let level = answer.found.expect("estimates").conditions[0].parts[0].slow_force_n;

@@ -1,6 +1,6 @@
 //! The files of the twin: the scenario, its parameters (SSV), its closed loop (SSP).
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use fmu_export::package::platforms::Binaries;
 
@@ -14,22 +14,16 @@ const IDENTIFIED: &str = "identified";
 
 /// Files of the twin that are wanted.
 pub(super) struct Files<'a> {
-    save: Option<&'a Path>,
-    ssv: Option<&'a Path>,
-    ssp: Option<(&'a Path, Binaries)>,
-    /// Names of the recordings.
-    recordings: String,
+    arguments: &'a Arguments,
+    /// For the closed loop.
+    binaries: Option<Binaries>,
 }
 
 impl<'a> Files<'a> {
     /// The wanted files. The library of the FMUs is read now, so that a missing one is reported before the work.
     pub fn new(arguments: &'a Arguments) -> Result<Self> {
-        let ssp = arguments.ssp.as_deref();
-        let ssp = ssp.map(|path| package::binaries(&[]).map(|binaries| (path, binaries))).transpose()?;
-        let names = arguments.recordings.iter().map(|path| path.file_name().unwrap_or_default().to_string_lossy());
-        let recordings = names.collect::<Vec<_>>().join(", ");
-        let method = arguments.method();
-        let files = Self { save: arguments.save.as_deref(), ssv: arguments.ssv.as_deref(), ssp, recordings };
+        let binaries = arguments.ssp.is_some().then(|| package::binaries(&[])).transpose()?;
+        let (files, method) = (Self { arguments, binaries }, arguments.method());
         if !files.is_empty() && method != LIKELIHOOD {
             return Err(refused(format!("--save, --ssv and --ssp need --method {LIKELIHOOD}, not {method}")));
         }
@@ -42,7 +36,8 @@ impl<'a> Files<'a> {
     }
 
     fn is_empty(&self) -> bool {
-        self.save.is_none() && self.ssv.is_none() && self.ssp.is_none()
+        let Arguments { save, ssv, ssp, .. } = self.arguments;
+        [save, ssv, ssp].into_iter().all(Option::is_none)
     }
 
     /// Writes the files, if any.
@@ -56,7 +51,9 @@ impl<'a> Files<'a> {
         }
         let twin = twin().map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
         let Twin { mut scenario, left_out } = twin;
-        scenario.title = format!("Identified from {}", self.recordings);
+        let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let names: Vec<String> = self.arguments.recordings.iter().map(name).collect();
+        scenario.title = format!("Identified from {}", names.join(", "));
         scenario.columns = columns.to_vec();
         if !left_out.is_empty() {
             print::paragraph(&format!(
@@ -69,13 +66,13 @@ impl<'a> Files<'a> {
             said_of(path);
             Ok::<(), Box<dyn std::error::Error>>(())
         };
-        if let Some(path) = self.save {
+        if let Some(path) = &self.arguments.save {
             write(path, Format::Scenario, scenario.to_toml().as_bytes())?;
         }
-        if let Some(path) = self.ssv {
+        if let Some(path) = &self.arguments.ssv {
             write(path, Format::Parameters, package::parameter_set(&scenario, IDENTIFIED).as_bytes())?;
         }
-        if let Some((path, binaries)) = &self.ssp {
+        if let (Some(path), Some(binaries)) = (&self.arguments.ssp, &self.binaries) {
             write(path, Format::System, &package::system_archive(&scenario, IDENTIFIED, binaries)?)?;
         }
         Ok(())

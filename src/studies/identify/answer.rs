@@ -10,7 +10,7 @@ use self::shown::shown;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
 use super::likelihood::{
-    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Recording, Told,
+    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Recording,
 };
 use super::read::{Rotation, Samples};
 use super::tolerance::plain;
@@ -50,10 +50,8 @@ const TURNED_RAD: f64 = 0.1;
 /// Question to the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
-    /// The bearing and its sensors.
+    /// The bearing and its sensors, with prior knowledge of the bench.
     pub stated: Stated,
-    /// Prior knowledge of the bench.
-    pub bench: Vec<Told>,
     /// The readings of the currents, if they were compared.
     pub holds: Option<Holds>,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
@@ -124,9 +122,10 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     }
     let of = |samples: &Samples| recording(samples, &question.stated, question.stated.hold);
     let all: Vec<Recording> = recordings.iter().map(of).collect();
-    let bench = question.bench.iter().zip(question.stated.parameters());
-    let mut searched = bench.filter(|(told, _)| told.knowledge != Knowledge::Exact);
-    let is_searched = searched.any(|(_, of)| !["m", DYNAMICS].contains(&plain(&of.name)));
+    let is_searched = question
+        .stated
+        .bench()
+        .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
     let thinned: Option<Vec<Recording>> = recordings.iter().map(|samples| Some(of(&samples.thinned()?))).collect();
     let mut answer = answer_all(&all, thinned.filter(|_| is_searched), question);
     for (samples, recording) in recordings.iter().zip(&all) {
@@ -154,7 +153,7 @@ fn drifts(samples: &Samples, recording: &Recording) -> Option<f64> {
 fn answer_all(all: &[Recording], thinned: Option<Vec<Recording>>, question: Question) -> Answer {
     let stated = &question.stated;
     let slow_force = question.slow_force.unwrap_or(false);
-    let mut options = Options { slow_force, ..stated.options(&question.bench) };
+    let mut options = Options { parts: stated.parts.clone(), slow_force };
     let identified = match question.slow_force {
         Some(_) => likelihood::identify(all, &options),
         None => with_slow_force(all, &mut options),
@@ -172,10 +171,7 @@ fn answer_all(all: &[Recording], thinned: Option<Vec<Recording>>, question: Ques
     let turns: f64 = all.iter().map(Recording::turns).sum();
     let rest = all.iter().all(Recording::at_rest);
     if let Some(found) = &found {
-        refusal = question
-            .holds
-            .and_then(|holds| holds.against(stated.hold))
-            .or_else(|| judge(found, all, stated, &options.parts));
+        refusal = question.holds.and_then(|holds| holds.against(stated.hold)).or_else(|| judge(found, all, stated));
     }
     let weak = found.as_ref().is_some_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
@@ -219,7 +215,7 @@ fn answer_all(all: &[Recording], thinned: Option<Vec<Recording>>, question: Ques
             format!(
                 "Valid: the force constants are known within {} %{}.",
                 significant(100.0 * worst, 2),
-                if question.bench.iter().all(|told| told.knowledge == Knowledge::Exact) {
+                if stated.bench().all(|(_, told)| told.knowledge == Knowledge::Exact) {
                     " if the bench is exactly as stated; mind the budget"
                 } else {
                     ", the stated tolerances of the bench included"
@@ -311,7 +307,7 @@ fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Opti
 }
 
 /// Why the estimates are not valid.
-fn judge(found: &Identification, all: &[Recording], stated: &Stated, parts: &[Part]) -> Option<String> {
+fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<String> {
     let names = stated.machine.symbols("λ");
     if !found.converged {
         return Some(format!(
@@ -330,7 +326,7 @@ fn judge(found: &Identification, all: &[Recording], stated: &Stated, parts: &[Pa
             100.0 * STD_LIMIT
         ));
     }
-    if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, parts)) {
+    if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, &stated.parts)) {
         return Some(why);
     }
     let silent = is_silent(found);
@@ -366,7 +362,7 @@ fn judge(found: &Identification, all: &[Recording], stated: &Stated, parts: &[Pa
         }
     }
     for (residuals, conditions) in found.residuals.iter().zip(&found.conditions) {
-        for ((lags, part), body) in residuals.lags.iter().zip(&conditions.parts).zip(&stated.bodies) {
+        for ((lags, part), Part { body, .. }) in residuals.lags.iter().zip(&conditions.parts).zip(&stated.parts) {
             let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
             if part.position_noise_m >= SILENT_M && lags[0].abs() > COLOURED.max(chance) {
                 return Some(format!(
@@ -452,8 +448,8 @@ fn words_on(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<S
         ));
     }
     for conditions in &found.conditions {
-        let of_parts = conditions.parts.iter().zip(&stated.bodies);
-        let noise = of_parts.flat_map(|(part, body)| std::iter::repeat_n(part.position_noise_m, body.coordinates()));
+        let of_parts = conditions.parts.iter().zip(&stated.parts);
+        let noise = of_parts.flat_map(|(of, part)| std::iter::repeat_n(of.position_noise_m, part.body.coordinates()));
         for ((reading, &step_m), noise) in stated.machine.readings.iter().zip(&conditions.resolution_m).zip(noise) {
             if step_m > noise {
                 let step = significant(1e6 * step_m, 3);

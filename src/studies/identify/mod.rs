@@ -23,7 +23,7 @@ pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 pub use self::track::{Track, recording, said, track};
 pub use self::twin::Twin;
 
-use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Options, Part, Told, parameters};
+use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Knowledge, Options, Part, Told};
 pub use self::read::{Reading, Rotation, Samples, Unusable};
 use self::tolerance::plain;
 use self::track::hold;
@@ -57,10 +57,8 @@ fn name_of(hold: Hold) -> &'static str {
 pub struct Stated {
     /// The machine.
     pub machine: &'static Machine,
-    /// The bodies that move, part by part.
-    pub bodies: Vec<Body>,
-    /// Further settings of each.
-    pub beside: Vec<Beside>,
+    /// The parts of its motion, with what is known of their bench.
+    pub parts: Vec<Part>,
     /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Standard deviations of the noise of positions, m, and currents, A; 0 to estimate them.
@@ -99,34 +97,41 @@ impl Stated {
             [Body::Shaft { geometry, magnets, planes_m }].into_iter().chain(axis).collect()
         };
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
-        let beside = vec![Beside::default(); bodies.len()];
-        Self { machine, bodies, beside, hold: hold(estimator), noise }
+        let (mut positions, mut magnets) = (0, 0);
+        let part = |body: Body| {
+            let part = Part::new(body, positions, magnets, Beside::default());
+            positions += part.body.coordinates();
+            magnets += part.body.magnets();
+            part
+        };
+        Self { machine, parts: bodies.into_iter().map(part).collect(), hold: hold(estimator), noise }
     }
 
     /// The parameters of its bench.
     #[must_use]
     pub fn parameters(&self) -> Vec<BenchParameter> {
-        self.bodies.iter().zip(&self.beside).flat_map(|(body, beside)| parameters(body, beside.dynamics)).collect()
+        self.bench().map(|(parameter, _)| parameter.clone()).collect()
     }
 
-    fn options(&self, bench: &[Told]) -> Options {
-        let (mut positions, mut magnets) = (0, 0);
-        let part = |(body, beside): (&Body, &Beside)| {
-            let part = Part::new(body.clone(), positions, magnets, beside.clone());
-            positions += body.coordinates();
-            magnets += body.magnets();
-            part
-        };
-        let mut options =
-            Options { parts: self.bodies.iter().zip(&self.beside).map(part).collect(), slow_force: false };
-        options.bench().zip(bench).for_each(|((_, to), told)| *to = *told);
-        options
+    /// The same with what is known of them.
+    fn bench(&self) -> impl Iterator<Item = (&BenchParameter, &Told)> {
+        self.parts.iter().flat_map(|part| part.parameters.iter().zip(&part.bench))
+    }
+
+    /// States how well a parameter of the bench is known, by its number.
+    pub fn know(&mut self, at: usize, knowledge: Knowledge) {
+        let told = self.parts.iter_mut().flat_map(|part| &mut part.bench).nth(at);
+        told.into_iter().for_each(|told| told.knowledge = knowledge);
+    }
+
+    fn numbers_of_bodies(&self) -> impl Iterator<Item = (String, f64)> {
+        self.parts.iter().flat_map(|part| part.body.numbers())
     }
 
     /// Stated numbers and loads that are known; the angles of a bearing under one name.
     fn numbers(&self) -> Vec<(String, Vec<f64>)> {
         let mut all: Vec<(String, Vec<f64>)> = Vec::new();
-        for (name, value) in self.bodies.iter().flat_map(Body::numbers).chain(self.known_loads()) {
+        for (name, value) in self.numbers_of_bodies().chain(self.known_loads()) {
             let name = name.split_once('[').filter(|(group, _)| group.ends_with("alpha")).map_or(&*name, |of| of.0);
             match all.iter_mut().find(|(known, _)| known == name) {
                 // The axis of a shaft has its mass.
@@ -166,43 +171,37 @@ impl Stated {
 
     /// The stated value of what a relative parameter of the bench belongs to: of `X.m` the mass.
     fn value(&self, name: &str) -> f64 {
-        let of = |name: &str| {
-            let numbers = self.bodies.iter().flat_map(Body::numbers);
-            numbers.filter(|(of, _)| of == name).map(|(_, value)| value).next()
-        };
+        let of = |name: &str| self.numbers_of_bodies().find(|(of, _)| of == name).map(|(_, value)| value);
         of(name).or_else(|| of(name.trim_start_matches("X."))).unwrap_or(f64::NAN)
     }
 
     /// Names of the loads in the order of the parts: across the shaft, then along it.
     fn loads(&self) -> Vec<String> {
         let mut names = self.machine.of_coordinates(|coordinate| coordinate.load);
-        names.rotate_left(self.bodies.len() - 1);
+        names.rotate_left(self.parts.len() - 1);
         names
     }
 
     /// Loads that are known, with their names.
     fn known_loads(&self) -> impl Iterator<Item = (String, f64)> {
-        let values = self
-            .bodies
-            .iter()
-            .zip(&self.beside)
-            .flat_map(|(body, beside)| (0..body.coordinates()).map(|n| beside.load_n.get(n).copied().flatten()));
+        let of = |part: &Part, n: usize| part.beside.load_n.get(n).copied().flatten();
+        let values = self.parts.iter().flat_map(move |part| (0..part.body.coordinates()).map(move |n| of(part, n)));
         self.loads().into_iter().zip(values).filter_map(|(name, load_n)| Some((name, load_n?)))
     }
 
     /// Takes a load for known, in N or N·m; whether there is one of this name.
     pub fn set_load(&mut self, name: &str, load_n: f64) -> bool {
         let Some(at) = self.loads().iter().position(|load| load == name) else { return false };
-        let first = self.bodies[0].coordinates();
+        let first = self.parts[0].body.coordinates();
         let (part, at) = if at < first { (0, at) } else { (1, at - first) };
-        let loads = &mut self.beside[part].load_n;
-        loads.resize(self.bodies[part].coordinates(), None);
-        loads[at] = Some(load_n);
+        let Part { body, beside, .. } = &mut self.parts[part];
+        beside.load_n.resize(body.coordinates(), None);
+        beside.load_n[at] = Some(load_n);
         true
     }
 
     /// Asks for an effect of real benches, if this is the name of one: κ, or the power of the gap in the noise. Of a shaft, the name without prefix means all parts
-    /// that can tell it.
+    /// that can tell it. κ is one more parameter of the bench, of which nothing else is known yet.
     ///
     /// # Errors
     /// A text that says what the effect needs.
@@ -213,13 +212,15 @@ impl Stated {
         }
         let (loads, mut asked, mut wanted) = (self.loads(), false, Vec::new());
         let mut loads = loads.iter();
-        for (body, beside) in self.bodies.iter().zip(&mut self.beside) {
+        for part in &mut self.parts {
+            let Part { body, beside, .. } = part;
             let own: Vec<_> = loads.by_ref().take(body.coordinates()).collect();
             if name != plain(name) && name != format!("{}{}", body.prefix(), plain(name)) {
                 continue;
             }
             let is_told = !is_dynamics || beside.is_loaded();
             *(if is_dynamics { &mut beside.dynamics } else { &mut beside.exponent }) |= is_told;
+            *part = Part::new(body.clone(), part.positions, part.magnets, beside.clone());
             asked |= is_told;
             wanted.extend(own.into_iter().filter(|load| load.starts_with('p')).map(|load| format!("--set {load}=…")));
         }
@@ -278,13 +279,12 @@ const GRAVITY_M_S2: f64 = 9.81;
 pub struct Holds(pub [f64; 3]);
 
 impl Holds {
-    /// Tries the readings on a bearing, the delay of whose positions and the dynamics are as well known as in `bench`.
+    /// Tries the readings on a bearing whose bench is exactly as stated but for the delay of the positions and the dynamics.
     #[must_use]
-    pub fn of(samples: &Samples, stated: &Stated, bench: &[Told]) -> Self {
-        let mut options = stated.options(&[]);
-        let told = options.bench().zip(bench);
-        told.filter(|((of, _), _)| [DELAY, DYNAMICS].contains(&plain(&of.name)))
-            .for_each(|((_, to), told)| *to = *told);
+    pub fn of(samples: &Samples, stated: &Stated) -> Self {
+        let mut options = Options { parts: stated.parts.clone(), slow_force: false };
+        let others = options.bench().filter(|(of, _)| ![DELAY, DYNAMICS].contains(&plain(&of.name)));
+        others.for_each(|(_, told)| *told = Told::default());
         Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
             recording: answer::recording(samples, stated, hold),
             options: options.clone(),

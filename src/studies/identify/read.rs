@@ -11,6 +11,7 @@ mod text;
 use std::io::Read;
 
 use self::header::{Kind, Signals, TIME_AT};
+use self::pace::Pace;
 use self::signals::Known;
 use self::table::Table;
 use super::faults;
@@ -306,17 +307,8 @@ fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Ve
     })
 }
 
-/// Where the samples are, and which of them each row is.
-struct Grid {
-    start_s: f64,
-    step_s: f64,
-    count: usize,
-    /// The place of each row, in samples from the first; NaN for rows that have none.
-    place: Vec<f64>,
-}
-
-/// Where the rows of a table are.
-fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Grid, Vec<String>> {
+/// Where the rows of a table are, and how many samples there are.
+fn grid(table: &Table, reading: &Reading) -> Result<(Pace, usize), Vec<String>> {
     let refuse = |why: String| Err(vec![why]);
     let positions = table.signals.positions.clone();
     let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
@@ -327,7 +319,8 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
             (known @ 0..LEAST, _) => refuse(few(known)),
             (_, None) => refuse("there are no time stamps and no rate; --rate is wanted".into()),
             (_, Some(step_s)) => {
-                Ok(Grid { start_s: 0.0, step_s, count, place: (0..count).map(|row| row as f64).collect() })
+                let place = (0..count).map(|row| row as f64).collect();
+                Ok((Pace { start_s: 0.0, step_s, place, notes: Vec::new() }, count))
             }
         };
     };
@@ -348,10 +341,6 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
         (Ok(pace), Some(wanted)) if same(pace.step_s, wanted, NEAR / at.len() as f64) => pace,
         (_, Some(wanted)) => {
             table.check_rising(&timed).map_err(|why| vec![why])?;
-            notes.push(
-                "The recording was interpolated, at the price of errors that the standard deviation does not include."
-                    .into(),
-            );
             let start_s = stamp_s[at[0]];
             let place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - start_s) / wanted).collect();
             let count = place[at[at.len() - 1]] + 1e-6;
@@ -362,18 +351,17 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
                     stamp_s.len()
                 ));
             }
-            return Ok(Grid { start_s, step_s: wanted, count: count as usize + 1, place });
+            let note =
+                "The recording was interpolated, at the price of errors that the standard deviation does not include.";
+            return Ok((Pace { start_s, step_s: wanted, place, notes: vec![note.into()] }, count as usize + 1));
         }
         (found, None) => found?,
     };
-    notes.extend(pace.notes);
     let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
     if !is_dense {
         table.check_rising(&timed).map_err(|why| vec![why])?;
     }
-    for (row, own) in rows.iter().zip(pace.place) {
-        place[*row] = own;
-    }
+    rows.iter().zip(&pace.place).for_each(|(row, own)| place[*row] = *own);
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     if !same(pace.step_s, step_s, CLOCKS) {
         return refuse(format!(
@@ -388,13 +376,13 @@ fn grid(table: &Table, reading: &Reading, notes: &mut Vec<String>) -> Result<Gri
     let first = placed.next().unwrap_or(0.0);
     let count = placed.next_back().unwrap_or(first) - first + 1.0;
     place.iter_mut().for_each(|place| *place -= first);
-    Ok(Grid { start_s: pace.start_s + first * step_s, step_s, count: count as usize, place })
+    Ok((Pace { start_s: pace.start_s + first * step_s, step_s, place, ..pace }, count as usize))
 }
 
 /// Brings the rows of a table to a uniform pace.
 fn samples(table: Table, reading: &Reading) -> Result<Samples, Vec<String>> {
-    let mut notes = table.notes.clone();
-    let Grid { start_s, step_s, count, place } = grid(&table, reading, &mut notes)?;
+    let (Pace { start_s, step_s, place, notes }, count) = grid(&table, reading)?;
+    let mut notes = [table.notes.clone(), notes].concat();
     let Signals { list, positions, currents: of_currents, theta, omega } = &table.signals;
     notes.insert(0, format!("{count} samples of {}.", time(step_s)));
     let known = |at: usize| signals::known(&place, &table.columns[at]);

@@ -6,7 +6,7 @@
 use fmu_export::variable::Value;
 
 use super::answer::Answer;
-use super::likelihood::{Body, DYNAMICS, Knowledge};
+use super::likelihood::{Body, DYNAMICS, Knowledge, Part};
 use super::read::Samples;
 use super::tolerance::plain;
 use super::{Stated, mean};
@@ -34,7 +34,7 @@ impl Stated {
         // κ is one of the mass.
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));
         let mut values = Vec::new();
-        for body in &self.bodies {
+        for Part { body, .. } in &self.parts {
             let is_axis = matches!(body, Body::Axis { .. });
             for (name, stated) in body.numbers() {
                 let error = of(&name);
@@ -230,7 +230,7 @@ impl Answer {
         twin.put_tolerance("positionOffset", of_all("sensor.offset", &error));
         twin.put_tolerance("currentGain", of_all("current.gain", &error));
         twin.put_tolerance("currentOffset", of_all("current.offset", &error));
-        if stated.bodies.len() > 1 {
+        if stated.parts.len() > 1 {
             twin.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
             twin.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
             twin.put_tolerance("position", of_all("position", &std));
@@ -239,7 +239,7 @@ impl Answer {
         }
 
         let estimated = || found.bench.iter().filter(|of| of.estimated).map(|of| plain(&of.parameter.name));
-        let backward = (stated.bodies.len() > 1).then_some("force.backward");
+        let backward = (stated.parts.len() > 1).then_some("force.backward");
         let without = WITHOUT.into_iter().chain(backward);
         let left_out = without.filter(|name| estimated().any(|estimated| estimated.starts_with(name)));
         let along = bench("X.dynamics").map(|_| "X.dynamics");

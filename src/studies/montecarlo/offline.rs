@@ -10,7 +10,7 @@ use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, real, stu
 use crate::machine::PLANAR;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
-use crate::studies::identify::likelihood::{self, BenchParameter, Knowledge, Told};
+use crate::studies::identify::likelihood::{self, BenchParameter, Knowledge};
 use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
 
 /// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers, with
@@ -139,11 +139,8 @@ pub fn judge(
     let truth = scenario.truth();
     let unbalance = |name: &str| real(scenario, "plant", &format!("unbalance.{name}"));
     let touched = touched(recording);
-    let stated = Stated::of(&PLANAR, scenario.estimator());
-    let mut bench = vec![Told::default(); parameters().len()];
-    for (at, std) in &offline.tolerances {
-        bench[*at].knowledge = Knowledge::Tolerance(*std);
-    }
+    let mut stated = Stated::of(&PLANAR, scenario.estimator());
+    offline.tolerances.iter().for_each(|(at, std)| stated.know(*at, Knowledge::Tolerance(*std)));
     let bounds = offline.tolerances.is_empty().then(|| bound::bound(scenario, recording, instants_s)).flatten();
     let mut trial = Trial { seed, touched_s: touched.map(|row| recording.time_s[row]), ..Trial::default() };
     for (at, instant_s) in instants_s.iter().enumerate() {
@@ -151,7 +148,7 @@ pub fn judge(
         if touched.is_some_and(|touched| touched < rows) {
             break;
         }
-        let question = Question { stated: stated.clone(), bench: bench.clone(), holds: None, slow_force: None };
+        let question = Question { stated: stated.clone(), holds: None, slow_force: None };
         let answer = identify::answer(&[beginning(&whole, rows)], question);
         let mut sample = Sample {
             valid: answer.valid,

@@ -23,11 +23,11 @@ const WRONG: &[Wrong] = &[
     (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
     (
         |_, question| {
-            question.stated.bodies = vec![Body::Disc {
+            question.stated.parts[0].body = Body::Disc {
                 m_kg: 6.7,
                 gap_m: 6e-4,
                 alpha_rad: EstimatorConfig::default().geometry.bearings[0].alpha_rad[..3].to_vec(),
-            }]
+            };
         },
         "--estimate s",
     ),

@@ -61,8 +61,8 @@ impl Answer {
         let stated = &self.question.stated;
         let hold = name_of(stated.hold);
         let mut words = format!("Taken as known: {}, currents {hold}", stated.told().join(", "));
-        for (told, parameter) in self.question.bench.iter().zip(stated.parameters()) {
-            let (factor, unit) = shown(&parameter);
+        for (parameter, told) in stated.bench() {
+            let (factor, unit) = shown(parameter);
             match told.knowledge {
                 Knowledge::Exact => {}
                 Knowledge::Tolerance(std) => {

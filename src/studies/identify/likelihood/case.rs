@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::data::{Data, Piece, Track};
+use super::data::{Piece, Track};
 use super::missing::{Cubic, unknown_a};
 use super::{Missing, Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
@@ -27,10 +27,24 @@ const CURRENT_NOISE_LOG_STD: f64 = 0.5 * std::f64::consts::LN_10;
 
 /// One recording with its rows cut into pieces.
 pub(super) struct Case<'a> {
-    pub data: Data<'a>,
     pub recording: &'a Recording,
-    /// Its currents as they were read, A.
+    /// By coordinate, m.
+    pub position: Vec<&'a [f64]>,
+    /// Its currents as they were read, by magnet, A; the same where those that were not recorded are filled.
     pub current: Vec<&'a [f64]>,
+    pub filled: Vec<Cow<'a, [f64]>>,
+    /// The first of its magnets among those of the recording.
+    pub first: usize,
+    /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
+    pub at: Vec<[f64; 2]>,
+    pub middle: Vec<[f64; 2]>,
+    /// Half the number of rows over which ω̇ is taken.
+    pub half_width: usize,
+    /// Whether currents that were filled count as not known.
+    pub distrusts_filled: bool,
+    /// Errors of currents that were filled, and of those that are not known, A.
+    pub filled_a: Vec<f64>,
+    pub unknown_a: Vec<f64>,
     pub segments: Vec<Range<usize>>,
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
@@ -62,7 +76,7 @@ impl Case<'_> {
 
     /// Number of gaps: rows that lack a reading before one that lacks none.
     pub fn gaps(&self) -> usize {
-        let missing = |piece: &Piece| self.data.missing.get(piece.counted.clone()).unwrap_or_default().windows(2);
+        let missing = |piece: &Piece| self.recording.missing.get(piece.counted.clone()).unwrap_or_default().windows(2);
         let ends = self.pieces.iter().flat_map(missing);
         ends.filter(|rows| rows[0] != Missing::default() && rows[1] == Missing::default()).count()
     }
@@ -136,21 +150,6 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         [cos, sin]
     };
     let (theta, omega) = (&recording.theta_rad, &recording.omega_rad_s);
-    let data = Data {
-        h,
-        position: position.clone(),
-        current: current.iter().copied().map(Cow::Borrowed).collect(),
-        first: part.magnets,
-        omega,
-        hold: recording.hold,
-        at: theta.iter().map(|theta| turn(*theta)).collect(),
-        middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
-        half_width: ((RATE_S / h).round() as usize).max(1),
-        missing: &recording.missing,
-        distrusts_filled: false,
-        filled_a: Cubic::of(recording, &current).rms_a(),
-        unknown_a: unknown_a(&current),
-    };
     let n = position.len();
     let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new(), predicted: Vec::new() };
     for segment in &segments {
@@ -170,8 +169,16 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
     let resolution_m: Vec<f64> = steps.collect();
     let counting = resolution::counting(&position, &read, &resolution_m, noise);
     Some(Case {
-        data,
         recording,
+        filled: current.iter().copied().map(Cow::Borrowed).collect(),
+        first: part.magnets,
+        at: theta.iter().map(|theta| turn(*theta)).collect(),
+        middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
+        half_width: ((RATE_S / h).round() as usize).max(1),
+        distrusts_filled: false,
+        filled_a: Cubic::of(recording, &current).rms_a(),
+        unknown_a: unknown_a(&current),
+        position,
         current,
         pieces: pieces(&segments, h),
         segments,
@@ -199,7 +206,7 @@ fn peak([low, mid, high]: [f64; 3]) -> (f64, f64) {
 pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
     let (told_position, told_current) =
         (case.recording.position_noise_m.is_some(), case.recording.current_noise_a.is_some());
-    let count = case.data.position.len() as f64 * sums[1][2];
+    let count = case.position.len() as f64 * sums[1][2];
     if count < 8.0 {
         return 0.0;
     }

@@ -1,36 +1,11 @@
 //! A recording as the passes of the filter read it: shaft, currents and their origin, row by row.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
+use super::Origin;
+use super::case::Case;
 use super::rotor::{ByMagnet, Interval, Rotor, Shaft, Squares, State};
-use super::{Missing, Origin};
 use crate::estimation::Hold;
-
-/// A recording as the passes need it.
-pub(super) struct Data<'a> {
-    pub h: f64,
-    /// By coordinate.
-    pub position: Vec<&'a [f64]>,
-    /// By magnet.
-    pub current: Vec<Cow<'a, [f64]>>,
-    pub omega: &'a [f64],
-    pub hold: Hold,
-    /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
-    pub at: Vec<[f64; 2]>,
-    pub middle: Vec<[f64; 2]>,
-    /// Half the number of rows over which ω̇ is taken.
-    pub half_width: usize,
-    /// Samples that were not recorded; empty if there are none.
-    pub missing: &'a [Missing],
-    /// The first of its magnets among those of the recording.
-    pub first: usize,
-    /// Whether currents that were filled count as not known.
-    pub distrusts_filled: bool,
-    /// Errors of currents that were filled, and of those that are not known, A.
-    pub filled_a: Vec<f64>,
-    pub unknown_a: Vec<f64>,
-}
 
 /// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
 const UNKNOWN: f64 = 1e10;
@@ -39,15 +14,15 @@ const LEAST_GAP: f64 = 0.05;
 /// Rows after a current that is not known in which the filter finds the velocity again.
 const FOUND_AGAIN: usize = 4;
 
-impl Data<'_> {
+impl Case<'_> {
     #[inline(always)]
     pub fn is_missing(&self, row: usize) -> bool {
-        self.missing.get(row).is_some_and(|missing| missing.position)
+        self.recording.missing.get(row).is_some_and(|missing| missing.position)
     }
 
     /// Where the currents of a row come from; there are rows that were not recorded.
     fn origins(&self, row: usize) -> &[Origin] {
-        &self.missing[row].current[self.first..][..self.current.len()]
+        &self.recording.missing[row].current[self.first..][..self.current.len()]
     }
 
     /// Whether a current is known well enough to be counted on.
@@ -58,25 +33,25 @@ impl Data<'_> {
     /// Whether a current of a row is not known.
     #[inline(always)]
     fn is_unknown(&self, row: usize) -> bool {
-        !self.missing.is_empty() && self.origins(row).iter().any(|of| !self.is_known(*of))
+        !self.recording.missing.is_empty() && self.origins(row).iter().any(|of| !self.is_known(*of))
     }
 
     /// Whether the force of a magnet is not known in the interval that ends at a row.
     pub fn is_adrift(&self, row: usize) -> bool {
-        !self.missing.is_empty() && (0..self.current.len()).any(|k| !self.is_known(self.origin(row, k)))
+        !self.recording.missing.is_empty() && (0..self.current.len()).any(|k| !self.is_known(self.origin(row, k)))
     }
 
     /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
     #[inline(always)]
     pub fn tells(&self, row: usize) -> bool {
-        self.missing.is_empty()
+        self.recording.missing.is_empty()
             || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
     }
 
     /// The origin of the current `k` of the interval that ends at a row.
     fn origin(&self, row: usize, k: usize) -> Origin {
         let [before, here] = [row - 1, row].map(|row| self.origins(row)[k]);
-        match self.hold {
+        match self.recording.hold {
             Hold::HeldBefore => here,
             Hold::HeldAfter => before,
             Hold::Linear => before.max(here),
@@ -85,14 +60,15 @@ impl Data<'_> {
 
     #[inline(always)]
     fn rate(&self, row: usize) -> f64 {
-        let (from, to) = (row.saturating_sub(self.half_width), (row + self.half_width).min(self.omega.len() - 1));
-        (self.omega[to] - self.omega[from]) / ((to - from) as f64 * self.h)
+        let omega = &self.recording.omega_rad_s;
+        let (from, to) = (row.saturating_sub(self.half_width), (row + self.half_width).min(self.recording.rows() - 1));
+        (omega[to] - omega[from]) / ((to - from) as f64 * self.recording.step_s)
     }
 
     #[inline(always)]
     pub fn shaft(&self, row: usize) -> Shaft {
         let [cos, sin] = self.at[row];
-        let omega = self.omega[row];
+        let omega = self.recording.omega_rad_s[row];
         Shaft { cos, sin, speed: omega, square: omega * omega, rate: self.rate(row) }
     }
 
@@ -136,11 +112,8 @@ pub(super) struct Piece {
 /// The subject of a pass of the filter.
 #[derive(Clone, Copy)]
 pub(super) struct On<'a> {
-    pub data: &'a Data<'a>,
+    pub case: &'a Case<'a>,
     pub rotor: &'a Rotor,
-    pub track: &'a Track,
-    /// Variance of the positions, m².
-    pub variance: f64,
     pub piece: &'a Piece,
 }
 
@@ -158,9 +131,9 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     pub fn of(on: On<'a>) -> Self {
         Self {
             on,
-            position: std::array::from_fn(|n| on.data.position[n]),
-            current: std::array::from_fn(|k| &on.data.current[k][..]),
-            state: on.track.state.as_chunks().0.as_chunks().0,
+            position: std::array::from_fn(|n| on.case.position[n]),
+            current: std::array::from_fn(|k| &on.case.filled[k][..]),
+            state: on.case.track.state.as_chunks().0.as_chunks().0,
         }
     }
 
@@ -168,7 +141,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     #[inline(always)]
     pub fn expected(&self, row: usize) -> Option<([f64; K], State<N>)> {
         let size = K + 2 * N;
-        let of = self.on.track.expected.get(size * row..size * (row + 1))?;
+        let of = self.on.case.track.expected.get(size * row..size * (row + 1))?;
         let state = std::array::from_fn(|d| std::array::from_fn(|n| f64::from(of[K + N * d + n])));
         Some((std::array::from_fn(|k| f64::from(of[k])), state))
     }
@@ -176,8 +149,9 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Variances of the position readings in a row, where noise grows with the gap to this power.
     #[inline(always)]
     pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
-        let On { data, rotor, variance, .. } = self.on;
-        let variance = if data.is_missing(row) { UNKNOWN * variance } else { variance };
+        let On { case, rotor, .. } = self.on;
+        let variance = case.position_noise * case.position_noise;
+        let variance = if case.is_missing(row) { UNKNOWN * variance } else { variance };
         if exponent == 0.0 {
             return [variance; N];
         }
@@ -188,15 +162,15 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Variance that the acceleration by a slow force gains in so many rows.
     #[inline(always)]
     pub fn slow(&self, rows: usize) -> f64 {
-        let On { data, rotor, .. } = self.on;
-        rotor.slow * rotor.slow * rows as f64 * data.h
+        let rotor = self.on.rotor;
+        rotor.slow * rotor.slow * rows as f64 * rotor.h
     }
 
     /// The interval that ends at `row`, and the shaft in its middle.
     #[inline(always)]
     pub fn interval(&self, row: usize, from: &Shaft, to: &Shaft) -> (Interval<N, K>, Shaft) {
-        let On { data, rotor, .. } = self.on;
-        let between = data.shaft_between(row, from, to);
+        let On { case, rotor, .. } = self.on;
+        let between = case.shaft_between(row, from, to);
         let states = [&self.state[row - 1], &self.state[row]];
         let expected = self.expected(row).map(|(pulls, _)| pulls);
         (rotor.interval(states, &self.squares(row), expected, [*from, between, *to]), between)
@@ -205,9 +179,9 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
     #[inline(always)]
     pub fn scales(&self, row: usize, mut factors: ByMagnet) -> ByMagnet {
-        let data = self.on.data;
-        if !data.missing.is_empty() {
-            (0..K).filter(|k| data.origin(row, *k) != Origin::Recorded).for_each(|k| factors[k] = 1.0);
+        let case = self.on.case;
+        if !case.recording.missing.is_empty() {
+            (0..K).filter(|k| case.origin(row, *k) != Origin::Recorded).for_each(|k| factors[k] = 1.0);
         }
         factors
     }
@@ -215,18 +189,18 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Squared currents that the interval ending at `row` is driven by, A².
     #[inline(always)]
     pub fn squares(&self, row: usize) -> Squares<K> {
-        let On { data, rotor, track, .. } = self.on;
+        let On { case, rotor, .. } = self.on;
         let read = |row: usize| self.current.map(|current| current[row]);
-        let mut squares = match data.hold {
+        let mut squares = match case.recording.hold {
             Hold::HeldBefore => rotor.squares(read(row), None),
             Hold::HeldAfter => rotor.squares(read(row - 1), None),
             Hold::Linear => rotor.squares(read(row), Some(read(row - 1))),
         };
-        if data.missing.is_empty() {
+        if case.recording.missing.is_empty() {
             return squares;
         }
         for k in 0..K {
-            let error_a = match (data.origin(row, k), track.predicted.get(K * row + k)) {
+            let error_a = match (case.origin(row, k), case.track.predicted.get(K * row + k)) {
                 (Origin::Recorded, _) => continue,
                 (Origin::Filled, Some(predicted)) => {
                     let [square, std] = predicted.map(f64::from);
@@ -234,8 +208,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
                     squares.std[k] = std;
                     continue;
                 }
-                (Origin::Filled, None) if !data.distrusts_filled => data.filled_a[k],
-                _ => data.unknown_a[k],
+                (Origin::Filled, None) if !case.distrusts_filled => case.filled_a[k],
+                _ => case.unknown_a[k],
             };
             squares.std[k] *= (error_a / rotor.noise).max(1.0);
         }

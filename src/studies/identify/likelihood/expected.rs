@@ -1,7 +1,5 @@
 //! Motion and pull as they are to be expected: what repeats with the angle of the shaft, and what past innovations explain.
 
-use std::ops::Range;
-
 use nalgebra::DMatrix;
 
 use super::data::On;
@@ -50,24 +48,19 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with
 /// those that follow. The same predicts squared currents that were not recorded, in A², with their standard deviations (`scripts/faults.py`, 10 % of the rows missing:
 /// ± is a third of that with unknown forces; with 8 innovations instead of 40 errors were 1.35 deviations instead of 1.04, rms, and without terms of the angle 2.2).
-pub(super) fn expected(
-    passes: &dyn Passes,
-    on: On<'_>,
-    segments: &[Range<usize>],
-    innovations: &[f64],
-) -> (Vec<f32>, Vec<[f32; 2]>) {
-    let data = on.data;
-    let (n, magnets) = (data.position.len(), data.current.len());
+pub(super) fn expected(passes: &dyn Passes, on: On<'_>, innovations: &[f64]) -> (Vec<f32>, Vec<[f32; 2]>) {
+    let case = on.case;
+    let (n, magnets) = (case.position.len(), case.current.len());
     let count_of = magnets + 2 * n;
-    let all = data.at.len();
-    let all_rows = || segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
-    let rows = || all_rows().filter(|(row, _)| !data.is_adrift(*row));
+    let all = case.at.len();
+    let all_rows = || case.segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
+    let rows = || all_rows().filter(|(row, _)| !case.is_adrift(*row));
     let signals = |row: usize, to: &mut [f64]| {
         let [gaps, squares] = passes.driven(on, row);
         (0..magnets).for_each(|k| to[k] = squares[k] / (gaps[k] * gaps[k]));
-        to[magnets..].copy_from_slice(&on.track.state[2 * n * row..2 * n * (row + 1)]);
+        to[magnets..].copy_from_slice(&case.track.state[2 * n * row..2 * n * (row + 1)]);
     };
-    let angle: f64 = rows().map(|(row, _)| (data.omega[row] * data.h).abs()).sum();
+    let angle: f64 = rows().map(|(row, _)| (case.recording.omega_rad_s[row] * case.recording.step_s).abs()).sum();
     let turns = angle / std::f64::consts::TAU;
     // A rotor at rest repeats at every row; one that turns, once a turn.
     if turns > AT_REST && turns < FEWEST * STRETCHES as f64 {
@@ -81,7 +74,7 @@ pub(super) fn expected(
     let mut own = vec![0.0; count_of];
     for (row, _) in rows() {
         let (gram, right) = &mut sums[row / length];
-        let terms = terms(data.middle[row]);
+        let terms = terms(case.middle[row]);
         signals(row, &mut own);
         for i in 0..TERMS {
             for l in 0..=i {
@@ -94,7 +87,7 @@ pub(super) fn expected(
     }
     let series: Vec<DMatrix<f64>> = (0..count).map(|at| beside(&sums, at)).collect();
     let repeating = |row: usize, to: &mut [f64]| {
-        let (terms, series) = (terms(data.middle[row]), &series[row / length]);
+        let (terms, series) = (terms(case.middle[row]), &series[row / length]);
         for (k, to) in to.iter_mut().enumerate() {
             *to = (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum();
         }
@@ -102,14 +95,14 @@ pub(super) fn expected(
 
     // Innovations are white: the coefficient of each is that of it alone. The answers of the signals to those of the past, the next one first, behind the sums of their
     // squares.
-    let has_gaps = !data.missing.is_empty() && all <= PREDICTED_ROWS;
+    let has_gaps = !case.recording.missing.is_empty() && all <= PREDICTED_ROWS;
     let terms_of = |lag: usize| {
         let turning = if has_gaps && lag <= NEAR { TURNING } else { 1 };
         (0..n).flat_map(move |axis| (0..turning).map(move |term| [lag, axis, term]))
     };
     let of_past: Vec<[usize; 3]> = (1..=if has_gaps { LONG_PAST } else { PAST }).flat_map(terms_of).collect();
     let past = |row: usize, first: usize| {
-        let turned = terms(data.middle[row]);
+        let turned = terms(case.middle[row]);
         let known = of_past.iter().take_while(move |[lag, ..]| first + lag <= row);
         known.map(move |[lag, axis, term]| innovations[n * (row - lag) + axis] * turned[*term])
     };
@@ -146,7 +139,7 @@ pub(super) fn expected(
     }
 
     // Innovations that were not recorded explain nothing: an interval that would follow from it by more than by all else is not known at all.
-    let lacks = |row: usize, lag: usize| row < lag || data.is_missing(row - lag);
+    let lacks = |row: usize, lag: usize| row < lag || case.is_missing(row - lag);
     let (mut usual, mut whole) = (vec![0.0; magnets], 0.0_f64);
     for (row, _) in rows().filter(|(row, _)| !(1..=LONG_PAST).any(|lag| lacks(*row, lag))) {
         signals(row, &mut own);
@@ -155,7 +148,7 @@ pub(super) fn expected(
         whole += 1.0;
     }
     let mut predicted = vec![[0.0; 2]; magnets * all];
-    for (row, _) in all_rows().filter(|(row, _)| data.is_adrift(*row)) {
+    for (row, _) in all_rows().filter(|(row, _)| case.is_adrift(*row)) {
         let [gaps, _] = passes.driven(on, row);
         for k in 0..magnets {
             let answers = answers[row / length].chunks_exact(size).zip(&of_past);

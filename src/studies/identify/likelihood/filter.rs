@@ -140,8 +140,8 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     of: &Pass<N, K>,
     columns: Columns,
 ) -> Vec<Block> {
-    let On { data, rotor, piece, .. } = of.on;
-    let h = data.h;
+    let On { case, rotor, piece } = of.on;
+    let h = rotor.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
     let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
@@ -170,9 +170,9 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [[0.0; N]; LAGS];
-    let mut from = data.shaft(piece.filtered.start);
+    let mut from = case.shaft(piece.filtered.start);
     for row in piece.filtered.start..piece.counted.end {
-        let to = data.shaft(row);
+        let to = case.shaft(row);
         let mut acceleration = [0.0; N];
         if row > piece.filtered.start {
             let (interval, between) = of.interval(row, &from, &to);
@@ -273,7 +273,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             }
         }
         // Where the force is not known, innovations are not white.
-        let white = if counts && data.tells(row) { w } else { [0.0; N] };
+        let white = if counts && case.tells(row) { w } else { [0.0; N] };
         if counts {
             if block_of(row) != block_of(block.rows.start) {
                 // The batch holds the row that begins the next block.
@@ -290,7 +290,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             }
             sums.filled += N;
             block.rows.end = row + 1;
-            if data.tells(row) {
+            if case.tells(row) {
                 block.count += 1.0;
                 block.nis += w.iter().map(|w| w * w).sum::<f64>();
                 log_det.times(innovation.det);
@@ -330,13 +330,13 @@ fn each_row<const N: usize, const K: usize>(
     rows: Range<usize>,
     mut each: impl FnMut(usize, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
 ) {
-    let On { data, rotor, .. } = of.on;
-    let mut from = data.shaft(rows.start);
+    let On { case, rotor, .. } = of.on;
+    let mut from = case.shaft(rows.start);
     for row in rows.clone() {
-        let to = data.shaft(row);
+        let to = case.shaft(row);
         let interval = (row > rows.start).then(|| {
             let interval = of.interval(row, &from, &to).0;
-            let transition = Transition::of(data.h, &interval.stiffness, &interval.gyroscopic);
+            let transition = Transition::of(rotor.h, &interval.stiffness, &interval.gyroscopic);
             (interval, transition)
         });
         from = to;
@@ -360,7 +360,7 @@ struct Kept<const N: usize, const S: usize> {
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
 #[inline(always)]
 fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Vec<f64> {
-    let On { data, rotor, piece, .. } = of.on;
+    let On { rotor, piece, .. } = of.on;
     let start = piece.filtered.start;
     let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(start));
     let mut kept = Vec::with_capacity(piece.filtered.len());
@@ -397,7 +397,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Ve
                 to[i] = before + keep.x[i] + change;
             }
         }
-        r = Transition::of(data.h, &keep.stiffness, &keep.gyroscopic).apply_transposed(&r);
+        r = Transition::of(rotor.h, &keep.stiffness, &keep.gyroscopic).apply_transposed(&r);
     }
     smoothed
 }
@@ -405,7 +405,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Ve
 /// The innovations of the counted rows, row by row: in m, and whitened.
 #[inline(always)]
 fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> [Vec<f64>; 2] {
-    let On { data, rotor, piece, .. } = of.on;
+    let On { case, rotor, piece } = of.on;
     let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
     let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
     each_row(of, piece.filtered.start..piece.counted.end, |row, interval, residual| {
@@ -414,7 +414,7 @@ fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) 
         }
         let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         if row >= piece.counted.start {
-            let error = if data.is_missing(row) { [f64::NAN; N] } else { innovation.e };
+            let error = if case.is_missing(row) { [f64::NAN; N] } else { innovation.e };
             innovations[0].extend(error);
             innovations[1].extend(innovation.factor.whiten(innovation.e));
         }
@@ -439,7 +439,7 @@ pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent
 /// `[ln det sum, NIS sum, rows]` with noise times each of three sets of factors, at the same position noise.
 #[inline(always)]
 fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
-    let On { data, rotor, piece, .. } = of.on;
+    let On { case, rotor, piece } = of.on;
     let start = piece.filtered.start;
     let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * of.slow(rows);
     let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
@@ -454,7 +454,7 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, 
         for f in 0..3 {
             let variance = of.variance(row, rotor.exponent + levels[f].exponent);
             let innovation = kalman[f].update(rotor, variance, residual);
-            if row >= piece.counted.start.max(start + 4) && data.tells(row) {
+            if row >= piece.counted.start.max(start + 4) && case.tells(row) {
                 let w = innovation.factor.whiten(innovation.e);
                 logs[f].times(innovation.det);
                 sums[f][1] += w.iter().map(|w| w * w).sum::<f64>();

@@ -6,11 +6,9 @@
 //! what they are without gaps: 0.2 and 1.2. With noise of 0.5 µm, λ remains off by several per cent. Where the bench is exactly as stated, such a current is therefore
 //! predicted from what is past alone ([`expected`](super::expected)), and instruments find λ.
 
-use std::ops::Range;
-
 use nalgebra::{DMatrix, DVector};
 
-use super::data::Data;
+use super::case::Case;
 use super::{Missing, Origin, Recording};
 
 /// Innovations that are looked back at; with 16, the result is the same.
@@ -64,20 +62,14 @@ pub(super) fn unknown_a(current_a: &[&[f64]]) -> Vec<f64> {
 }
 
 /// Adds to currents that were filled what past innovations, whitened, say of the error of the cubic.
-pub(super) fn refill(
-    data: &mut Data<'_>,
-    recording: &Recording,
-    current_a: &[&[f64]],
-    segments: &[Range<usize>],
-    innovations: &[f64],
-) {
-    let (n, k) = (data.position.len(), current_a.len());
+pub(super) fn refill(case: &mut Case<'_>, innovations: &[f64]) {
+    let (recording, current_a, n, k) = (case.recording, &case.current, case.position.len(), case.current.len());
     let (cubic, terms) = (Cubic::of(recording, current_a), n * PAST);
     if cubic.rows.len() < FEWEST * terms {
         return;
     }
     let mut has_past = vec![false; recording.rows()];
-    segments.iter().for_each(|segment| {
+    case.segments.iter().for_each(|segment| {
         let from = (segment.start + PAST).min(segment.end);
         has_past[from..segment.end].fill(true);
     });
@@ -97,11 +89,11 @@ pub(super) fn refill(
         rest.iter().zip(&mut sum).for_each(|(rest, sum)| *sum += rest * rest);
     }
     let freedom = rows().count() - terms;
-    data.filled_a = sum.into_iter().map(|sum: f64| (sum / freedom as f64).sqrt()).collect();
+    case.filled_a = sum.into_iter().map(|sum: f64| (sum / freedom as f64).sqrt()).collect();
     for (row, missing) in recording.missing.iter().enumerate().filter(|(row, _)| has_past[*row]) {
         let more = &answer * past(row);
-        for k in (0..k).filter(|k| missing.current[data.first + k] == Origin::Filled) {
-            data.current[k].to_mut()[row] = current_a[k][row] + more[k];
+        for k in (0..k).filter(|k| missing.current[case.first + k] == Origin::Filled) {
+            case.filled[k].to_mut()[row] = current_a[k][row] + more[k];
         }
     }
 }

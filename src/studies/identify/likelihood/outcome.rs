@@ -84,8 +84,8 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
     let ([mut ki, mut ks], mut rows) = ([ByMagnet::<f64>::default(); 2], 0);
     for piece in &case.pieces {
         let first = usize::from(piece.counted.start == piece.filtered.start);
-        for row in piece.counted.clone().skip(first).filter(|row| !case.data.is_adrift(*row)) {
-            let on = On { data: &case.data, rotor: &rotor, track: &case.track, variance: 0.0, piece };
+        for row in piece.counted.clone().skip(first).filter(|row| !case.is_adrift(*row)) {
+            let on = On { case, rotor: &rotor, piece };
             let [gaps, squares] = search.kind.passes.driven(on, row);
             for k in 0..layout.magnets {
                 let square = squares[k].max(0.0);

@@ -325,7 +325,7 @@ impl Rotor {
             });
         }
         Self {
-            h: case.data.h,
+            h: case.recording.step_s,
             machine,
             varied,
             pairs,

@@ -111,9 +111,7 @@ impl Search<'_> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         in_order(tasks.len(), &|task| {
             let (r, piece) = &tasks[task];
-            let case = &self.cases[*r];
-            let variance = case.position_noise * case.position_noise;
-            (*r, pass(On { data: &case.data, rotor: &rotors[*r], track: &case.track, variance, piece }))
+            (*r, pass(On { case: &self.cases[*r], rotor: &rotors[*r], piece }))
         })
     }
 
@@ -232,9 +230,8 @@ impl Search<'_> {
         let innovations = self.innovations(WHITENED, 0.0);
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
-            let variance = case.position_noise * case.position_noise;
-            let on = On { data: &case.data, rotor, track: &case.track, variance, piece: &case.pieces[0] };
-            (case.track.expected, case.track.predicted) = expected(self.kind.passes, on, &case.segments, innovations);
+            let on = On { case, rotor, piece: &case.pieces[0] };
+            (case.track.expected, case.track.predicted) = expected(self.kind.passes, on, innovations);
         }
     }
 
@@ -242,7 +239,7 @@ impl Search<'_> {
     fn innovations(&self, kind: usize, none: f64) -> Vec<Vec<f64>> {
         let pass = |on: On<'_>| (on.piece.counted.clone(), std::mem::take(&mut self.kind.passes.innovations(on)[kind]));
         let n = self.coordinates();
-        let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.data.at.len()]).collect();
+        let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.at.len()]).collect();
         for (r, (rows, own)) in self.passes(&self.tasks(), &pass) {
             all[r][n * rows.start..n * rows.end].copy_from_slice(&own);
         }
@@ -251,12 +248,12 @@ impl Search<'_> {
 
     /// Fills the currents that are missing by what is known of the innovations ([`missing`]).
     fn refill(&mut self) {
-        if self.cases.iter().all(|case| case.data.missing.is_empty() || case.data.distrusts_filled) {
+        if self.cases.iter().all(|case| case.recording.missing.is_empty() || case.distrusts_filled) {
             return;
         }
         let innovations = self.innovations(WHITENED, 0.0);
         for (case, innovations) in self.cases.iter_mut().zip(&innovations) {
-            missing::refill(&mut case.data, case.recording, &case.current, &case.segments, innovations);
+            missing::refill(case, innovations);
         }
     }
 
@@ -466,7 +463,7 @@ fn start<'a>(
     if search.exact() {
         search.prior[layout.load + kind.places.mass].1 = 0.0;
         // Instruments follow no error of a current that was filled from those that follow.
-        search.cases.iter_mut().for_each(|case| case.data.distrusts_filled = true);
+        search.cases.iter_mut().for_each(|case| case.distrusts_filled = true);
     } else {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
