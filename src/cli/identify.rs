@@ -18,7 +18,7 @@ use super::{
     write_table,
 };
 use crate::estimation::{Hold, Method};
-use crate::machine::{MACHINES, Machine};
+use crate::machine::{AXIAL, MACHINES, Machine};
 use crate::output::{self, Format};
 use crate::report::frame;
 use crate::report::identification::{self, Results};
@@ -141,10 +141,8 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim()?;
     let machine = arguments.machine();
     let files = Files::new(arguments)?;
-    let (results, columns, scenario) = match axial::bench(arguments, machine)? {
-        Some(bench) => (bench.identify(arguments)?, bench.columns, bench.scenario),
-        None => arguments.identify(machine)?,
-    };
+    let is_axial = *machine == AXIAL;
+    let (results, columns, scenario) = if is_axial { axial::identify(arguments) } else { arguments.identify(machine) }?;
     print_results(&results, &arguments.recordings);
     arguments.write(&results)?;
     if let Some(why) = &results.not_valid {

@@ -4,36 +4,30 @@ use std::path::Path;
 
 use serde_json::json;
 
-use super::{Arguments, Result, refused};
-use crate::machine::{AXIAL, Machine};
+use super::{Arguments, Pairs, Result, refused};
+use crate::machine::AXIAL;
 use crate::report::identification::Results;
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Said, Samples, quantity};
 
 /// A bench as the scenario and the arguments describe it.
-pub(super) struct Bench {
+struct Bench {
     axis: Axis,
-    pub columns: Vec<(String, String)>,
-    /// Scenario of the machine, for the twin.
-    pub scenario: Scenario,
+    columns: Pairs,
 }
 
-/// The bench, if the machine is `axial`.
-pub(super) fn bench(arguments: &Arguments, machine: &Machine) -> Result<Option<Bench>> {
-    if *machine != AXIAL {
-        return Ok(None);
-    }
-    let mut wrong = arguments.unused(machine);
+/// Identifies an axis from each recording. Returns the columns and the scenario, for the twin, as well.
+pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenario)> {
+    let mut wrong = arguments.unused(&AXIAL);
     // A scenario of another machine says nothing of this one.
     let scenario = match &arguments.scenario {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
     let columns = scenario.columns.iter().chain(&arguments.column).cloned().collect();
-    let identify = scenario.identify.clone();
-    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), columns, scenario };
-    bench.read(&identify, &mut wrong);
+    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), columns };
+    bench.read(&scenario.identify, &mut wrong);
     for (name, value) in &arguments.changes {
         bench.set(name, value, "--set ", &mut wrong);
     }
@@ -46,7 +40,10 @@ pub(super) fn bench(arguments: &Arguments, machine: &Machine) -> Result<Option<B
     if bench.axis.m_kg.is_nan() {
         wrong.push("m is missing: the mass of what levitates, --set m=…".into());
     }
-    if wrong.is_empty() { Ok(Some(bench)) } else { Err(refused(wrong.join("\n  "))) }
+    if !wrong.is_empty() {
+        return Err(refused(wrong.join("\n  ")));
+    }
+    Ok((bench.identify(arguments)?, bench.columns, scenario))
 }
 
 impl Bench {
@@ -119,7 +116,7 @@ fn no_parameter(name: &str) -> String {
 
 impl Bench {
     /// Identifies the axis from each recording.
-    pub(super) fn identify(&self, arguments: &Arguments) -> Result<Results> {
+    fn identify(&self, arguments: &Arguments) -> Result<Results> {
         let reading = arguments.reading(&self.columns, &AXIAL, Some(self.axis.used.clone()));
         let recordings = arguments.read(&reading, None)?;
         let mut axes: Vec<Answer> = Vec::new();

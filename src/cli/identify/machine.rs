@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{AUTO, Arguments, LIKELIHOOD, PREDICTION_ERROR, Result, SLOW_FORCE, refused};
+use super::{AUTO, Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::Scenario;
@@ -19,9 +19,6 @@ const OPTIONS: [(&str, &str); 7] = [
     ("sensor.currentNoise", "--current-noise"),
 ];
 
-/// Names with their values.
-type Changes = Vec<(String, String)>;
-
 impl Arguments {
     /// The machine, by the option or by the scenario.
     pub(super) fn machine(&self) -> &'static Machine {
@@ -35,7 +32,7 @@ impl Arguments {
     }
 
     /// Loads that `--set` states, which are known then, and the rest of its settings.
-    pub(super) fn loads(&self, machine: &Machine) -> (Changes, Changes) {
+    pub(super) fn loads(&self, machine: &Machine) -> (Pairs, Pairs) {
         let loads = machine.of_coordinates(|coordinate| coordinate.load);
         self.changes.iter().cloned().partition(|(name, _)| loads.contains(name))
     }

@@ -230,6 +230,9 @@ struct Found {
     effects: Vec<Effect>,
     /// The delay that fits best with its gain in log-likelihood and the fit.
     delayed: Option<Fit>,
+    /// The first sample and the sample time, s.
+    start_s: f64,
+    step_s: f64,
     /// Readings, NaN where there is none.
     x_m: Vec<f64>,
     current_a: Vec<Vec<f64>>,
@@ -284,19 +287,19 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
             (best, free) = (simpler, fewer);
         }
     }
-    let delayed = if free.contains(&DELAY) {
-        None
-    } else {
-        let more: Vec<usize> = free.iter().copied().chain([DELAY]).collect();
+    let is_worth_it = |gain: f64| gain > 0.5 * libm::log(best.readings as f64);
+    let delayed = (!free.contains(&DELAY)).then(|| {
+        let more = [free.as_slice(), &[DELAY]].concat();
         fit(&axis, &part, &best.point, &more, usize::MAX)
-            .filter(|delayed| delayed.log_likelihood - best.log_likelihood > 0.5 * libm::log(best.readings as f64))
-    };
-    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, x_m, current_a })
+    });
+    let delayed = delayed.flatten().filter(|of| is_worth_it(of.log_likelihood - best.log_likelihood));
+    let Samples { start_s, step_s, .. } = *recording;
+    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, start_s, step_s, x_m, current_a })
 }
 
 impl Found {
-    fn readings(&self, step_s: f64) -> Readings<'_> {
-        Readings { step_s, x_m: &self.x_m, current_a: &self.current_a, rows: self.rows.clone() }
+    fn readings(&self) -> Readings<'_> {
+        Readings { step_s: self.step_s, x_m: &self.x_m, current_a: &self.current_a, rows: self.rows.clone() }
     }
 }
 

@@ -448,11 +448,6 @@ impl Identification {
     fn beside(mut self, other: Self) -> Self {
         let (parameters, parts) = (self.bench.len(), self.conditions[0].parts.len());
         let [before, after] = [&self, &other].map(|of| of.lambda.len());
-        let covariance = DMatrix::from_fn(before + after, before + after, |i, l| match (i < before, l < before) {
-            (true, true) => self.lambda_covariance[(i, l)],
-            (false, false) => other.lambda_covariance[(i - before, l - before)],
-            _ => 0.0,
-        });
         let all = |own: &[f64], from: usize| {
             let mut all = vec![0.0; before + after];
             all[from..from + own.len()].copy_from_slice(own);
@@ -467,7 +462,8 @@ impl Identification {
             })
         };
         self.budget = lines(self.budget, 0, 0).chain(lines(other.budget, parameters, before)).collect();
-        self.lambda_covariance = covariance;
+        self.lambda_covariance.resize_mut(before + after, before + after, 0.0);
+        self.lambda_covariance.view_mut((before, before), (after, after)).copy_from(&other.lambda_covariance);
         self.lambda.extend(other.lambda);
         self.unbalance.extend(other.unbalance);
         for (own, of) in self.conditions.iter_mut().zip(other.conditions) {

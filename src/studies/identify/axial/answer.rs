@@ -51,8 +51,6 @@ pub struct Answer {
     /// See [`Answer::lambda`].
     pub gap: Estimate,
     pub(super) found: Found,
-    pub(super) step_s: f64,
-    start_s: f64,
 }
 
 /// The results of the filter by row; NaN where it was not used.
@@ -149,8 +147,6 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
         dynamics,
         lambda,
         gap,
-        step_s: recording.step_s,
-        start_s: recording.start_s,
         found,
     };
     answer.judge(&mean_a);
@@ -182,7 +178,7 @@ fn percent(part: f64) -> String {
 impl Answer {
     fn judge(&mut self, mean_a: &[f64]) {
         let (axis, fit) = (&self.found.axis, &self.found.fit);
-        let from_s = self.start_s + self.found.rows.start as f64 * self.step_s;
+        let from_s = self.found.start_s + self.found.rows.start as f64 * self.found.step_s;
         let left_out =
             format!("Readings before {} do not follow the law (a start at rest?) and were left out.", time(from_s));
         let mut findings: Vec<String> = (self.found.rows.start > 0).then_some(left_out).into_iter().collect();
@@ -322,7 +318,8 @@ impl Answer {
             .iter()
             .map(|of| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken})))
             .collect();
-        let (point, rows) = (&self.found.fit.point, &self.found.rows);
+        let Found { rows, start_s, step_s, .. } = &self.found;
+        let point = &self.found.fit.point;
         json!({
             "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
             "operatingPoint": {
@@ -338,7 +335,7 @@ impl Answer {
             "force.slow": libm::exp(point[SLOW]), "noise.exponent": point[EXPONENT], "delay": point[DELAY],
             "noise": {"position": libm::exp(point[POSITION_NOISE]), "current": libm::exp(point[CURRENT_NOISE])},
             "effects": effects,
-            "rows": {"from": self.start_s + rows.start as f64 * self.step_s, "count": rows.len()},
+            "rows": {"from": start_s + rows.start as f64 * step_s, "count": rows.len()},
             "logLikelihood": self.found.fit.log_likelihood,
         })
     }
@@ -348,7 +345,7 @@ impl Answer {
     pub fn traces(&self) -> Traces {
         let (found, from) = (&self.found, self.found.rows.start);
         let mut traces = Traces { slow_n: vec![[f64::NAN; 2]; from], error_m: vec![f64::NAN; from], from };
-        follow(&found.axis, &found.readings(self.step_s), &found.fit.point, |filter, [error, variance]| {
+        follow(&found.axis, &found.readings(), &found.fit.point, |filter, [error, variance]| {
             traces.slow_n.push(filter.slow_n());
             traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
         });
@@ -359,18 +356,18 @@ impl Answer {
     #[must_use]
     pub fn check(&self, own: &Self) -> Check {
         let found = &own.found;
-        let readings = found.readings(own.step_s);
+        let readings = found.readings();
         // Noises, slow force and delay are of the recording, force constants and gap of the bench.
         let mut point = found.fit.point;
         let bench = [0, 1, GAP, DYNAMICS];
         bench.iter().for_each(|at| point[*at] = self.found.fit.point[*at]);
-        let horizons = [1, ((AHEAD_S / own.step_s).round() as usize).max(2)];
+        let horizons = [1, ((AHEAD_S / found.step_s).round() as usize).max(2)];
         let errors: Vec<[f64; 3]> = horizons
             .iter()
             .map(|ahead| {
                 let [foreign, fitted] =
                     [&point, &found.fit.point].map(|point| prediction_rms(&found.axis, &readings, point, *ahead));
-                [*ahead as f64 * own.step_s, foreign, fitted]
+                [*ahead as f64 * found.step_s, foreign, fitted]
             })
             .collect();
         let differ = agreement([self, own]);

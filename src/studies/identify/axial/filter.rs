@@ -160,11 +160,8 @@ impl Filter {
                 self.p[c][r] = left[r][c];
             }
         }
-        (self.p[0], self.p[1]) = {
-            let (mut a, mut b) = (self.p[0], self.p[1]);
-            (a[0], a[1], b[0], b[1]) = (corner[0][0], corner[0][1], corner[0][1], corner[1][1]);
-            (a, b)
-        };
+        self.p[0][..2].copy_from_slice(&corner[0]);
+        self.p[1][..2].copy_from_slice(&[corner[0][1], corner[1][1]]);
         for k in 0..axis.used.len() {
             for c in 0..N {
                 self.p[3 + k][c] += h * self.p[SLOPES + k][c];

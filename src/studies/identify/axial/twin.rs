@@ -31,7 +31,7 @@ impl Answer {
         }
         let (axis, point) = (&self.found.axis, &self.found.fit.point);
         let law = axis.law(point);
-        let mut twin = Twin::of(base, self.step_s, &self.verdict);
+        let mut twin = Twin::of(base, self.found.step_s, &self.verdict);
         let gap_m = if let [_] = axis.used.as_slice() { law.reference_m } else { point[GAP] };
         for element in ["plant", "controller", "estimator"] {
             twin.put(element, "m", self.dynamics.value * axis.m_kg);

@@ -7,6 +7,7 @@ use super::data::{Piece, Track};
 use super::missing::{Cubic, unknown_a};
 use super::{Missing, Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
+use crate::studies::identify::mean;
 
 /// Rows of a piece.
 const PIECE: usize = 1 << 15;
@@ -227,11 +228,7 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
         let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
         case.noise_variance = if bend < 0.0 { (-1.0 / bend).min(prior) } else { prior };
     }
-    let rms = {
-        let currents = case.current.iter().copied().flatten().filter(|i| i.is_finite());
-        let (sum, n) = currents.fold((0.0, 0.0), |(sum, n), i| (sum + i * i, n + 1.0));
-        (sum / n).sqrt()
-    };
+    let rms = mean(case.current.iter().copied().flatten().map(|i| i * i)).sqrt();
     let scale = {
         let t = ratio / NOISE_STEP;
         let (l, m, h) = (logs(0), logs(1), logs(2));

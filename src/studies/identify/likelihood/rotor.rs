@@ -190,8 +190,8 @@ struct Pair {
     different: f64,
     /// cos and sin of the rotation.
     rotation: [f64; 2],
-    once: [f64; 4],
-    twice: [f64; 4],
+    /// Run-out, once and twice per turn.
+    runout: [f64; 8],
 }
 
 /// A rotor with given parameters.
@@ -320,8 +320,7 @@ impl Rotor {
                 common,
                 different,
                 rotation: [cos, sin],
-                once: std::array::from_fn(|part| bench[places.runout[part]]),
-                twice: std::array::from_fn(|part| bench[places.runout[4 + part]]),
+                runout: places.runout.map(|at| bench[at]),
             });
         }
         Self {
@@ -543,9 +542,9 @@ impl Rotor {
         let mut seen: [f64; N] =
             std::array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
         for (seen, pair) in seen.chunks_exact_mut(2).zip(&self.pairs) {
-            let (r, q) = (&pair.once, &pair.twice);
-            seen[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + q[0] * c_2 + q[1] * s_2;
-            seen[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + q[2] * c_2 + q[3] * s_2;
+            let r = &pair.runout;
+            seen[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + r[4] * c_2 + r[5] * s_2;
+            seen[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + r[6] * c_2 + r[7] * s_2;
         }
         seen
     }

@@ -19,7 +19,7 @@ use super::outcome;
 use super::rotor::{Kind, Rotor};
 use super::solve::{Normal, inverse, part};
 use super::{Body, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
-use crate::studies::identify::GRAVITY_M_S2;
+use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
@@ -403,13 +403,9 @@ type Point = (Vec<f64>, Vec<[f64; 4]>);
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
 fn first_guess(cases: &[Case<'_>], body: &Body) -> f64 {
-    let (mut sum, mut count) = (0.0, 0.0);
-    for i in cases.iter().flat_map(|case| &case.current).copied().flatten().filter(|i| i.is_finite()) {
-        sum += i * i;
-        count += 1.0;
-    }
-    let mean: f64 = if sum > 0.0 { sum / count } else { 1.0 };
-    body.m_kg() * GRAVITY_M_S2 * body.gap_m() * body.gap_m() / (body.magnets() as f64 * mean)
+    let currents = cases.iter().flat_map(|case| &case.current).copied().flatten();
+    let square = Some(mean(currents.map(|i| i * i))).filter(|square| *square > 0.0).unwrap_or(1.0);
+    body.m_kg() * GRAVITY_M_S2 * body.gap_m() * body.gap_m() / (body.magnets() as f64 * square)
 }
 
 /// A search before its first step, with its priors.
@@ -419,14 +415,12 @@ fn start<'a>(
     kind: &'a Kind<'a>,
     held: &[usize],
 ) -> Result<Search<'a>, Failed> {
-    let cases: Option<Vec<Case<'_>>> =
-        recordings.iter().zip(masks).map(|(recording, mask)| prepare(recording, kind.part, mask)).collect();
-    let Some(mut cases) = cases else {
-        let short = |(recording, mask): (&'a Recording, &Vec<bool>)| prepare(recording, kind.part, mask).is_none();
-        let recording = recordings.iter().zip(masks).position(short).unwrap_or(0) + 1;
-        return Err(Failed::TooShort { recording, wanted: SHORTEST });
-    };
     let (part, body) = (kind.part, &kind.part.body);
+    let cases =
+        recordings.iter().zip(masks).zip(1..).map(|((of, mask), recording)| {
+            prepare(of, part, mask).ok_or(Failed::TooShort { recording, wanted: SHORTEST })
+        });
+    let mut cases: Vec<Case<'_>> = cases.collect::<Result<_, _>>()?;
     if kind.slow_force {
         cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * body.m_kg() * GRAVITY_M_S2);
     }
