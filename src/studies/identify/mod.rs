@@ -26,7 +26,7 @@ pub use self::twin::Twin;
 use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Knowledge, Options, Part, Told};
 pub use self::read::{Reading, Rotation, Samples, Unusable};
 use self::tolerance::plain;
-use self::track::hold;
+use self::track::chosen;
 use self::units::significant;
 pub use self::units::{duration_s, rate_s};
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
@@ -104,7 +104,7 @@ impl Stated {
             magnets += part.body.magnets();
             part
         };
-        Self { machine, parts: bodies.into_iter().map(part).collect(), hold: hold(estimator), noise }
+        Self { machine, parts: bodies.into_iter().map(part).collect(), hold: chosen(estimator, "hold"), noise }
     }
 
     /// The parameters of its bench.

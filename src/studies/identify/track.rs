@@ -11,7 +11,7 @@ use serde_json::{Map, Value as Json, json};
 use super::read::Samples;
 use super::units::significant;
 use super::{Failed, METHODS, Said, name_of};
-use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};
+use crate::estimation::{Method, STD_LIMIT, Verdict};
 use crate::machine::{Bearing, Machine, PLANAR};
 use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::Element;
@@ -53,7 +53,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     let mut instance = simulate::start(&estimator).map_err(Failed)?;
     let index = |name: &String| estimator.index(name).expect("a variable of the estimator");
     let rotation = ["theta", "omega"].map(str::to_owned);
-    let currents = samples.currents(hold(&estimator));
+    let currents = samples.currents(chosen(&estimator, "hold"));
     let recorded = samples.position_m.iter().chain(&currents);
     let inputs = machine.measured().into_iter().chain(machine.of_magnets("im")).chain(rotation);
     let inputs: Vec<usize> = inputs.map(|name| index(&name)).collect();
@@ -106,15 +106,14 @@ fn motion(machine: &Machine) -> Vec<String> {
     [machine.of_loads("p", "Hat"), machine.of_planes("magnitude"), machine.of_planes("phase")].concat()
 }
 
-fn method(estimator: &Element) -> Method {
-    let number = estimator.value("method").map(|method| method.as_f64() as i32);
-    number.and_then(Method::of_number).unwrap_or_default()
+/// What an estimator has chosen for a variable.
+pub(super) fn chosen<T: Choice + Default>(estimator: &Element, variable: &str) -> T {
+    let number = estimator.value(variable).map(|value| value.as_f64() as i32);
+    number.and_then(T::of_number).unwrap_or_default()
 }
 
-/// The meaning of a sample of a current.
-pub(super) fn hold(estimator: &Element) -> Hold {
-    let number = estimator.value("hold").map(|hold| hold.as_f64() as i32);
-    number.and_then(Hold::of_number).unwrap_or_default()
+fn method(estimator: &Element) -> Method {
+    chosen(estimator, "method")
 }
 
 impl Track {
@@ -314,7 +313,7 @@ pub fn recording(tracks: &[Track]) -> Recording {
 #[must_use]
 pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
     let method = |track: &Track| {
-        let hold = name_of(hold(&track.estimator));
+        let hold = name_of(chosen(&track.estimator, "hold"));
         json!({
             "method": track.name(), "hold": hold, "Tf": track.estimator.value("Tf").map(Value::as_f64),
             "estimate": track.json(), "validAtEnd": track.is_valid_at_end(), "verdict": track.verdict(),

@@ -6,7 +6,7 @@
 use fmu_export::variable::Value;
 
 use super::answer::Answer;
-use super::likelihood::{Body, DYNAMICS, Knowledge, Part};
+use super::likelihood::{Body, DYNAMICS, Part};
 use super::read::Samples;
 use super::tolerance::plain;
 use super::{Stated, mean};
@@ -171,11 +171,7 @@ impl Answer {
         let std = |name: &str| match bench(name) {
             Some(bench) if bench.estimated => bench.estimate.total_std,
             // Not separated from the rest: known as before.
-            Some(bench) => match bench.told.knowledge {
-                Knowledge::Tolerance(std) => std,
-                _ => 0.0,
-            },
-            None => 0.0,
+            bench => bench.and_then(|bench| bench.told.knowledge.tolerance()).unwrap_or(0.0),
         };
         // The estimator takes sensors for exact, so that their errors are part of what it does not know.
         let error = |name: &str| of(name).hypot(std(name));

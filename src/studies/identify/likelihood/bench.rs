@@ -234,6 +234,13 @@ pub enum Knowledge {
     Free,
 }
 
+impl Knowledge {
+    /// The standard deviation of a tolerance.
+    pub(in crate::studies::identify) fn tolerance(self) -> Option<f64> {
+        if let Self::Tolerance(std) = self { Some(std) } else { None }
+    }
+}
+
 /// Stated value of one bench parameter.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Told {

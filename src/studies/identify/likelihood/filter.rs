@@ -70,7 +70,7 @@ const fn ten_to(power: i32) -> f64 {
 }
 
 /// Sums of one block of rows.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Block {
     pub rows: Range<usize>,
     /// Innovations (rows).
@@ -156,17 +156,8 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     let mut blocks = Vec::new();
     let expected = |row: usize| of.expected(row).filter(|_| columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
-    let empty = |row: usize| Block {
-        rows: row..row,
-        count: 0.0,
-        nis: 0.0,
-        log_det: 0.0,
-        j: Vec::new(),
-        b: Vec::new(),
-        columns: P,
-        harmonics: vec![[[0.0; 2]; HARMONICS]; N],
-        lags: [0.0; LAGS],
-    };
+    let harmonics = || vec![Default::default(); N];
+    let empty = |row: usize| Block { rows: row..row, columns: P, harmonics: harmonics(), ..Block::default() };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [[0.0; N]; LAGS];

@@ -3,7 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::data::On;
-use super::filter::{HARMONICS, LAGS};
+use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
 use super::search::Finished;
 use super::solve::{self, inverse, part};
@@ -126,10 +126,7 @@ fn budget(finished: &Finished<'_>) -> Vec<BudgetLine> {
     let line = |j: usize| {
         let unknown = search.kind.layout.load + j;
         let told = search.kind.part.bench[j].knowledge;
-        let tolerance = match told {
-            Knowledge::Tolerance(std) => std,
-            _ => search.kind.part.parameters[j].typical,
-        };
+        let tolerance = told.tolerance().unwrap_or(search.kind.part.parameters[j].typical);
         // All that is estimated follows an error of the parameter, but for the parameter itself.
         let others: Vec<usize> = finished.estimated.iter().copied().filter(|at| *at != unknown).collect();
         let (a, _) = search.equations(&finished.normal, &others);
@@ -154,23 +151,17 @@ fn residuals(finished: &Finished<'_>, r: usize) -> Residuals {
     let rows: f64 = blocks().map(|block| block.count).sum();
     let nis: f64 = blocks().map(|block| block.nis).sum::<f64>();
     let coordinates = finished.search.kind.layout.loads();
-    let mut residuals = Residuals {
-        harmonics: vec![[0.0; HARMONICS]; coordinates],
-        amplitudes: vec![[0.0; HARMONICS]; coordinates],
-        lags: vec![[0.0; LAGS]],
+    let power = |axis: usize, harmonic: usize| {
+        let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
+        sum(0) * sum(0) + sum(1) * sum(1)
     };
-    for axis in 0..coordinates {
-        for harmonic in 0..HARMONICS {
-            let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
-            let power = sum(0) * sum(0) + sum(1) * sum(1);
-            residuals.harmonics[axis][harmonic] = 2.0 * power / rows;
-            residuals.amplitudes[axis][harmonic] = 2.0 * power.sqrt() / rows;
-        }
+    let powers = (0..coordinates).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic)));
+    let powers: Vec<[f64; HARMONICS]> = powers.collect();
+    Residuals {
+        harmonics: powers.iter().map(|of| of.map(|power| 2.0 * power / rows)).collect(),
+        amplitudes: powers.iter().map(|of| of.map(|power| 2.0 * power.sqrt() / rows)).collect(),
+        lags: vec![std::array::from_fn(|lag| blocks().map(|block| block.lags[lag]).sum::<f64>() / nis)],
     }
-    for lag in 0..LAGS {
-        residuals.lags[0][lag] = blocks().map(|block| block.lags[lag]).sum::<f64>() / nis;
-    }
-    residuals
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated.

@@ -215,10 +215,7 @@ impl Search<'_> {
 
     /// Tolerance of the mass, relative, if it is not searched with the rest: it scales λ, unbalance and loads, and no data tell it.
     pub fn mass_tolerance(&self) -> Option<f64> {
-        match self.kind.part.bench[self.kind.places.mass].knowledge {
-            Knowledge::Tolerance(std) if self.exact() => Some(std),
-            _ => None,
-        }
+        self.kind.part.bench[self.kind.places.mass].knowledge.tolerance().filter(|_| self.exact())
     }
 
     /// Finds what was to be expected of every row, if the bench is exactly as stated: where its parameters are searched, what is found at one point does not

@@ -172,17 +172,13 @@ impl Read<'_> {
         if samples.rotation != Rotation::Both {
             return None;
         }
-        let (mut up, mut speeds, mut slopes, mut count) = (0.0, 0.0, 0.0, 0.0_f64);
-        for (theta, omega) in samples.theta_rad.windows(2).zip(samples.omega_rad_s.windows(2)) {
-            let (slope, omega) = ((theta[1] - theta[0]) / samples.step_s, 0.5 * (omega[0] + omega[1]));
-            if slope.is_finite() && omega.is_finite() {
-                up += slope * omega;
-                speeds += omega * omega;
-                slopes += slope * slope;
-                count += 1.0;
-            }
-        }
-        let rest = REST_RAD_S * REST_RAD_S * count;
+        let both = samples.theta_rad.windows(2).zip(samples.omega_rad_s.windows(2));
+        let both = both.map(|(theta, omega)| ((theta[1] - theta[0]) / samples.step_s, 0.5 * (omega[0] + omega[1])));
+        let known = both.filter(|(slope, omega)| slope.is_finite() && omega.is_finite());
+        let (slope, omega): (Vec<f64>, Vec<f64>) = known.unzip();
+        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let [up, speeds, slopes] = [product(&slope, &omega), product(&omega, &omega), product(&slope, &slope)];
+        let rest = REST_RAD_S * REST_RAD_S * slope.len() as f64;
         let ratio = if speeds > 0.0 { up / speeds } else { f64::INFINITY };
         let agrees = |scale: f64| (ratio * scale - 1.0).abs() < AGREE;
         if speeds <= rest && slopes <= rest || agrees(1.0) {
