@@ -134,6 +134,15 @@ impl Axis {
         }
     }
 
+    /// The points a step before and behind one along an unknown.
+    pub(crate) fn beside(&self, at: usize, point: &Point) -> [Point; 2] {
+        [1.0, -1.0].map(|sign| {
+            let mut beside = *point;
+            beside[at] += sign * self.step(at, point);
+            beside
+        })
+    }
+
     /// The nearest point that makes sense: noises above rounding, κ between a fifth and five.
     pub(crate) fn bounded(&self, mut point: Point) -> Point {
         let least = [

@@ -85,15 +85,9 @@ fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
         !is_most && beside.is_some_and(|beside| count(end) > CLIPPED * count(*beside) + FEWEST_CLIPPED)
     };
     let rows = |end: f64| (0..values.len()).filter(|row| values[*row] == end).collect();
-    let (Some(low), Some(high)) = (sorted.first().copied(), sorted.last().copied()) else { return Vec::new() };
-    let mut found = Vec::new();
-    if low < 0.0 && is_end(low, sorted.iter().find(|value| **value > low)) {
-        found.push((low, rows(low)));
-    }
-    if high > 0.0 && is_end(high, sorted.iter().rfind(|value| **value < high)) {
-        found.push((high, rows(high)));
-    }
-    found
+    let low = sorted.first().filter(|end| **end < 0.0 && is_end(**end, sorted.iter().find(|value| value > end)));
+    let high = sorted.last().filter(|end| **end > 0.0 && is_end(**end, sorted.iter().rfind(|value| value < end)));
+    low.into_iter().chain(high).map(|end| (*end, rows(*end))).collect()
 }
 
 /// Rows in which all readings are those of the row before. Where most rows are, nothing moves and nothing is noisy.

@@ -270,6 +270,12 @@ fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
     sum / count
 }
 
+/// The root of the mean square; 0 of nothing.
+fn rms(values: impl Iterator<Item = f64>) -> f64 {
+    let (sum, count) = values.fold((0.0, 0.0_f64), |(sum, count), value| (sum + value * value, count + 1.0));
+    (sum / count.max(1.0)).sqrt()
+}
+
 /// Acceleration of gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.81;
 

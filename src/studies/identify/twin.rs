@@ -9,7 +9,7 @@ use super::answer::Answer;
 use super::likelihood::{Body, DYNAMICS, Part};
 use super::read::Samples;
 use super::tolerance::plain;
-use super::{Stated, mean};
+use super::{Stated, mean, rms};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 
@@ -244,12 +244,6 @@ impl Answer {
         twin.left_out = left_out.chain(along).chain(slow_force).chain(exponent).collect();
         twin.checked()
     }
-}
-
-/// The root of the mean square.
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0_f64), |(sum, count), value| (sum + value * value, count + 1.0));
-    (sum / count.max(1.0)).sqrt()
 }
 
 fn start(scenario: &Scenario, element: &str, variable: &str) -> f64 {

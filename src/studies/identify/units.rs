@@ -95,10 +95,9 @@ pub(super) fn names(quantity: Quantity) -> String {
 /// # Errors
 /// The wanted form.
 pub fn duration_s(text: &str) -> Result<f64, String> {
-    let wanted = || format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s");
-    let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
-    let value = in_si(number, factor(TIME, unit).ok_or_else(wanted)?);
-    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
+    let value = number_and_unit(text).and_then(|(number, unit)| Some(in_si(number, factor(TIME, unit)?)));
+    let value = value.filter(|value| value.is_finite() && *value > 0.0);
+    value.ok_or_else(|| format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s"))
 }
 
 /// The sample time of a rate with its unit, `10kHz` or `9600 Hz`.

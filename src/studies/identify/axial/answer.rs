@@ -156,14 +156,8 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
 /// Covariance of five values of a point, by differences.
 fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatrix<f64> {
     let slope = |at: usize| {
-        let step = axis.step(at, &fit.point);
-        let beside = |sign: f64| {
-            let mut point = fit.point;
-            point[at] += sign * step;
-            of(&point)
-        };
-        let (up, down) = (beside(1.0), beside(-1.0));
-        std::array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * step))
+        let [up, down] = axis.beside(at, &fit.point).map(|point| of(&point));
+        std::array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * axis.step(at, &fit.point)))
     };
     let slopes: Vec<[f64; 5]> = (0..UNKNOWNS).map(slope).collect();
     // Unknowns without covariance were not searched; a slow force of none has no slope.

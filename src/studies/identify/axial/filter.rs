@@ -101,19 +101,16 @@ impl Filter {
         self.p[0][0] > (LOST * self.law.reference_m).powi(2)
     }
 
-    /// Filters up to this row. Innovations of the rows are appended to `out`; rows before the first reading have none.
-    pub(super) fn advance(&mut self, axis: &Axis, readings: &Readings<'_>, rows: Range<usize>, out: &mut Vec<Row>) {
-        for row in rows {
-            if row < self.row {
-                out.push(Row::default());
-                continue;
-            }
-            if row > self.row {
-                self.predict(axis, readings.step_s);
-            }
-            self.row = row;
-            out.push(self.correct(readings, row));
+    /// Filters the next row and returns its innovations; rows before the first reading have none.
+    pub(super) fn step(&mut self, axis: &Axis, readings: &Readings<'_>, row: usize) -> Row {
+        if row < self.row {
+            return Row::default();
         }
+        if row > self.row {
+            self.predict(axis, readings.step_s);
+        }
+        self.row = row;
+        self.correct(readings, row)
     }
 
     /// One sample time: midpoint rule.

@@ -39,11 +39,9 @@ struct Sums {
 /// Filters readings and calls `each` with the filter after every row, and the innovation of its position with its variance.
 pub(super) fn follow(axis: &Axis, readings: &Readings<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
     let Some(mut filter) = Filter::new(axis, axis.law(point), readings) else { return };
-    let mut out: Vec<Row> = Vec::new();
     for row in readings.rows.clone() {
-        out.clear();
-        filter.advance(axis, readings, row..row + 1, &mut out);
-        each(&filter, out[0][POSITION]);
+        let innovations = filter.step(axis, readings, row);
+        each(&filter, innovations[POSITION]);
     }
 }
 
@@ -117,15 +115,8 @@ pub(super) fn fit(axis: &Axis, readings: &Readings<'_>, start: &Point, free: &[u
 /// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
 fn pass(axis: &Axis, readings: &Readings<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
     let rows = &readings.rows;
-    let mut points = vec![*point];
-    for at in free {
-        for sign in [1.0, -1.0] {
-            let mut beside = *point;
-            beside[*at] += sign * axis.step(*at, point);
-            points.push(beside);
-        }
-    }
-    let filters = points.iter().map(|point| Filter::new(axis, axis.law(point), readings));
+    let points = std::iter::once(*point).chain(free.iter().flat_map(|at| axis.beside(*at, point)));
+    let filters = points.map(|point| Filter::new(axis, axis.law(&point), readings));
     let mut filters: Vec<Filter> = filters.collect::<Option<_>>()?;
     let n = free.len();
     let mut sums =
@@ -136,9 +127,9 @@ fn pass(axis: &Axis, readings: &Readings<'_>, point: &Point, free: &[usize]) -> 
     while from < rows.end {
         let to = (from + ROWS).min(rows.end);
         let passed = in_order(filters.len(), &|at| {
-            let (mut filter, mut out) = (filters[at].clone(), Vec::with_capacity(ROWS));
-            filter.advance(axis, readings, from..to, &mut out);
-            (filter, out)
+            let mut filter = filters[at].clone();
+            let innovations = (from..to).map(|row| filter.step(axis, readings, row)).collect();
+            (filter, innovations)
         });
         let innovations: Vec<Vec<Row>>;
         (filters, innovations) = passed.into_iter().unzip();

@@ -10,6 +10,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::case::Case;
 use super::{Missing, Origin, Recording};
+use crate::studies::identify::rms;
 
 /// Innovations that are looked back at; with 16, the result is the same.
 const PAST: usize = 8;
@@ -54,11 +55,7 @@ impl<'a> Cubic<'a> {
 
 /// Error of a current that is not known, A.
 pub(super) fn unknown_a(current_a: &[&[f64]]) -> Vec<f64> {
-    let of = |current_a: &&[f64]| {
-        let known = || current_a.iter().filter(|i| i.is_finite());
-        NOTHING * (known().map(|i| i * i).sum::<f64>() / known().count().max(1) as f64).sqrt()
-    };
-    current_a.iter().map(of).collect()
+    current_a.iter().map(|of| NOTHING * rms(of.iter().copied().filter(|i| i.is_finite()))).collect()
 }
 
 /// Adds to currents that were filled what past innovations, whitened, say of the error of the cubic.

@@ -175,9 +175,8 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
     let rows: f64 = blocks().map(|block| coordinates * block.count).sum();
     let nis = blocks().map(|block| block.nis).sum::<f64>() / rows;
-    let mut suspects = Vec::new();
     let load = search.kind.layout.load;
-    for j in (0..search.kind.part.bench.len()).filter(|j| finished.at(load + j).is_none()) {
+    let suspect = |j: usize| {
         let unknown = load + j;
         let projected = part(&finished.normal.j, &[unknown], columns) * &inverse;
         let all = finished.normal.j[(unknown, unknown)];
@@ -185,19 +184,16 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
         // A parameter that the other unknowns imitate up to rounding cannot be suspected.
         if own <= 1e-9 * all {
-            continue;
+            return None;
         }
         let score = finished.normal.b[unknown] - (&projected * &b)[(0, 0)];
         let chi_square = score * score / own / nis.max(1.0);
-        if chi_square > SUSPECT {
-            suspects.push(Suspect {
-                parameter: j,
-                value: search.kind.part.bench[j].value + score / own,
-                std: (nis.max(1.0) / own).sqrt(),
-                chi_square,
-            });
-        }
-    }
+        let value = search.kind.part.bench[j].value + score / own;
+        let std = (nis.max(1.0) / own).sqrt();
+        (chi_square > SUSPECT).then_some(Suspect { parameter: j, value, std, chi_square })
+    };
+    let exact = (0..search.kind.part.bench.len()).filter(|j| finished.at(load + j).is_none());
+    let mut suspects: Vec<Suspect> = exact.filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
     suspects
 }

@@ -274,27 +274,35 @@ impl Search<'_> {
         totals
     }
 
+    /// One step of a level of noise in the recordings that `of` holds for, by their likelihoods; the largest change.
+    fn step_level(
+        &mut self,
+        levels: [Levels; 3],
+        of: impl Fn(&Case<'_>) -> bool,
+        step: impl Fn(&mut Case<'_>, &[[f64; 3]; 3]) -> f64,
+    ) -> f64 {
+        let totals = self.likelihoods(levels, &of);
+        let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| of(case));
+        cases.map(|(case, sums)| step(case, sums)).fold(0.0, f64::max)
+    }
+
     /// One step of the noise levels that were not told; the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
         let unknown =
             |case: &Case<'_>| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
-        let totals = self.likelihoods(steps.map(|factor| Levels { currents: [factor; 8], ..SAME }), unknown);
-        let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| unknown(case));
-        let mut change = cases.map(|(case, sums)| noise_step(case, sums)).fold(0.0, f64::max);
+        let levels = steps.map(|factor| Levels { currents: [factor; 8], ..SAME });
+        let mut change = self.step_level(levels, unknown, noise_step);
         if self.kind.part.beside.exponent {
-            let powers = [-NOISE_STEP, 0.0, NOISE_STEP];
-            let totals = self.likelihoods(powers.map(|exponent| Levels { exponent, ..SAME }), |_| true);
-            let cases = self.cases.iter_mut().zip(&totals);
-            change = cases.map(|(case, sums)| exponent_step(case, sums)).fold(change, f64::max);
+            let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..SAME });
+            change = change.max(self.step_level(levels, |_| true, exponent_step));
         }
-        if !self.kind.slow_force {
-            return change;
+        if self.kind.slow_force {
+            let least = LEAST_SLOW_FORCE * self.weight_n();
+            let levels = steps.map(|slow| Levels { slow, ..SAME });
+            change = change.max(self.step_level(levels, |_| true, |case, sums| slow_force_step(case, sums, least)));
         }
-        let totals = self.likelihoods(steps.map(|slow| Levels { slow, ..SAME }), |_| true);
-        let least = LEAST_SLOW_FORCE * self.weight_n();
-        let cases = self.cases.iter_mut().zip(&totals);
-        cases.map(|(case, sums)| slow_force_step(case, sums, least)).fold(change, f64::max)
+        change
     }
 
     /// Weight of the rotor, N.
