@@ -9,6 +9,7 @@ use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::harmonic;
+use crate::studies::montecarlo::figures::pooled;
 use crate::studies::sensitivity::{Sensitivity, peak, zone};
 use crate::table::Table;
 
@@ -145,7 +146,6 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         let cells = stretches.iter().map(value);
         rows.push(std::iter::once(name).chain(cells).chain([unit.to_owned()]).collect());
     };
-    let rms = |values: &[f64]| mean(&values.iter().map(|value| value * value).collect::<Vec<_>>()).sqrt();
     let limit_v = scenario.real("coil.uMax");
     for (b, bearing) in machine.bearings.iter().enumerate() {
         let (Bearing { prefix, magnets, .. }, readings) = (bearing, machine.readings_of(b));
@@ -163,7 +163,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         }
         let error = lengths(&errors[readings.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
         row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
-        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
+        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * pooled(s.of(&error))));
         for (reading, signal) in machine.readings[readings].iter().zip(columns) {
             row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
                 let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
@@ -173,7 +173,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         for k in 1..=*magnets {
             let current = get(format!("plant.{prefix}im[{k}]"))?;
             row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
-                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
+                format!("{:.3} / {:.3}", largest(s.of(current)), pooled(s.of(current)))
             });
             // A controller of currents commands no voltage.
             let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use super::figures::{self, Signals};
 use super::{Report, after_colon, cards, evaluation, instant, tables};
 use crate::estimation::{self, STD_LIMIT, Verdict};
-use crate::fmu::estimator::{METHOD, VERDICT};
+use crate::fmu::estimator::VERDICT;
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate::Run;
 use crate::studies::montecarlo::real;
@@ -47,12 +47,6 @@ struct Answer {
     expectation: String,
 }
 
-/// An estimator whose λ̂ is in the columns `element.lambdaHat[1]`, …, and its label in legends.
-pub(super) struct ComparedEstimator {
-    pub element: String,
-    pub label: String,
-}
-
 /// The section of the paper that a scenario repeats, so that its numbers and figures can be compared with ours.
 fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
     match name.to_str()? {
@@ -63,16 +57,13 @@ fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
     }
 }
 
-/// The estimators of a scenario: those beside the loop, or that of the loop if there are none.
-pub(super) fn methods(scenario: &Scenario) -> Vec<ComparedEstimator> {
-    let compared = |element: &str, label: &str| ComparedEstimator { element: element.into(), label: label.into() };
-    let beside = scenario.observers();
-    if beside.is_empty() {
-        let method = scenario.value("estimator", "method");
-        let label = method.and_then(|value| METHOD.item(value.as_f64() as i32)).unwrap_or("estimator");
-        return vec![compared("estimator", label)];
+/// The estimators of a scenario, those beside the loop or that of the loop if there are none: the element whose columns are
+/// `element.lambdaHat[1]`, …, and its label in legends.
+pub(super) fn methods(scenario: &Scenario) -> Vec<[String; 2]> {
+    match scenario.observers() {
+        [] => vec![["estimator", scenario.method("estimator").unwrap_or("estimator")].map(String::from)],
+        beside => beside.iter().map(|element| [element.name.clone(), element.name.clone()]).collect(),
     }
-    beside.iter().map(|element| compared(&element.name, &element.name)).collect()
 }
 
 /// The tables of results of a scenario.
@@ -137,7 +128,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
             None => " It was never valid.".into(),
         };
     }
-    let method = scenario.value(element, "method").and_then(|value| METHOD.item(value.as_f64() as i32));
+    let method = scenario.method(element);
     let is_paper = method.is_some_and(|method| method.starts_with("paper"));
     Some(Answer {
         element: element.into(),
@@ -159,10 +150,7 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
         let first = format!("controller.{}", scenario.machine.of_magnets("lambdaUsed")[0]);
         let more = run.recording.get(&first).unwrap_or(&[]);
         let again = more.last() != more.get(update);
-        mark(
-            evaluation::update_s(&run.recording).unwrap_or(time_s[update]),
-            if again { "first update".into() } else { "update".into() },
-        );
+        mark(time_s[update - 1], if again { "first update".into() } else { "update".into() });
     }
     if let Some(at_s) = scenario.balance_s {
         mark(at_s, "correction masses".into());

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use maud::{Markup, html};
 use serde_json::{Value as Json, json};
 
-use super::experiment::{ComparedEstimator, Paper};
+use super::experiment::Paper;
 use super::{title_of, titled};
 use crate::machine::{Bearing, Kind};
 use crate::report::evaluation::{self, Sensitivities, Stretch, lengths};
@@ -86,8 +86,8 @@ fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
 pub(super) struct Signals<'r> {
     pub scenario: &'r Scenario,
     pub recording: &'r Recording,
-    /// The estimators to compare.
-    pub methods: Vec<ComparedEstimator>,
+    /// The estimators to compare: each by its element and its label.
+    pub methods: Vec<[String; 2]>,
     /// The best of them.
     pub best: &'r str,
     /// The true λ of all magnets, in N·m²/A².
@@ -122,14 +122,14 @@ impl<'r> Signals<'r> {
     /// A plot of each method and bearing, with the name of what distinguishes it.
     fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<(String, Plot)> {
         let bearings = self.scenario.machine.bearings;
-        let of_method = |method: &ComparedEstimator| {
+        let of_method = |[element, label]: &[String; 2]| {
             let of_bearing = |(b, bearing): (usize, &Bearing)| {
                 let title = match (self.methods.len(), bearings.len()) {
                     (1, 1) => String::new(),
                     (1, _) => title_of(bearing),
-                    _ => titled(&method.label, bearing),
+                    _ => titled(label, bearing),
                 };
-                (title, plot(&method.element, b))
+                (title, plot(element, b))
             };
             bearings.iter().enumerate().map(of_bearing).collect::<Vec<_>>()
         };
@@ -183,11 +183,6 @@ impl<'r> Signals<'r> {
         plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
     }
 
-    /// As [`Self::frames`], of a column.
-    fn frames_of(&self, name: &str, factor: f64) -> Option<Json> {
-        self.get(name).map(|values| self.frames(values, factor))
-    }
-
     /// A figure, or a sentence in its place if a plot is empty.
     fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
         let mut figure = Figure::new(id, title, plots, caption.into());
@@ -204,7 +199,7 @@ pub(super) fn time_unit(end_s: f64) -> PlotUnit {
 }
 
 /// `values` where `show` is true, NaN elsewhere.
-fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
+pub(super) fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f64> {
     values.iter().enumerate().map(|(at, value)| if show(at) { *value } else { f64::NAN }).collect()
 }
 
@@ -231,25 +226,18 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
         }
     }
     let std = of_magnets("lambdaStdTotal").unwrap_or_default();
-    for k in 0..lambda.len() {
+    for (k, lambda) in lambda.into_iter().enumerate() {
         let group = format!("λ{}", k + 1);
+        let shown = where_shown(lambda, is_valid);
         if let Some(std) = std.get(k) {
-            let edge = |sign: f64| -> Vec<f64> {
-                let value = |at: usize| if is_valid(at) { lambda[k][at] + sign * 2.0 * std[at] } else { f64::NAN };
-                (0..run.time_s().len()).map(value).collect()
-            };
-            plot.band(&group, colour::BANDS[k], run.time_s(), &edge(-1.0), &edge(1.0));
+            plot.band(&group, colour::BANDS[k], run.time_s(), &shown, std);
         }
         let name = format!("λ̂{}", INDEX[k]);
         // Both lines extend to where they meet.
         let not_valid = |at: usize| !is_valid(at) || at > 0 && !is_valid(at - 1);
         let dotted = Line::new(&format!("{name} not valid"), colour::MAGNETS[k]).dotted().unlisted().group(&group);
-        run.line(&mut plot, dotted, &where_shown(lambda[k], not_valid));
-        run.line(
-            &mut plot,
-            Line::new(&name, colour::MAGNETS[k]).group(&group).width(2.0),
-            &where_shown(lambda[k], is_valid),
-        );
+        run.line(&mut plot, dotted, &where_shown(lambda, not_valid));
+        run.line(&mut plot, Line::new(&name, colour::MAGNETS[k]).group(&group).width(2.0), &shown);
         let line = Line::new(&format!("true λ{}", INDEX[k]), colour::MAGNETS[k]).dashed().width(1.0).unlisted();
         plot.line(line.group(&group), &run.ends_s(), &[truth[k]; 2]);
     }
@@ -283,8 +271,8 @@ pub(super) fn first(run: &Signals) -> Markup {
 
 /// The animation and its data at equidistant instants.
 fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
-    let of = |name: &str, factor: f64| run.frames_of(name, factor);
-    let micro = |name: &str| run.frames_of(name, 1e6);
+    let of = |name: &str, factor: f64| run.get(name).map(|values| run.frames(values, factor));
+    let micro = |name: &str| of(name, 1e6);
     let frames = |columns: Vec<&[f64]>, factor: f64| -> Vec<Json> {
         columns.into_iter().map(|values| run.frames(values, factor)).collect()
     };
@@ -378,19 +366,18 @@ fn errors(run: &Signals) -> Figure {
     };
     // Down to typical errors: an error that changes its sign is small for an instant.
     let bearings = 0..machine.bearings.len();
-    let pairs = run.methods.iter().flat_map(|method| bearings.clone().map(move |b| (&method.element, b)));
+    let pairs = run.methods.iter().flat_map(|[element, _]| bearings.clone().map(move |b| (element, b)));
     let mut all: Vec<f64> =
         pairs.flat_map(|(element, b)| lambda(element, b)).flatten().filter(|error| *error > 0.0).collect();
     all.sort_by(f64::total_cmp);
     let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-3));
-    let positive = |values: &[f64]| values.iter().map(|value| if *value > 0.0 { *value } else { f64::NAN }).collect();
+    let positive = |values: &[f64]| where_shown(values, |at| values[at] > 0.0);
     let plots = run.of_methods(|element, b| {
         let mut plot = run.plot("|λ̂ − λ|/λ", PlotUnit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
         let (magnets, bearing) = (machine.magnets_of(b), &machine.bearings[b]);
         for (k, error) in lambda(element, b).iter().enumerate() {
-            let error: Vec<f64> = positive(error);
             let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
-            run.line(&mut plot, line, &error);
+            run.line(&mut plot, line, &positive(error));
         }
         let std = run.of_magnets(element, bearing, "lambdaStdTotal");
         for (k, (std, truth)) in std.into_iter().flatten().zip(&truth[magnets]).enumerate() {
@@ -407,9 +394,9 @@ fn errors(run: &Signals) -> Figure {
 
 fn condition(run: &Signals) -> Option<Figure> {
     let mut plot = run.plot("condition number", PlotUnit::ONE).decades(1).height(240.0);
-    for (method, colour) in run.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
-        if let Some(values) = run.get(&format!("{}.condition", method.element)) {
-            run.line(&mut plot, Line::new(&method.label, colour), &where_shown(values, |at| values[at] > 0.0));
+    for ([element, label], colour) in run.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
+        if let Some(values) = run.get(&format!("{element}.condition")) {
+            run.line(&mut plot, Line::new(label, colour), &where_shown(values, |at| values[at] > 0.0));
         }
     }
     let caption = "The condition number of the equations solved: the factor by which errors of the data may grow.";

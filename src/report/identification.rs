@@ -7,7 +7,7 @@ use serde_json::Value as Json;
 
 use crate::estimation::{Method, Verdict};
 use crate::machine::{Bearing, Machine, Reading};
-use crate::report::figures::{Figure, time_unit};
+use crate::report::figures::{Figure, time_unit, where_shown};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards};
 use crate::simulation::scenario::Scenario;
@@ -163,20 +163,16 @@ impl<'s> Drawn<'s> {
             let bearing = bearing.name();
             let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
             for (number, k) in magnets.clone().enumerate() {
-                let (mut x, mut low, mut middle, mut high) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-                for (from, to, estimate) in self.parts(found, k) {
-                    let (value, two) = (estimate.value, 2.0 * estimate.total_std.max(estimate.noise_std));
-                    // A gap at the end of each part.
-                    for (at, shown) in [(from, 1.0), (to, 1.0), (to, f64::NAN)] {
-                        x.push(at);
-                        low.push(shown * (value - two));
-                        middle.push(shown * value);
-                        high.push(shown * (value + two));
-                    }
-                }
+                // A gap at the end of each part.
+                let corners = |(from, to, estimate): (f64, f64, Estimate)| {
+                    let std = estimate.total_std.max(estimate.noise_std);
+                    [(from, estimate.value), (to, estimate.value), (to, f64::NAN)].map(|(x, value)| [x, value, std])
+                };
+                let corners: Vec<_> = self.parts(found, k).into_iter().flat_map(corners).collect();
+                let [x, value, std] = [0, 1, 2].map(|n| corners.iter().map(|corner| corner[n]).collect::<Vec<_>>());
                 let name = NAMES[number];
-                whole.band(name, colour::BANDS[number], &x, &low, &high);
-                whole.line(Line::new(name, colour::MAGNETS[number]).group(name).width(2.0), &x, &middle);
+                whole.band(name, colour::BANDS[number], &x, &value, &std);
+                whole.line(Line::new(name, colour::MAGNETS[number]).group(name).width(2.0), &x, &value);
             }
             for part in found.contradictions.iter().filter(|part| part.recording == 0) {
                 whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
@@ -304,9 +300,9 @@ impl<'s> Drawn<'s> {
             current.line(Line::new(["i₁", "i₂"][k], colour::MAGNETS[k]).width(1.0), &self.time_s, values);
         }
         let mut slow = self.over_time("slow force", PlotUnit { name: "mN", factor: 1e3 });
-        let side = |sign: f64| traces.slow_n.iter().map(|[force, std]| force + 2.0 * sign * std).collect::<Vec<_>>();
-        slow.band("slow force", colour::BANDS[0], &self.time_s, &side(-1.0), &side(1.0));
-        slow.line(Line::new("slow force", colour::MAGNETS[0]).group("slow force"), &self.time_s, &side(0.0));
+        let (force, std): (Vec<f64>, Vec<f64>) = traces.slow_n.iter().map(|[force, std]| (force, std)).unzip();
+        slow.band("slow force", colour::BANDS[0], &self.time_s, &force, &std);
+        slow.line(Line::new("slow force", colour::MAGNETS[0]).group("slow force"), &self.time_s, &force);
         let mut errors = self.over_time("prediction error", PlotUnit::MICROMETRE);
         errors.line(Line::new("one sample ahead", colour::MAGNETS[1]).width(1.0), &self.time_s, &traces.error_m);
         let recorded = [("Position", position), ("Currents", current)];
@@ -365,15 +361,12 @@ impl<'s> Drawn<'s> {
         let of_bearing = |bearing: &Bearing| {
             let mut plot = self.over_time("λ̂", PlotUnit::LAMBDA).height(380.0);
             for (k, (lambda, std)) in magnets.by_ref().take(bearing.magnets).enumerate() {
-                let [valid, lambda, std] = [track.of("valid"), track.of(lambda), track.of(std)];
-                let edge = |stds: f64| -> Vec<f64> {
-                    let value = |j: usize| if valid[j] == 1.0 { lambda[j] + stds * std[j] } else { f64::NAN };
-                    (0..valid.len()).map(value).collect()
-                };
+                let valid = track.of("valid");
+                let lambda = where_shown(track.of(lambda), |j| valid[j] == 1.0);
                 let time_s = &track.outputs.time_s;
-                plot.band(NAMES[k], colour::BANDS[k], time_s, &edge(-2.0), &edge(2.0));
+                plot.band(NAMES[k], colour::BANDS[k], time_s, &lambda, track.of(std));
                 let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃", "λ̂₄"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
-                plot.line(line, time_s, &edge(0.0));
+                plot.line(line, time_s, &lambda);
             }
             let title = if bearing.prefix.is_empty() { track.name() } else { bearing.name() };
             (title.to_owned(), plot)
@@ -385,7 +378,6 @@ impl<'s> Drawn<'s> {
 /// Adds a signal of a track, with gaps where it is not shown.
 fn line(plot: &mut Plot, track: &Track, name: &str, line: Line, show: impl Fn(usize) -> bool) {
     let verdicts = track.verdicts();
-    let filling = |j: usize| verdicts[j] == Verdict::Collecting;
-    let shown = |(j, value): (usize, &f64)| if show(j) && !filling(j) { *value } else { f64::NAN };
-    plot.line(line, &track.outputs.time_s, &track.of(name).iter().enumerate().map(shown).collect::<Vec<f64>>());
+    let shown = where_shown(track.of(name), |j| show(j) && verdicts[j] != Verdict::Collecting);
+    plot.line(line, &track.outputs.time_s, &shown);
 }

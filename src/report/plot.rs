@@ -191,16 +191,19 @@ impl Plot {
         self.trace(trace, &thinned(&x, &y));
     }
 
-    /// Adds the area between two lines, where both are finite; it is switched with its group.
-    pub fn band(&mut self, group: &str, fill: &str, x: &[f64], low: &[f64], high: &[f64]) {
+    /// Adds the area within two standard deviations of values, where both are finite; it is switched with its group.
+    pub fn band(&mut self, group: &str, fill: &str, x: &[f64], values: &[f64], std: &[f64]) {
         let every = (x.len() / EDGE).max(1);
         let (mut xs, mut ys) = (Vec::new(), Vec::new());
-        let inside = |at: &usize| low[*at].is_finite() && high[*at].is_finite();
-        let rows: Vec<usize> = (0..x.len().min(low.len()).min(high.len())).step_by(every).collect();
-        for stretch in rows.split(|at| !inside(at)).filter(|stretch| stretch.len() > 1) {
-            let around = || stretch.iter().map(|at| (*at, high)).chain(stretch.iter().rev().map(|at| (*at, low)));
-            xs.extend(around().map(|(at, _)| x[at]).chain([f64::NAN]));
-            ys.extend(around().map(|(at, edge)| edge[at]).chain([f64::NAN]));
+        let edge = |at: usize, stds: f64| values[at] + stds * std[at];
+        let rows: Vec<usize> = (0..x.len()).step_by(every).collect();
+        for stretch in rows.split(|at| !edge(*at, 2.0).is_finite()).filter(|stretch| stretch.len() > 1) {
+            let above = stretch.iter().map(|at| (x[*at], edge(*at, 2.0)));
+            let below = stretch.iter().rev().map(|at| (x[*at], edge(*at, -2.0)));
+            for (x, y) in above.chain(below).chain([(f64::NAN, f64::NAN)]) {
+                xs.push(x);
+                ys.push(y);
+            }
         }
         if !xs.is_empty() {
             let shown = self.shown(&xs, &ys);

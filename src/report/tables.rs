@@ -39,13 +39,13 @@ fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     let end_s = run.recording.time_s.last().copied().filter(|end_s| !paper && *end_s > INSTANTS_S[1]);
     for instant_s in INSTANTS_S.into_iter().chain(end_s) {
         let Some(at) = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9) else { continue };
-        for method in methods(scenario) {
-            let value = |name: &str| run.recording.get(&format!("{}.{name}", method.element))?.get(at).copied();
+        for [element, label] in methods(scenario) {
+            let value = |name: &str| run.recording.get(&format!("{element}.{name}"))?.get(at).copied();
             let names = scenario.machine.of_magnets("lambdaHat");
             let lambda: Option<Vec<f64>> = names.iter().map(|name| value(name)).collect();
             if let (Some(lambda), Some(valid)) = (lambda, value("valid")) {
                 let valid = if valid == 1.0 { "yes" } else { "no" };
-                rows.push(row(format!("{} at {instant_s} s", method.label), &lambda, valid));
+                rows.push(row(format!("{label} at {instant_s} s"), &lambda, valid));
             }
         }
     }

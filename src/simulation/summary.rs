@@ -2,7 +2,6 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use crate::fmu::estimator::METHOD;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 
@@ -17,10 +16,9 @@ pub fn json(scenario: &Scenario, run: &Run) -> Json {
         let of_magnets = |name: &str| names(name).iter().map(|name| last(name)).collect::<Vec<_>>();
         let hat = of_magnets("lambdaHat");
         let error: Vec<_> = hat.iter().zip(&truth).map(|(hat, truth)| Some((*hat)? / (*truth)? - 1.0)).collect();
-        let method = scenario.value(&element.name, "method").and_then(|value| METHOD.item(value.as_f64() as i32));
         json!({
             "element": element.name,
-            "method": method,
+            "method": scenario.method(&element.name),
             "lambdaHat": hat,
             "lambdaStd": of_magnets("lambdaStd"),
             "lambdaStdTotal": of_magnets("lambdaStdTotal"),

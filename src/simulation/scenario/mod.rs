@@ -13,6 +13,7 @@ use fmu_export::variable::{Causality, Type, Value};
 
 pub use self::read::{leaves, suggestion, text};
 use self::read::{permitted, unknown};
+use crate::fmu::estimator::METHOD;
 use crate::machine::{self, Machine};
 
 /// Scenarios with their texts, by name.
@@ -292,6 +293,11 @@ impl Scenario {
         used == 1.0 || used == 2.0 + k as f64
     }
 
+    /// The magnets that are used.
+    pub fn used(&self) -> Vec<usize> {
+        (0..self.machine.magnets()).filter(|k| self.uses(*k)).collect()
+    }
+
     /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.
     ///
     /// # Errors
@@ -365,6 +371,11 @@ impl Scenario {
     /// The start value of a variable.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
         self.elements.iter().find(|candidate| candidate.name == element)?.value(variable)
+    }
+
+    /// The method of an estimator that has several.
+    pub fn method(&self, estimator: &str) -> Option<&'static str> {
+        METHOD.item(self.value(estimator, "method")?.as_f64() as i32)
     }
 
     /// A number of the plant.

@@ -8,6 +8,7 @@ use crate::fmu::estimator::VERDICT;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{Profile, Scenario};
 use crate::simulation::synchronous::forces;
+use fmu_export::variable::Value;
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
 pub const CONFIDENT: f64 = 5.0;
@@ -89,104 +90,50 @@ pub fn worst(trials: &[Trial]) -> (u64, Worst) {
     worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst))
 }
 
-/// The true λ of a magnet over time.
-struct Truth<'a> {
-    start: f64,
-    course: Option<&'a Profile>,
-    step_s: f64,
-}
-
-impl<'a> Truth<'a> {
-    /// That of a magnet, by the name of its λ in the plant.
-    fn new(scenario: &'a Scenario, name: &str) -> Self {
-        let path = format!("plant.{name}");
-        let of_magnet = |profile: &&Profile| profile.targets.iter().any(|target| scenario.path(*target) == path);
-        Self {
-            start: real(scenario, "plant", name),
-            course: scenario.profiles.iter().find(of_magnet),
-            step_s: scenario.step_s,
-        }
-    }
-
-    /// λ in the interval that ends at an instant, in N·m²/A².
-    fn at(&self, time_s: f64) -> f64 {
-        let now = self.course.and_then(|course| course.at(time_s - 0.5 * self.step_s));
-        now.map_or(self.start, |value| value.as_f64())
-    }
-
-    /// When λ jumps, in s, if it does.
-    fn jump_s(&self) -> Option<f64> {
-        self.course.filter(|course| course.hold)?.time_s.first().copied()
-    }
-}
-
-/// An estimate of λ beside the truth, relative to it.
-#[derive(Clone, Copy, Debug)]
+/// The estimate of one λ, row by row, relative to the true one.
 struct Estimate {
-    /// Error.
-    error: f64,
+    /// Its error.
+    error: Vec<f64>,
     /// Standard deviation stated, of noise alone.
-    std: f64,
+    std: Vec<f64>,
     /// With all tolerances; the former where there is no such output.
-    total: f64,
-    /// |error|/standard deviation, tolerances included.
-    ratio: f64,
+    total: Vec<f64>,
 }
 
-/// The estimates of a run.
-struct Estimates<'a> {
-    time_s: &'a [f64],
-    /// Whether they are valid.
-    valid: &'a [f64],
-    /// Of each magnet in use: true λ, λ̂ and its standard deviations.
-    magnets: Vec<(Truth<'a>, [&'a [f64]; 3])>,
-    /// How long a jump of λ may remain unnoticed, in s.
-    granted_s: f64,
+impl Estimate {
+    /// |error|/standard deviation at a row, tolerances included.
+    fn ratio(&self, row: usize) -> f64 {
+        // Two numbers that are both 0 agree.
+        let ratio = if self.error[row] == 0.0 { 0.0 } else { (self.error[row] / self.total[row]).abs() };
+        if ratio.is_nan() { f64::INFINITY } else { ratio }
+    }
 }
 
-impl<'a> Estimates<'a> {
-    /// Those in a recording; `None` if it lacks outputs of the estimator.
-    fn new(scenario: &'a Scenario, recording: &'a Recording) -> Option<Self> {
+/// How the true λ of a name changes, if it does.
+fn course<'a>(scenario: &'a Scenario, lambda: &str) -> Option<&'a Profile> {
+    let path = format!("plant.{lambda}");
+    scenario.profiles.iter().find(|profile| profile.targets.iter().any(|target| scenario.path(*target) == path))
+}
+
+/// The estimates for the magnets in use; `None` if the recording lacks outputs of the estimator.
+fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>> {
+    let names = ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
+    let of_magnet = |k: usize| {
+        let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
+        let (start, course) = (real(scenario, "plant", truth), course(scenario, truth));
+        // That of the interval which ends at the row.
+        let at = |time_s: &f64| course.and_then(|course| course.at(time_s - 0.5 * scenario.step_s));
+        let truth = recording.time_s.iter().map(|time_s| at(time_s).map_or(start, Value::as_f64));
+        let truth: Vec<f64> = truth.collect();
         let get = |name: &str| recording.get(&format!("estimator.{name}"));
-        let names =
-            ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
-        let magnet = |k: usize| {
-            let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
-            let (std, total) = (get(std), get(total));
-            Some((Truth::new(scenario, truth), [get(hat)?, std.or(total)?, total.or(std)?]))
-        };
-        let used = (0..scenario.machine.magnets()).filter(|k| scenario.uses(*k));
-        Some(Self {
-            time_s: &recording.time_s,
-            valid: get("valid")?,
-            magnets: used.map(magnet).collect::<Option<_>>()?,
-            granted_s: GRANTED_REVOLUTIONS * TAU / real(scenario, "plant", "omega").abs().max(1.0),
+        let relative = |of: &[f64]| of.iter().zip(&truth).map(|(value, truth)| value / truth).collect::<Vec<_>>();
+        Some(Estimate {
+            error: relative(get(hat)?).into_iter().map(|hat| hat - 1.0).collect(),
+            std: relative(get(std).or(get(total))?),
+            total: relative(get(total).or(get(std))?),
         })
-    }
-
-    /// When a λ jumps, in s, if one does.
-    fn jump_s(&self) -> Option<f64> {
-        self.magnets.iter().find_map(|(truth, _)| truth.jump_s())
-    }
-
-    /// Those at a row, magnet by magnet.
-    fn at(&self, row: usize) -> impl Iterator<Item = Estimate> {
-        self.magnets.iter().map(move |(truth, columns)| {
-            let truth = truth.at(self.time_s[row]);
-            let [hat, std, total] = columns.map(|column| column[row] / truth);
-            let error = hat - 1.0;
-            // Two numbers that are both 0 agree.
-            let ratio = if error == 0.0 { 0.0 } else { (error / total).abs() };
-            Estimate { error, std, total, ratio: if ratio.is_nan() { f64::INFINITY } else { ratio } }
-        })
-    }
-
-    /// That at a row which is off by most of its standard deviations.
-    fn worst(&self, row: usize) -> Worst {
-        self.at(row).fold(Worst::default(), |worst, Estimate { error, total: std, ratio, .. }| {
-            if ratio > worst.ratio { Worst { ratio, time_s: self.time_s[row], error, std } } else { worst }
-        })
-    }
+    };
+    scenario.used().into_iter().map(of_magnet).collect()
 }
 
 /// Whether a signal is needed to judge a run.
@@ -219,9 +166,11 @@ pub fn judge(
 ) -> Option<Trial> {
     let machine = scenario.machine;
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
-    let used: Vec<usize> = (0..machine.magnets()).filter(|k| scenario.uses(*k)).collect();
-    let estimates = Estimates::new(scenario, recording)?;
-    let (valid, jump_s) = (estimates.valid, estimates.jump_s());
+    let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording)?, get("valid")?);
+    let lambda = machine.of_magnets("lambda");
+    let jump = used.iter().filter_map(|k| course(scenario, &lambda[*k])).find(|course| course.hold);
+    let jump_s = jump.map(|course| course.time_s[0]);
+    let granted_s = GRANTED_REVOLUTIONS * TAU / real(scenario, "plant", "omega").abs().max(1.0);
     let time_s = &recording.time_s;
     let rows = touched.unwrap_or(time_s.len());
     let counted = || (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
@@ -234,31 +183,34 @@ pub fn judge(
         changes: changes.iter().enumerate().map(within_a_second).max().unwrap_or(0),
         touched_s: touched.map(|row| time_s[row]),
         left: scenario.balance_s.and_then(|balance_s| {
-            let [before, after] = [balance_s, *recording.time_s.last()?].map(|end_s| forces(recording, end_s));
+            let [before, after] = [balance_s, *time_s.last()?].map(|end_s| forces(recording, end_s));
             let sum = |forces: [f64; 4]| forces.iter().map(|force| force * force).sum::<f64>();
             Some((sum(after?) / sum(before?)).sqrt())
         }),
         ..Trial::default()
     };
     for row in 0..rows {
-        let after_s =
-            jump_s.map(|jump_s| recording.time_s[row] - jump_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
+        let after_s = jump_s.map(|jump_s| time_s[row] - jump_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
         trial.lost += usize::from(row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0);
-        let worst = if valid[row] == 1.0 { estimates.worst(row) } else { Worst::default() };
+        let mut worst = Worst::default();
+        for estimate in estimates.iter().filter(|_| valid[row] == 1.0) {
+            let ratio = estimate.ratio(row);
+            if ratio > worst.ratio {
+                worst = Worst { ratio, time_s: time_s[row], error: estimate.error[row], std: estimate.total[row] };
+            }
+        }
         if worst.ratio < 4.0 {
             trial.noticed_s = trial.noticed_s.or(after_s);
         }
-        if worst.ratio > trial.worst.ratio && after_s.is_none_or(|after_s| after_s > estimates.granted_s) {
+        if worst.ratio > trial.worst.ratio && after_s.is_none_or(|after_s| after_s > granted_s) {
             trial.worst = worst;
         }
     }
     let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
     let planes: Vec<_> = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase")).collect();
     for (at, instant_s) in instants_s.iter().enumerate() {
-        let Some(row) = (0..rows).find(|row| recording.time_s[*row] >= instant_s - 0.5 * scenario.step_s) else {
-            break;
-        };
-        let of = |number: fn(&Estimate) -> f64| estimates.at(row).map(|estimate| number(&estimate)).collect();
+        let Some(row) = (0..rows).find(|row| time_s[*row] >= instant_s - 0.5 * scenario.step_s) else { break };
+        let of = |part: fn(&Estimate) -> &[f64]| estimates.iter().map(|estimate| part(estimate)[row]).collect();
         let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);
         let unbalances = planes.iter().map(|(magnitude, phase)| {
             let (size, turned) = (real(scenario, "plant", magnitude), read(phase) - real(scenario, "plant", phase));
@@ -268,9 +220,9 @@ pub fn judge(
         let of_magnets = |all: &[f64]| used.iter().map(|k| all[*k]).collect();
         trial.samples.push(Sample {
             valid: valid[row] == 1.0,
-            error: of(|estimate| estimate.error),
-            std: of(|estimate| estimate.std),
-            total: of(|estimate| estimate.total),
+            error: of(|estimate| &estimate.error),
+            std: of(|estimate| &estimate.std),
+            total: of(|estimate| &estimate.total),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
             unbalance: [0, 1].map(|n| pooled(&unbalances.iter().map(|plane| plane[n]).collect::<Vec<_>>())),
             verdict: get("verdict").map(|values| verdict(values[row])),
@@ -330,14 +282,9 @@ impl Figures {
     pub fn new(instant_s: f64, samples: &[&Sample]) -> Self {
         let valid: Vec<&&Sample> = samples.iter().filter(|sample| sample.valid).collect();
         let identifiable = |sample: &Sample| sample.bound.iter().all(|bound| *bound < IDENTIFIABLE);
-        let mean = |value: &dyn Fn(&Sample) -> f64| {
-            // Without a valid estimate there is no figure.
-            if valid.is_empty() {
-                f64::NAN
-            } else {
-                valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64
-            }
-        };
+        // Not a number without a valid estimate.
+        let mean =
+            |value: &dyn Fn(&Sample) -> f64| valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64;
         let magnets = samples.first().map_or(0, |sample| sample.error.len());
         let rms = |value: &dyn Fn(&Sample, usize) -> f64| -> Vec<f64> {
             (0..magnets).map(|k| mean(&|sample| value(sample, k).powi(2)).sqrt()).collect()

@@ -316,7 +316,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
 /// The magnets of each bearing that are used: their names, and their places among all that are used.
 pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(String, Vec<usize>)> {
     let machine = scenario.machine;
-    let used: Vec<usize> = (0..machine.magnets()).filter(|k| scenario.uses(*k)).collect();
+    let used = scenario.used();
     let of = |(b, bearing): (usize, &Bearing)| {
         let own = |at: &usize| machine.magnet(used[*at]).is_some_and(|(bearing, _)| bearing == b);
         let places: Vec<usize> = (0..used.len()).filter(own).collect();
@@ -327,14 +327,16 @@ pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(String, Vec<usize>)> {
     machine.bearings.iter().enumerate().map(of).collect()
 }
 
+/// A number with so many decimals if it is known.
+fn known(value: f64, digits: usize) -> String {
+    if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
+}
+
 /// The figures as a table, a column for each instant.
 pub fn table(study: &Study, outcome: &Outcome) -> Table {
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: &str, value: &dyn Fn(&Figures) -> String| {
         rows.push(std::iter::once(name.to_owned()).chain(outcome.figures.iter().map(value)).collect());
-    };
-    let known = |value: f64, digits: usize| {
-        if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
     };
     // Errors without noise have fewer digits before them than three.
     let small = |value: f64| value != 0.0 && value.abs() < 1e-5;
@@ -383,7 +385,6 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         });
     }
     let (seed, worst) = outcome.worst();
-    let count = |what: &dyn Fn(&Trial) -> bool| outcome.trials.iter().filter(|trial| what(trial)).count();
     let mut note = format!(
         "{} runs, seeds {} to {}. Over all valid samples the greatest error is {:.1} standard deviations (seed {seed}, {:.4} s: \
          {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}.",
@@ -408,13 +409,13 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
             100.0 * left.iter().copied().fold(0.0, f64::max)
         );
     }
-    let touched = count(&|trial| trial.touched_s.is_some());
+    let touched = outcome.trials.iter().filter(|trial| trial.touched_s.is_some()).count();
     if touched > 0 {
         note += &format!(" The rotor touched down in {touched} runs.");
     }
     let mut noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
     noticed.sort_by(f64::total_cmp);
-    if let (Some(last), true) = (noticed.last(), !noticed.is_empty()) {
+    if let Some(last) = noticed.last() {
         note += &format!(
             " The change was noticed in {} runs, after {:.1} ms (median), {:.1} ms at most; the greatest error counts from two \
              revolutions after it.",

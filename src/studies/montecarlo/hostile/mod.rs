@@ -9,7 +9,7 @@ mod courses;
 
 use super::cases::Draw;
 use super::figures::{self, CONFIDENT, is_contact, touched};
-use super::{ATTEMPTS, NOISE, built_in, cases, real, study};
+use super::{ATTEMPTS, NOISE, built_in, cases, known, real, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
@@ -174,9 +174,6 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
             .collect();
         let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
         let rms = |which: usize| mean(&at_end.iter().map(|end| end[which] * end[which]).collect::<Vec<_>>()).sqrt();
-        let number = |value: f64, digits: usize| {
-            if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
-        };
         let of_worst = |text: String| if worst.ratio > 0.0 { text } else { "–".into() };
         let mark = match case.course.asked {
             Asked::Valid => "",
@@ -189,14 +186,14 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         vec![
             format!("{}, {}{mark}{ended}", case.course.name, noise(case.told)),
             format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
-            number(worst.ratio, 1),
-            of_worst(number(100.0 * worst.error, 2)),
-            of_worst(number(100.0 * worst.std, 2)),
+            known(worst.ratio, 1),
+            of_worst(known(100.0 * worst.error, 2)),
+            of_worst(known(100.0 * worst.std, 2)),
             of_worst(format!("{seed} at {:.3} s", worst.time_s)),
-            number(100.0 * mean(&valid), 0),
+            known(100.0 * mean(&valid), 0),
             trials.iter().map(|trial| trial.changes).max().unwrap_or(0).to_string(),
-            number(100.0 * rms(0), 2),
-            number(rms(1), 2),
+            known(100.0 * rms(0), 2),
+            known(rms(1), 2),
         ]
     };
     let seeds = found.first().and_then(|trials| Some((trials.first()?.seed, trials.last()?.seed)));
