@@ -5,7 +5,7 @@ use fmu_export::variable::Value;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::identify::likelihood::{self, *};
-use magnetic_bearing::studies::montecarlo::figures::Trial;
+use magnetic_bearing::studies::montecarlo::figures::{Trial, wanted};
 use magnetic_bearing::studies::montecarlo::offline;
 use magnetic_bearing::studies::parallel::in_order;
 
@@ -297,7 +297,7 @@ fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
         for element in ["plant", "estimator"] {
             scenario.set(element, "sensor.positionNoise", Value::Real(noise));
         }
-        let run = simulate::run_for(&scenario, offline::wanted, |_| ()).unwrap();
+        let run = simulate::run_for(&scenario, wanted, |_| ()).unwrap();
         let offline = study.offline.as_ref().unwrap();
         offline::judge(&scenario, &run.recording, &study.instants_s, bearing, offline).unwrap()
     })

@@ -343,6 +343,11 @@ impl Scenario {
         }
     }
 
+    /// As [`Self::set`], in every element that has the variable.
+    pub fn set_everywhere(&mut self, variable: &str, value: impl Into<Value> + Clone) {
+        self.elements.iter_mut().for_each(|element| element.set(variable, value.clone()));
+    }
+
     /// Lets the variables of these paths follow values over time, in s, as [`Profile`] says.
     ///
     /// # Panics

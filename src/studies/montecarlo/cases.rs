@@ -80,21 +80,15 @@ pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
     let (m, s) = (draw.scale(2.0, 15.0), draw.between(3e-4, 8e-4));
     let turned = draw.between(-PI, PI);
     let smallest = draw.scale(1e-6, 3e-6);
-    for element in ["plant", "controller", "estimator"] {
-        scenario.set(element, "m", m);
-        scenario.set(element, "s", s);
-    }
+    scenario.set_everywhere("m", m);
+    scenario.set_everywhere("s", s);
     for k in 1..=3 {
         let alpha = turned + (k - 1) as f64 * TAU / 3.0 + draw.between(-0.3, 0.3);
-        for element in ["plant", "controller", "estimator"] {
-            scenario.set(element, &format!("alpha[{k}]"), alpha);
-        }
+        scenario.set_everywhere(&format!("alpha[{k}]"), alpha);
         let lambda = smallest * draw.scale(1.0, 2.0);
         let guess = lambda * draw.between(0.7, 1.6);
         scenario.set("plant", &format!("lambda[{k}]"), lambda);
-        for element in ["controller", "estimator"] {
-            scenario.set(element, &format!("lambda0[{k}]"), guess);
-        }
+        scenario.set_everywhere(&format!("lambda0[{k}]"), guess);
     }
     sample_time(&mut scenario, draw.one_of(&[5e-5, 1e-4, 2e-4]));
     let frequency_hz = draw.between(40.0, 120.0);
@@ -107,20 +101,14 @@ pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
     let phase = draw.between(-PI, PI);
     unbalance(&mut scenario, force_n / (omega * omega), phase);
     let (load_n, direction) = (draw.between(0.0, 0.5) * 9.81 * m, draw.between(-PI, PI));
-    for (name, value) in [
-        ("pY", load_n * libm::cos(direction)),
-        ("pZ", load_n * libm::sin(direction)),
-        ("theta0", draw.between(-PI, PI)),
-        // The rotor may use half of the gap.
-        ("touchdown.clearance", 0.5 * s),
-    ] {
-        scenario.set("plant", name, value);
-    }
-    for (name, value) in
-        [("F0", draw.between(2.0, 5.0) * m), ("bandwidth.tracking", draw.scale(500.0, 2000.0)), ("update.time", 0.2)]
-    {
-        scenario.set("controller", name, value);
-    }
+    scenario.set("plant", "pY", load_n * libm::cos(direction));
+    scenario.set("plant", "pZ", load_n * libm::sin(direction));
+    scenario.set("plant", "theta0", draw.between(-PI, PI));
+    // The rotor may use half of the gap.
+    scenario.set("plant", "touchdown.clearance", 0.5 * s);
+    scenario.set("controller", "F0", draw.between(2.0, 5.0) * m);
+    scenario.set("controller", "bandwidth.tracking", draw.scale(500.0, 2000.0));
+    scenario.set("controller", "update.time", 0.2);
     noise(&mut scenario, [draw.scale(5e-8, 2e-6), draw.scale(5e-3, 5e-2)], told);
     scenario
 }
@@ -133,12 +121,16 @@ pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
     }
 }
 
+/// Sets the speed, in rad/s.
+pub fn turning_at(scenario: &mut Scenario, omega: f64) {
+    scenario.set("plant", "omega", omega);
+    scenario.set("controller", "reference.omega", omega);
+}
+
 /// The rotor at rest in the centre.
 pub fn at_rest(scenario: &mut Scenario) {
     centred(scenario);
-    for (element, name) in [("plant", "omega"), ("controller", "reference.omega")] {
-        scenario.set(element, name, 0.0);
-    }
+    turning_at(scenario, 0.0);
 }
 
 /// The rotor in the centre from the start on, at its speed.
@@ -150,36 +142,29 @@ pub fn centred(scenario: &mut Scenario) {
     }
     let moving = ["rX", "rY", "rZ", "lobeAmplitude", "amplitude"].map(|what| format!("reference.{what}"));
     let controller = scenario.controller().model_type.clone();
-    for variable in controller.variables() {
-        if moving.iter().any(|end| variable.name.ends_with(end.as_str())) {
-            scenario.set("controller", &variable.name, 0.0);
-        }
+    let names = controller.variables().iter().map(|variable| &variable.name);
+    for name in names.filter(|name| moving.iter().any(|end| name.ends_with(end))) {
+        scenario.set("controller", name, 0.0);
     }
 }
 
 /// Sets the sample time of all, in s.
 pub fn sample_time(scenario: &mut Scenario, step_s: f64) {
-    for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
-        scenario.set(element, name, step_s);
-    }
+    scenario.set("plant", "sensor.Ts", step_s);
+    scenario.set_everywhere("Ts", step_s);
     scenario.step_s = step_s;
 }
 
 /// Sets half axes in m, number and amplitude in m of the lobes, and speed in rad/s; the rotor starts on the path.
 pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32, f64), omega: f64) {
-    for (element, name, value) in [
-        ("controller", "reference.rY", radius[0]),
-        ("controller", "reference.rZ", radius[1]),
-        ("controller", "reference.lobeAmplitude", amplitude),
-        ("controller", "reference.omega", omega),
-        ("plant", "omega", omega),
-        ("plant", "Y0", radius[0] + amplitude),
-        ("plant", "Z0", 0.0),
-        ("plant", "vY0", 0.0),
-        ("plant", "vZ0", (radius[1] + amplitude) * omega),
-    ] {
-        scenario.set(element, name, value);
-    }
+    turning_at(scenario, omega);
+    scenario.set("plant", "Y0", radius[0] + amplitude);
+    scenario.set("plant", "Z0", 0.0);
+    scenario.set("plant", "vY0", 0.0);
+    scenario.set("plant", "vZ0", (radius[1] + amplitude) * omega);
+    scenario.set("controller", "reference.rY", radius[0]);
+    scenario.set("controller", "reference.rZ", radius[1]);
+    scenario.set("controller", "reference.lobeAmplitude", amplitude);
     scenario.set("controller", "reference.lobes", lobes);
     scenario.set("controller", "reference.shape", if amplitude > 0.0 { 2 } else { 1 });
 }
@@ -197,8 +182,7 @@ pub fn unbalance(scenario: &mut Scenario, magnitude: f64, phase: f64) {
 
 /// Voltage drive: the currents are continuous, and the estimator knows it.
 pub fn voltage_drive(scenario: &mut Scenario) {
-    scenario.set("plant", "drive", 2);
-    scenario.set("controller", "drive", 2);
+    scenario.set_everywhere("drive", 2);
     scenario.set("estimator", "hold", 3);
 }
 

@@ -139,8 +139,8 @@ fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>
 /// Whether a signal is needed to judge a run.
 pub fn wanted(path: &str) -> bool {
     let Some(name) = path.strip_prefix("plant.") else { return path.starts_with("estimator.") };
-    ["X", "Y", "Z", "beta", "gamma", "theta", "omegam"].contains(&name)
-        || ["F[", "gap["].iter().any(|part| name.contains(part))
+    ["X", "Y", "Z", "Ym", "Zm", "beta", "gamma", "theta", "omegam"].contains(&name)
+        || ["F[", "gap[", "im["].iter().any(|part| name.contains(part))
         || ["FY", "FZ"].iter().any(|end| name.ends_with(end))
         || is_contact(path)
 }

@@ -141,8 +141,7 @@ impl Study {
         let mut attempt = 0;
         loop {
             let scenario = self.case(seed, attempt);
-            let wanted = if self.offline.is_some() { offline::wanted } else { figures::wanted };
-            let run = simulate::run_for(&scenario, wanted, |_| ())?;
+            let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
             if let Some(error) = run.error {
                 return Err(Refused(vec![format!("{}, seed {seed}: {error}", self.title)]));
             }
@@ -175,10 +174,9 @@ pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
     scenario.remove_observers();
-    let element = scenario.estimator();
-    let method = element.model_type.variables().iter().find(|variable| variable.name == "method");
-    if let Some(method) = method.map(|variable| variable.start()) {
-        scenario.set("estimator", "method", method);
+    let model = scenario.estimator().model_type.clone();
+    for method in model.variables().iter().filter(|variable| variable.name == "method") {
+        scenario.set("estimator", "method", method.start());
     }
     cases::noise(&mut scenario, noise, told);
     Study {
@@ -226,8 +224,7 @@ pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
             scenario.set("plant", &rate, value * omega / before);
         }
     }
-    scenario.set("plant", "omega", omega);
-    scenario.set("controller", "reference.omega", omega);
+    cases::turning_at(scenario, omega);
 }
 
 /// Pairs of noise from the least to the most that an estimator must find by itself, in µm and mA.

@@ -10,7 +10,7 @@ use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, real, stu
 use crate::machine::PLANAR;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
-use crate::studies::identify::likelihood::{self, BenchParameter, Knowledge};
+use crate::studies::identify::likelihood::{self, BenchParameter, Estimate, Knowledge};
 use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
 
 /// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers, with
@@ -64,13 +64,6 @@ fn differ(scenario: &mut Scenario, errors: &[f64]) {
     }
     // Sensors do not know the future.
     scenario.set("plant", "sensor.delay", of("delay").abs());
-}
-
-/// Whether a signal is needed to judge a run.
-pub fn wanted(path: &str) -> bool {
-    ["plant.Y", "plant.Z", "plant.Ym", "plant.Zm", "plant.theta", "plant.omegam", "plant.touchdown.contact"]
-        .contains(&path)
-        || ["plant.F[", "plant.gap[", "plant.im["].iter().any(|start| path.starts_with(start))
 }
 
 /// The recording as a bench would have taken it, rotation and run-out of its sensors included.
@@ -150,26 +143,23 @@ pub fn judge(
         }
         let question = Question { stated: stated.clone(), holds: None, slow_force: None };
         let answer = identify::answer(&[beginning(&whole, rows)], question);
-        let mut sample = Sample {
+        let found = answer.found.as_ref();
+        let relative = |of: fn(&Estimate) -> f64| -> Vec<f64> {
+            (0..3).map(|k| found.map_or(f64::NAN, |found| of(&found.lambda[k]) / truth[k])).collect()
+        };
+        let sample = Sample {
             valid: answer.valid,
-            error: vec![f64::NAN; 3],
-            std: vec![f64::NAN; 3],
-            total: vec![f64::NAN; 3],
+            error: relative(|lambda| lambda.value).into_iter().map(|ratio| ratio - 1.0).collect(),
+            std: relative(|lambda| lambda.noise_std),
+            total: relative(|lambda| lambda.total_std),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; 3], |bounds| bounds[at].clone()),
-            unbalance: [f64::NAN; 2],
+            unbalance: found.map_or([f64::NAN; 2], |found| {
+                let turned = found.unbalance[0].phase.value - unbalance("phase");
+                let size = found.unbalance[0].magnitude.value / unbalance("magnitude");
+                [size - 1.0, turned - TAU * (turned / TAU).round()]
+            }),
             verdict: (!answer.valid).then(|| summary(&answer.verdict)),
         };
-        if let Some(found) = &answer.found {
-            let relative = |of: &dyn Fn(usize) -> f64| (0..3).map(|k| of(k) / truth[k]).collect();
-            sample.error = (0..3).map(|k| found.lambda[k].value / truth[k] - 1.0).collect();
-            sample.std = relative(&|k| found.lambda[k].noise_std);
-            sample.total = relative(&|k| found.lambda[k].total_std);
-            let turned = found.unbalance[0].phase.value - unbalance("phase");
-            sample.unbalance = [
-                found.unbalance[0].magnitude.value / unbalance("magnitude") - 1.0,
-                turned - TAU * (turned / TAU).round(),
-            ];
-        }
         for k in (0..3).filter(|_| answer.valid) {
             let (error, std) = (sample.error[k], sample.total[k]);
             let ratio = (error / std).abs();

@@ -34,13 +34,7 @@ impl Course {
 
 /// All courses; those of the spindle last.
 pub fn courses() -> Vec<Course> {
-    let mut courses = excitation();
-    courses.extend(changes());
-    courses.extend(forces());
-    courses.extend(angles());
-    courses.extend(readings());
-    courses.extend(spindle());
-    courses
+    [excitation, changes, forces, angles, readings, spindle].into_iter().flat_map(|of| of()).collect()
 }
 
 /// Little excitation, wrong first guesses, other speeds and sample times.
@@ -67,17 +61,14 @@ fn excitation() -> Vec<Course> {
         late("0 to 3000 rpm", |scenario| cases::speed(scenario, &[0.0, 0.3, 1.0], &[0.0, 0.0, 3000.0])),
     ];
     for factor in [0.1, 0.2, 5.0, 10.0] {
-        courses.push(Course::new(
-            &format!("first guess × {factor}, at rest, modulated"),
-            Asked::Valid,
-            move |scenario, _| {
-                cases::at_rest(scenario);
-                guess(scenario, factor);
-            },
-        ));
-        courses.push(Course::new(&format!("first guess × {factor}, modulated"), Asked::Valid, move |scenario, _| {
+        let at_rest = move |scenario: &mut Scenario, _| {
+            cases::at_rest(scenario);
             guess(scenario, factor);
-        }));
+        };
+        let turning = move |scenario: &mut Scenario, _| guess(scenario, factor);
+        let name = format!("first guess × {factor}");
+        courses.push(Course::new(&format!("{name}, at rest, modulated"), Asked::Valid, at_rest));
+        courses.push(Course::new(&format!("{name}, modulated"), Asked::Valid, turning));
     }
     courses.push(Course::new("1500 rpm", Asked::Valid, |scenario, _| cases::turn(scenario, 1500.0)));
     courses.push(Course::new("1000 rpm", Asked::NotWrong, |scenario, _| cases::turn(scenario, 1000.0)).lasting(1.5));
@@ -272,14 +263,8 @@ fn spindle() -> Vec<Course> {
     vec![
         spindle("nominal", Asked::Valid, |_, _| ()),
         spindle("wrong by two, updated late, at rest", Asked::Valid, |scenario, _| {
-            scenario.set("plant", "omega", 0.0);
-            scenario.set("controller", "reference.omega", 0.0);
+            cases::at_rest(scenario);
             scenario.set("controller", "F0.modulation", 0.0);
-            for path in
-                ["A.reference.rY", "A.reference.rZ", "B.reference.rY", "B.reference.rZ", "X.reference.amplitude"]
-            {
-                scenario.set("controller", path, 0.0);
-            }
             scenario.set("controller", "update.time", 0.5);
         })
         .lasting(1.5)
