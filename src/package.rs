@@ -22,7 +22,7 @@ pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 /// # Errors
 /// A name that none has, with the nearest one.
 pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
-    let known = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
+    let known = MACHINES.map(|machine| machine.name.to_owned());
     let find =
         |name: &str| machine::find(name).ok_or_else(|| format!("{name} is no machine; {}", suggestion(name, &known)));
     names.iter().map(|name| find(name.as_ref())).collect()
@@ -120,13 +120,8 @@ pub fn package_for(
     let mut loops = Vec::new();
     for machine in machines {
         let name = format!("{}.ssp", machine.models[0].0);
-        let variants = systems(machine);
-        let systems: Vec<System> = variants.iter().map(system).collect();
-        let inside = |fmu: &str| {
-            let mut elements = systems.iter().flat_map(|system| &system.elements);
-            elements.any(|element| fmu == format!("{}.fmu", element.model.info.name))
-        };
-        let mut members: Vec<Member> = systems.iter().flat_map(System::members).collect();
+        let inside = |fmu: &str| machine.models.iter().any(|(model, _)| fmu == format!("{model}.fmu"));
+        let mut members: Vec<Member> = systems(machine).iter().flat_map(|of| system(of).members()).collect();
         let needed = archives.iter().filter(|(fmu, _)| inside(fmu));
         members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
         let archive = package::archive(&name, &members)?;

@@ -5,7 +5,7 @@
 
 use fmu_export::log::{Log, Topic};
 use fmu_export::variable::{Causality, Value};
-use fmu_export::{Instance, Invalid, Step};
+use fmu_export::{Instance, Step};
 
 use crate::invalid::Short;
 use crate::progress::Progress;
@@ -27,12 +27,6 @@ pub struct Run {
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
 pub struct Refused(pub Vec<String>);
-
-impl From<Vec<Invalid>> for Refused {
-    fn from(findings: Vec<Invalid>) -> Self {
-        Self(findings.iter().map(ToString::to_string).collect())
-    }
-}
 
 /// Memory that a recording may take, in bytes.
 const MOST_BYTES: f64 = 8e9;

@@ -108,10 +108,10 @@ pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
 /// The frequencies of the modulation: that of all magnets, or those of the scenario for several groups of magnets.
 fn frequencies(scenario: &Scenario) -> Vec<(String, f64)> {
     let names = scenario.machine.of_groups("F0.modulationFrequency");
-    let is_one = names.len() == 1;
-    let frequency =
-        |name: String| (if is_one { MODULATION.1 } else { montecarlo::real(scenario, "controller", &name) }, name);
-    names.into_iter().map(frequency).map(|(frequency, name)| (name, frequency)).collect()
+    if let [name] = &names[..] {
+        return vec![(name.clone(), MODULATION.1)];
+    }
+    names.into_iter().map(|name| (name.clone(), montecarlo::real(scenario, "controller", &name))).collect()
 }
 
 /// The recommendation in a sentence.

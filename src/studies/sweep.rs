@@ -150,13 +150,9 @@ impl Sweep {
     ///
     /// # Errors
     /// Whatever the writer reports.
-    pub fn write(&self, to: impl io::Write) -> io::Result<()> {
-        let mut writer = csv::Writer::from_writer(to);
-        writer.write_record(&self.columns)?;
-        for case in &self.cases {
-            writer.write_record(case)?;
-        }
-        writer.flush()
+    pub fn write(&self, mut to: impl io::Write) -> io::Result<()> {
+        to.write_all(&lines(std::iter::once(&self.columns).chain(&self.cases))?)?;
+        to.flush()
     }
 
     /// The header of the result.
@@ -503,7 +499,7 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
 }
 
 /// Rows as lines of CSV.
-fn lines(rows: &[Vec<String>]) -> io::Result<Vec<u8>> {
+fn lines<'r>(rows: impl IntoIterator<Item = &'r Vec<String>>) -> io::Result<Vec<u8>> {
     let mut writer = csv::WriterBuilder::new().flexible(true).from_writer(Vec::new());
     for row in rows {
         writer.write_record(row)?;

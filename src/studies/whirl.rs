@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 
-use crate::machine::{MACHINES, Machine};
+use crate::machine::MACHINES;
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
 
@@ -42,9 +42,8 @@ impl Whirl {
     /// # Errors
     /// A finding about the scenario, the stiffness or the damping.
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
-        let tilts = |machine: &Machine| machine.coordinates.iter().any(|coordinate| coordinate.is_angle);
-        if !tilts(scenario.machine) {
-            let those: Vec<_> = MACHINES.iter().filter(|machine| tilts(machine)).map(|machine| machine.name).collect();
+        if !scenario.machine.tilts() {
+            let those: Vec<_> = MACHINES.iter().filter(|machine| machine.tilts()).map(|machine| machine.name).collect();
             return Err(format!(
                 "machine = {} is refused: its rotor does not tilt; whirl needs a shaft in two radial bearings, with its moments of inertia, \
                  as in {}",
@@ -52,26 +51,31 @@ impl Whirl {
                 those.join(", ")
             ));
         }
-        let positive = |name: &str, value: f64, unit: &str, least: bool| match value.is_finite()
-            && (value > 0.0 || least && value == 0.0)
-        {
-            true => Ok(value),
-            false => Err(format!(
-                "{name} = {value} {unit} is refused: expected a finite number {}",
-                if least { "from 0 on" } else { "above 0" }
-            )),
-        };
         let real = |name: &str| scenario.real(name).unwrap_or(f64::NAN);
-        Ok(Self {
-            m_kg: positive("m", real("m"), "kg", false)?,
-            inertia_kgm2: [positive("Jt", real("Jt"), "kg.m2", false)?, positive("Jp", real("Jp"), "kg.m2", true)?],
+        let found = Self {
+            m_kg: real("m"),
+            inertia_kgm2: [real("Jt"), real("Jp")],
             bearings_m: [real("A.position"), real("B.position")],
-            stiffness_n_m: positive("stiffness", stiffness_n_m, "N/m", false)?,
-            damping_ns_m: positive("damping", damping_ns_m, "N.s/m", true)?,
+            stiffness_n_m,
+            damping_ns_m,
             unbalances: [1, 2].map(|plane| {
                 ["magnitude", "phase", "position"].map(|name| real(&format!("unbalance[{plane}].{name}")))
             }),
-        })
+        };
+        let [across, along] = found.inertia_kgm2;
+        for (name, value, unit, may_be_0) in [
+            ("m", found.m_kg, "kg", false),
+            ("Jt", across, "kg.m2", false),
+            ("Jp", along, "kg.m2", true),
+            ("stiffness", stiffness_n_m, "N/m", false),
+            ("damping", damping_ns_m, "N.s/m", true),
+        ] {
+            if !(value.is_finite() && (value > 0.0 || may_be_0 && value == 0.0)) {
+                let wanted = if may_be_0 { "from 0 on" } else { "above 0" };
+                return Err(format!("{name} = {value} {unit} is refused: expected a finite number {wanted}"));
+            }
+        }
+        Ok(found)
     }
 
     /// Displacements of the bearings by unit displacement u and unit inclination ψ.

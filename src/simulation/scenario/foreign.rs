@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use fmu_export::ModelType;
 
-use super::read::{ELEMENTS, flatten, knows};
+use super::read::{ELEMENTS, knows};
 use crate::fmu;
 use crate::machine::{self, MACHINES, Machine};
 
@@ -13,11 +13,6 @@ const LISTED: usize = 3;
 
 /// A variable that a scenario sets: the element, or `all`; the name.
 pub type Key = (&'static str, String);
-
-/// The keys of the table of an element.
-pub fn keys(element: &'static str, table: &toml::Table) -> Vec<Key> {
-    flatten(table).into_iter().map(|(name, _)| (element, name)).collect()
-}
 
 /// The keys that a machine does not have.
 fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {

@@ -109,7 +109,8 @@ impl Document {
     /// The variables that it sets.
     fn keys(&self) -> Vec<foreign::Key> {
         let tables = [("all", &self.all)].into_iter().chain(self.elements());
-        tables.flat_map(|(element, table)| foreign::keys(element, table)).collect()
+        let names = |(element, table)| flatten(table).into_iter().map(move |(name, _)| (element, name));
+        tables.flat_map(names).collect()
     }
 
     /// The elements and their tables.
@@ -183,11 +184,8 @@ fn change(
         // A name without an element means all elements where the variable can be set: speed is an input of plant and estimator,
         // but that of the estimator is connected.
         let is_open = |element: &Element| {
-            let index =
-                position(&element.model_type, key).or_else(|| position(&element.model_type, &self::element(key, 0)));
-            index.is_some_and(|index| {
-                permitted(&element.name, &element.model_type.variables()[index], connected).is_ok()
-            })
+            let variable = first(&element.model_type, key).map(|index| &element.model_type.variables()[index]);
+            variable.is_some_and(|variable| permitted(&element.name, variable, connected).is_ok())
         };
         let is_open_anywhere = known.iter().any(|element| is_open(element));
         for element in known {
@@ -220,7 +218,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
 
     let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { machine::find(&document.machine) };
     let machine = machine.unwrap_or_else(|| {
-        let names = MACHINES.iter().map(|machine| machine.name.to_owned()).collect::<Vec<_>>();
+        let names = MACHINES.map(|machine| machine.name.to_owned());
         let (given, suggestion) = (&document.machine, suggestion(&document.machine, &names));
         findings.push(format!("machine = \"{given}\" is refused: expected one of {}; {suggestion}", names.join(", ")));
         &MACHINES[0]
@@ -432,7 +430,12 @@ pub fn position(model_type: &ModelType, name: &str) -> Option<usize> {
 
 /// Whether a model has a variable, or an array, of that name.
 pub fn knows(model_type: &ModelType, key: &str) -> bool {
-    position(model_type, key).is_some() || position(model_type, &element(key, 0)).is_some()
+    first(model_type, key).is_some()
+}
+
+/// The index of the variable, or of the first element of the array, of that name.
+fn first(model_type: &ModelType, key: &str) -> Option<usize> {
+    position(model_type, key).or_else(|| position(model_type, &element(key, 0)))
 }
 
 /// The names of the settable variables of these models, arrays by their common name.

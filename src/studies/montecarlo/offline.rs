@@ -107,16 +107,10 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples
 
 /// The first rows of a recording.
 fn beginning(samples: &Samples, rows: usize) -> Samples {
-    let cut = |column: &Vec<f64>| column[..rows.min(column.len())].to_vec();
-    Samples {
-        step_s: samples.step_s,
-        position_m: samples.position_m.iter().map(cut).collect(),
-        current_a: samples.current_a.iter().map(cut).collect(),
-        theta_rad: cut(&samples.theta_rad),
-        omega_rad_s: cut(&samples.omega_rad_s),
-        rotation: samples.rotation,
-        ..Samples::default()
-    }
+    let mut samples = samples.clone();
+    let columns = samples.position_m.iter_mut().chain(&mut samples.current_a);
+    columns.chain([&mut samples.theta_rad, &mut samples.omega_rad_s]).for_each(|column| column.truncate(rows));
+    samples
 }
 
 /// Identifies from the recording up to each instant and compares with the truth. There is no bound where the bench is estimated with the
