@@ -109,7 +109,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     /// Forgets the sums; without allocation, as all that a step does.
     pub fn restart(&mut self) {
         self.sums.iter_mut().for_each(|sums| **sums = Sums::zeros());
-        (self.evidence, self.used, self.spread) = ([0.0; MEMORY_S.len()], 0, SVector::zeros());
+        (self.evidence, self.used, self.spread, self.force_blocks) = ([0.0; MEMORY_S.len()], 0, SVector::zeros(), 0);
     }
 
     /// Whether the model of the backward force has stood long enough for λ to be relied on.

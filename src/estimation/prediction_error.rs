@@ -109,7 +109,7 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     turned: bool,
     field: [SVector<f64, K>; 2],
     table: AngleTable<K>,
-    /// Quarters that have ended; revolutions and samples since; revolutions in a sample at the present pace.
+    /// Quarters that have ended; revolutions and samples since, the missing ones too; revolutions in a sample at the present pace.
     quarters: u64,
     passed: f64,
     quarter_samples: f64,
@@ -236,7 +236,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if sample.missing > BRIDGED {
             state.filter = None;
         }
-        state.advance(sample.rotation.omega_rad_s, self.filter.step_s);
+        let samples = 1.0 + f64::from(sample.missing);
+        state.advance(samples, sample.rotation.omega_rad_s, self.filter.step_s);
         let Some(filter) = &mut state.filter else {
             state.filter = Some(self.filter.start(sample, position_variance));
             return self.report(state);
@@ -297,8 +298,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.samples += 1;
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        let pace = state.least_pace(self.filter.step_s);
-        state.validation.add(&innovation, sample.turn, pace);
+        let passed = samples * state.least_pace(self.filter.step_s);
+        state.validation.add(&innovation, sample.turn, passed);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
@@ -544,14 +545,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.models.has_shape() && self.waiting.has_shape() && self.table.has_shape()
     }
 
-    /// Counts what passes of a revolution with a sample.
-    fn advance(&mut self, omega_rad_s: f64, step_s: f64) {
+    /// Counts what passes of a revolution with a sample and those missing before it.
+    fn advance(&mut self, samples: f64, omega_rad_s: f64, step_s: f64) {
         let (omega, at_rest) = (omega_rad_s.abs(), step_s / REVOLUTION_AT_REST_S);
         // Below one revolution a second a rotor is at rest.
         self.pace = if omega > TAU { omega * step_s / TAU } else { at_rest };
-        self.revolution.passed += self.pace;
-        self.passed += self.least_pace(step_s);
-        self.quarter_samples += 1.0;
+        self.revolution.passed += samples * self.pace;
+        self.passed += samples * self.least_pace(step_s);
+        self.quarter_samples += samples;
     }
 
     /// Revolutions in a sample, of a slow rotor those of one of 2250 rpm: quarters and orders are counted by it.

@@ -185,7 +185,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
 
     /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ), a part of a revolution after the last one.
     #[inline(always)]
-    pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, turn: [f64; 2], pace: f64) {
+    pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, turn: [f64; 2], passed: f64) {
         let each = |lines: &mut [Line<N, U, T>], [mut a, mut b]: [f64; 2], [c, s]: [f64; 2]| {
             for line in lines {
                 line.add(innovation, [a, b]);
@@ -193,7 +193,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             }
         };
         each(&mut self.harmonics, turn, turn);
-        self.turned = (self.turned + pace) % 4.0;
+        self.turned = (self.turned + passed) % 4.0;
         let quarter = FRAC_PI_2 * self.turned;
         let [first, step] = [FIRST_ORDER * quarter, quarter].map(|angle| {
             let (sin, cos) = sincos(angle);
