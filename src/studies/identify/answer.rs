@@ -10,7 +10,7 @@ use self::shown::shown;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
 use super::likelihood::{
-    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Recording,
+    self, Change, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Options, Part, Recording, Suspect,
 };
 use super::read::{Rotation, Samples};
 use super::tolerance::plain;
@@ -336,11 +336,13 @@ fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<S
         for (name, (lambda, sensitivity)) in names.iter().zip(found.lambda.iter().zip(&line.sensitivity)) {
             let shift = sensitivity * moved;
             if shift.abs() * lambda.value > SUSPECTED * lambda.total_std {
+                let parameter = |of: &Suspect| &found.bench[of.parameter].parameter;
+                let (most, this) = (parameter(&found.suspects[0]), parameter(suspect));
+                let most = if most == this { String::new() } else { format!("most for {}, then ", most.name) };
                 return Some(format!(
-                    "the residuals ask for {} ({}), and with it {} would differ by {} %",
-                    found.bench[suspect.parameter].parameter.name,
-                    found.bench[suspect.parameter].parameter.description,
-                    name,
+                    "the residuals ask {most}for {} ({}), and with it {name} would differ by {} %",
+                    this.name,
+                    this.description,
                     significant(100.0 * shift.abs(), 2)
                 ));
             }

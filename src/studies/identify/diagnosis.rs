@@ -244,8 +244,9 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
     let each = |alternative: &'static Alternative| {
-        let of_bearings = bearings.iter().enumerate().filter(|(_, of)| of.magnets >= alternative.0);
-        let count = if alternative.0 == 0 { 1 } else { bearings.len() };
+        let (magnets, ..) = *alternative;
+        let of_bearings = bearings.iter().enumerate().filter(move |(_, of)| of.magnets >= magnets);
+        let count = if magnets == 0 { 1 } else { bearings.len() };
         of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
