@@ -489,10 +489,8 @@ fn currents_may_have_a_table_of_their_own() {
     assert!(refused.to_string().contains("im[2]"), "{refused}");
 }
 
-/// A slow force is taken if the likelihood asks for it, unless it is stated that there is none (`--set force.slow=0`).
-#[test]
-fn a_slow_force_may_be_ruled_out() {
-    let bench = Bench { seconds: 2.0, slow_force: 0.1, seed: 51, ..Bench::default() };
+/// A recording of a bench.
+fn recorded(bench: &Bench) -> Samples {
     let recorded = bench.record();
     let mut text = "time [s],Ym [m],Zm [m],im[1] [A],im[2] [A],im[3] [A],theta [rad],omega [rad/s]\n".to_owned();
     for (row, (position, current)) in recorded.position.iter().zip(&recorded.current).enumerate() {
@@ -500,12 +498,24 @@ fn a_slow_force_may_be_ruled_out() {
         let cells: Vec<String> = numbers.map(|number| format!("{number:e}")).collect();
         text += &format!("{},{}\n", row as f64 * bench.step, cells.join(","));
     }
-    let samples = Samples::read(&text, &Reading::default()).expect("a good recording");
+    Samples::read(&text, &Reading::default()).expect("a good recording")
+}
+
+/// The question to it, with its geometry as it is.
+fn question_to(bench: &Bench, samples: &Samples) -> Question {
+    let mut question = question(samples, &[]);
+    question.stated.parts[0].body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
+    question
+}
+
+/// A slow force is taken if the likelihood asks for it, unless it is stated that there is none (`--set force.slow=0`).
+#[test]
+fn a_slow_force_may_be_ruled_out() {
+    let bench = Bench { seconds: 2.0, slow_force: 0.1, seed: 51, ..Bench::default() };
+    let samples = recorded(&bench);
     let level = |slow_force: Option<bool>| {
-        let mut question = question(&samples, &[]);
-        let stated = &mut question.stated;
-        stated.parts[0].body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
-        let answer = identify::answer(std::slice::from_ref(&samples), Question { slow_force, ..question });
+        let question = Question { slow_force, ..question_to(&bench, &samples) };
+        let answer = identify::answer(std::slice::from_ref(&samples), question);
         let is_told = answer.findings.iter().any(|finding| finding.contains("A slow force"));
         let level = answer.found.expect("estimates").conditions[0].parts[0].slow_force_n;
         assert_eq!(is_told, level > 0.0, "{:?}", answer.findings);
@@ -513,4 +523,14 @@ fn a_slow_force_may_be_ruled_out() {
     };
     assert!(level(None) > 0.0 && level(Some(true)) > 0.0);
     assert_eq!(level(Some(false)), 0.0);
+}
+
+/// What moves λ may be a consequence of something that the residuals ask for more.
+#[test]
+fn the_verdict_begins_with_what_the_residuals_ask_for_most() {
+    let bench = Bench { seconds: 1.0, runout2: [2e-7, 0.0, 0.0, 0.0], seed: 61, ..Bench::default() };
+    let samples = recorded(&bench);
+    let answer = identify::answer(std::slice::from_ref(&samples), question_to(&bench, &samples));
+    let wanted = "Not valid: the residuals ask most for runout2.y.cos, then for ";
+    assert!(answer.verdict.starts_with(wanted), "{}", answer.verdict);
 }
