@@ -525,7 +525,7 @@ fn a_slow_force_may_be_ruled_out() {
     assert_eq!(level(Some(false)), 0.0);
 }
 
-/// What moves λ may be a consequence of something that the residuals ask for more.
+/// A parameter that would move λ may be a consequence of another one, which the residuals ask for more.
 #[test]
 fn the_verdict_begins_with_what_the_residuals_ask_for_most() {
     let bench = Bench { seconds: 1.0, runout2: [2e-7, 0.0, 0.0, 0.0], seed: 61, ..Bench::default() };

@@ -13,7 +13,7 @@ fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
     (0..N).map(|n| rows.iter().map(|row| row[n]).collect()).collect()
 }
 
-/// What a bench records, with its noise if that is told.
+/// The recording of a bench, with its noise if that is told.
 fn recording(bench: &Bench, told: bool) -> Recording {
     let recorded = bench.record();
     Recording {

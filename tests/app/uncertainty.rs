@@ -20,7 +20,7 @@ struct Said {
     verdict: f64,
 }
 
-/// What the estimator says in a run of so many seconds, and its messages. Inputs of the estimator may be altered on their way.
+/// Outputs of the estimator in a run of so many seconds, and its messages. Inputs of the estimator may be altered on their way.
 fn said(
     scenario: &Scenario,
     end_s: f64,

@@ -394,13 +394,14 @@ fn samples(table: Table, reading: &Reading) -> Result<Samples, Vec<String>> {
     let is_beside = |of: &Known| signals::is_at_samples(of) && 2 * of.len() > rows;
     let is_apart = of_currents.clone().zip(&currents).any(|(at, of)| is_read(&at) && !is_beside(of));
     let at = positions.start..if is_apart { positions.end } else { of_currents.end };
+    // With it, whether all of its readings are at samples.
     let column = |at: usize| match known(at) {
-        _ if !is_read(&at) => Vec::new(),
-        known if signals::is_at_samples(&known) => signals::at_samples(&known, count),
-        known => signals::straight(&known, count, false),
+        _ if !is_read(&at) => (Vec::new(), true),
+        known if signals::is_at_samples(&known) => (signals::at_samples(&known, count), true),
+        known => (signals::straight(&known, count, false), false),
     };
-    let mut columns: Vec<Vec<f64>> = at.clone().map(column).collect();
-    if at.clone().filter(is_read).all(|at| signals::is_at_samples(&known(at))) {
+    let (mut columns, at_samples): (Vec<Vec<f64>>, Vec<bool>) = at.clone().map(column).unzip();
+    if at_samples.iter().all(|all| *all) {
         let named = at.clone().map(|at| list[at].name.as_str()).zip(&mut columns);
         let mut named: Vec<_> = named.filter(|(_, values)| !values.is_empty()).collect();
         notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));

@@ -106,7 +106,7 @@ fn motion(machine: &Machine) -> Vec<String> {
     [machine.of_loads("p", "Hat"), machine.of_planes("magnitude"), machine.of_planes("phase")].concat()
 }
 
-/// What an estimator has chosen for a variable.
+/// The choice of an estimator for a variable.
 pub(super) fn chosen<T: Choice + Default>(estimator: &Element, variable: &str) -> T {
     let number = estimator.value(variable).map(|value| value.as_f64() as i32);
     number.and_then(T::of_number).unwrap_or_default()
