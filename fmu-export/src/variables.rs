@@ -38,6 +38,7 @@
 //!
 //! let names: Vec<_> = Values::rows().into_iter().map(|row| row.variable.name.to_string()).collect();
 //! assert_eq!(names, ["drive", "u[1]", "u[2]", "coil[1].R", "coil[1].i", "coil[2].R", "coil[2].i"]);
+//! assert_eq!(Drive::all().map(Drive::name).collect::<Vec<_>>(), ["current", "voltage"]);
 //! ```
 //!
 //! Mistakes are errors of the compiler, at the place of the mistake:
@@ -154,6 +155,21 @@ pub trait Choice: Copy + 'static {
     fn number(self) -> i32;
     /// The item with that value.
     fn of_number(number: i32) -> Option<Self>;
+
+    /// The name of the item.
+    fn name(self) -> &'static str {
+        Self::ENUMERATION.items[self.number() as usize - 1].0
+    }
+
+    /// The description of the item.
+    fn description(self) -> &'static str {
+        Self::ENUMERATION.items[self.number() as usize - 1].1
+    }
+
+    /// All items, in the order of their values.
+    fn all() -> impl Iterator<Item = Self> {
+        (1..).map_while(Self::of_number)
+    }
 }
 
 /// The place of a structure or a variable within the values of a model.

@@ -25,7 +25,7 @@ use crate::report::identification::{self, Results};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::Knowledge;
-use crate::studies::identify::{self, Answer, HOLDS, Holds, METHODS, Question, Reading, Rotation, Samples, Stated};
+use crate::studies::identify::{self, Answer, Holds, Question, Reading, Rotation, Samples, Stated};
 use crate::variables::Choice;
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
@@ -345,12 +345,11 @@ impl Arguments {
 
     /// The meaning of a current sample; none if the data decide.
     fn stated_hold(&self) -> Result<Option<Hold>> {
-        match HOLDS.into_iter().find(|(name, _)| *name == self.hold) {
+        match Hold::all().find(|hold| hold.name() == self.hold) {
             None if self.hold != AUTO => {
-                let names = HOLDS.map(|(name, _)| name).join(", ");
-                Err(refused(format!("--hold {}: expected one of {names}, {AUTO}", self.hold)))
+                Err(refused(format!("--hold {}: expected one of {}, {AUTO}", self.hold, names::<Hold>())))
             }
-            stated => Ok(stated.map(|(_, hold)| hold)),
+            stated => Ok(stated),
         }
     }
 }
@@ -358,13 +357,17 @@ impl Arguments {
 /// The methods to run on line: with maximum likelihood the default one, which shows drift.
 fn methods(method: &str) -> Result<Vec<Method>> {
     let wanted = if method == LIKELIHOOD { PREDICTION_ERROR } else { method };
-    let methods = METHODS.into_iter().filter(|(name, _)| wanted == *name || wanted == "all");
-    let methods: Vec<_> = methods.map(|(_, method)| method).collect();
-    if !methods.is_empty() {
-        return Ok(methods);
+    let methods: Vec<_> = Method::all().filter(|method| wanted == method.name() || wanted == "all").collect();
+    if methods.is_empty() {
+        let names = names::<Method>();
+        return Err(refused(format!("--method {method}: expected one of {LIKELIHOOD}, {names}, all")));
     }
-    let names = METHODS.map(|(name, _)| name).join(", ");
-    Err(refused(format!("--method {method}: expected one of {LIKELIHOOD}, {names}, all")))
+    Ok(methods)
+}
+
+/// The names of all items, for messages.
+fn names<T: Choice>() -> String {
+    T::all().map(T::name).collect::<Vec<_>>().join(", ")
 }
 
 /// Opens a recording.

@@ -346,7 +346,7 @@ impl fmt::Display for Verdict {
         if *self == Verdict::Valid {
             return f.write_str("valid");
         }
-        let (_, why) = Self::ENUMERATION.items[self.number() as usize - 1];
+        let why = self.description();
         write!(f, "not valid: {}{}", char::from(why.as_bytes()[0].to_ascii_lowercase()), &why[1..])
     }
 }

@@ -1,7 +1,7 @@
 //! `AlgebraicEstimator`, `SpindleEstimator` and those of the other machines: the force constants from positions and currents, on line.
 
 use fmu_export::log::{Digits, Log, Topic};
-use fmu_export::variable::{Causality, Enumeration, Row, Table, Value};
+use fmu_export::variable::{Causality, Row, Table, Value};
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -9,16 +9,10 @@ use serde::{Deserialize, Serialize};
 use super::common::{info, sampled};
 use crate::bearing::rotor::RotorConfig;
 use crate::estimation::{
-    Body, Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, Method, StateOf, Verdict,
+    Body, Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict,
 };
 use crate::machine::Machine;
-use crate::variables::{Choice, Variables};
-
-/// How the force constants are computed.
-pub const METHOD: &Enumeration = Method::ENUMERATION;
-
-/// Why an estimate is valid or not.
-pub const VERDICT: &Enumeration = Verdict::ENUMERATION;
+use crate::variables::Variables;
 
 /// The values of all variables of an estimator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]

@@ -7,7 +7,6 @@ use maud::{Markup, html};
 use super::figures::{self, Signals};
 use super::{Report, after_colon, cards, evaluation, instant, tables};
 use crate::estimation::{self, STD_LIMIT, Verdict};
-use crate::fmu::estimator::VERDICT;
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate::Run;
 use crate::studies::montecarlo::real;
@@ -117,7 +116,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     let verdict = *verdicts.last()?;
     let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
     let since_s = instant(run.recording.time_s[since]);
-    let words = VERDICT.items.get((verdict as usize).wrapping_sub(1)).map_or("", |(_, words)| *words);
+    let words = Verdict::of_number(verdict as i32).map_or("", Verdict::description);
     let mut verdict = format!("since {since_s}: {}.", after_colon(words));
     if !valid {
         verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {

@@ -10,17 +10,18 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fmu_export::variable::Value;
-use magnetic_bearing::fmu::estimator::METHOD;
+use magnetic_bearing::estimation::Method;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
 use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, pooled};
 use magnetic_bearing::studies::montecarlo::{self, SEEDS, Vary, cases};
 use magnetic_bearing::studies::parallel::in_order;
+use magnetic_bearing::variables::Choice;
 
 /// The methods by the names of the interface, with their numbers.
 fn methods() -> Vec<(&'static str, i32)> {
-    METHOD.items.iter().zip(1..).map(|((name, _), number)| (*name, number)).collect()
+    Method::all().map(|method| (method.name(), method.number())).collect()
 }
 
 /// The thresholds of the estimator were chosen with the seeds 1 to 200.

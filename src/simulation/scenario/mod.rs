@@ -13,8 +13,9 @@ use fmu_export::variable::{Causality, Type, Value};
 
 pub use self::read::{leaves, suggestion, text};
 use self::read::{permitted, unknown};
-use crate::fmu::estimator::METHOD;
+use crate::estimation::Method;
 use crate::machine::{self, Machine};
+use crate::variables::Choice;
 
 /// Scenarios with their texts, by name.
 macro_rules! built_in {
@@ -380,7 +381,7 @@ impl Scenario {
 
     /// The method of an estimator that has several.
     pub fn method(&self, estimator: &str) -> Option<&'static str> {
-        METHOD.item(self.value(estimator, "method")?.as_f64() as i32)
+        Method::of_number(self.value(estimator, "method")?.as_f64() as i32).map(Method::name)
     }
 
     /// A number of the plant.

@@ -8,11 +8,12 @@ use serde::Deserialize;
 
 use super::{Connection, Element, Profile, Scenario, Setting, connected, foreign};
 use crate::control::reference::HARMONICS;
-use crate::fmu::{self, estimator};
+use crate::estimation::Method;
+use crate::fmu;
 use crate::machine::{self, AXIAL, MACHINES, PLANAR};
 use crate::simulation::contour::Fit;
 use crate::simulation::simulate;
-use crate::variables::numbers;
+use crate::variables::{Choice, numbers};
 
 /// Keys that a scenario must have in order to run.
 pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
@@ -376,7 +377,7 @@ fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<St
         return;
     };
     for method in methods {
-        let value = match estimator::METHOD.find(method) {
+        let value = match Method::ENUMERATION.find(method) {
             Ok(value) => value,
             Err(wanted) => {
                 findings.push(format!("compare = \"{method}\" is refused: {wanted}"));

@@ -31,26 +31,14 @@ use self::units::significant;
 pub use self::units::{duration_s, rate_s};
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::bearing::shaft::Shaft;
-use crate::estimation::{Hold, Method};
+use crate::estimation::Hold;
 use crate::machine::Machine;
 use crate::simulation::scenario::Element;
 use crate::table::Table;
-
-/// The methods by the names of the interface.
-pub const METHODS: [(&str, Method); 3] =
-    [("paperLiteral", Method::PaperLiteral), ("paper", Method::Paper), ("predictionError", Method::PredictionError)];
-
-/// Meanings of samples of currents, by the names of the interface.
-pub const HOLDS: [(&str, Hold); 3] =
-    [("heldBefore", Hold::HeldBefore), ("heldAfter", Hold::HeldAfter), ("linear", Hold::Linear)];
+use crate::variables::Choice;
 
 /// Name of the power of the gap with which the noise of the positions grows.
 pub const NOISE_EXPONENT: &str = "noise.exponent";
-
-/// The name of a meaning of samples of currents.
-fn name_of(hold: Hold) -> &'static str {
-    HOLDS.iter().find(|(_, known)| *known == hold).map_or("", |(name, _)| name)
-}
 
 /// A machine and its sensors, as they are stated.
 #[derive(Clone, Debug)]
@@ -162,7 +150,7 @@ impl Stated {
 
     /// The same as JSON, in SI units.
     fn json(&self) -> Json {
-        let mut told = json!({"hold": name_of(self.hold)});
+        let mut told = json!({"hold": self.hold.name()});
         for (name, values) in self.numbers() {
             told[name.as_str()] = if name.ends_with("alpha") { values.into() } else { values[0].into() };
         }
@@ -279,7 +267,7 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 /// Acceleration of gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.81;
 
-/// How much less likely a stretch of a recording is with each reading of a current sample, in the order of [`HOLDS`]: differences of
+/// How much less likely a stretch of a recording is with each reading of a current sample, in the order of [`Hold`]: differences of
 /// log-likelihoods, 0 for the best, infinite where nothing fits.
 #[derive(Clone, Copy, Debug)]
 pub struct Holds(pub [f64; 3]);
@@ -291,34 +279,41 @@ impl Holds {
         let mut options = Options { parts: stated.parts.clone(), slow_force: false };
         let others = options.bench().filter(|(of, _)| ![DELAY, DYNAMICS].contains(&plain(&of.name)));
         others.for_each(|(_, told)| *told = Told::default());
-        Self(diagnosis::holds(&HOLDS.map(|(_, hold)| diagnosis::Take {
+        let take = |hold| diagnosis::Take {
             recording: answer::recording(samples, stated, hold),
             options: options.clone(),
             machine: stated.machine,
             bearing: 0,
-        })))
+        };
+        Self(diagnosis::holds(&[Hold::HeldBefore, Hold::HeldAfter, Hold::Linear].map(take)))
+    }
+
+    /// The readings, and by how much each is less likely than the best.
+    fn each(&self) -> impl Iterator<Item = (Hold, f64)> {
+        Hold::all().zip(self.0)
     }
 
     /// The most likely one; none if nothing fits.
-    fn best(&self) -> Option<usize> {
-        let best = (0..HOLDS.len()).min_by(|a, b| self.0[*a].total_cmp(&self.0[*b]));
-        best.filter(|best| self.0[*best].is_finite())
+    fn best(&self) -> Option<Hold> {
+        let best = self.each().min_by(|a, b| a.1.total_cmp(&b.1));
+        best.filter(|(_, less)| less.is_finite()).map(|(hold, _)| hold)
     }
 
     /// That of measured currents, unless another one is clearly more likely.
     #[must_use]
     pub fn most_likely(&self) -> Hold {
-        HOLDS[self.best().filter(|_| self.0[0] >= diagnosis::VERY_STRONG).unwrap_or(0)].1
+        self.best().filter(|_| self.0[0] >= diagnosis::VERY_STRONG).unwrap_or_default()
     }
 
     /// The objection to a stated reading, if another one is clearly more likely.
     fn against(&self, stated: Hold) -> Option<String> {
-        let ((name, _), less) = HOLDS.iter().zip(self.0).find(|((_, hold), _)| *hold == stated)?;
-        let best = HOLDS[self.best()?].0;
+        let (_, less) = self.each().find(|(hold, _)| *hold == stated)?;
+        let best = self.best()?.name();
         let by =
             if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
         (less > diagnosis::VERY_STRONG).then(|| {
-            format!("currents that are read as {name} are less likely than as {best}{by}: --hold {best}, or auto")
+            let stated = stated.name();
+            format!("currents that are read as {stated} are less likely than as {best}{by}: --hold {best}, or auto")
         })
     }
 
@@ -326,9 +321,9 @@ impl Holds {
     #[must_use]
     pub fn table(&self, chosen: Hold) -> Option<Table> {
         self.best()?;
-        let rows = HOLDS.iter().zip(self.0).map(|((name, hold), less)| {
-            let mark = if *hold == chosen { "chosen" } else { "" };
-            vec![(*name).to_owned(), format!("{less:.1}"), mark.to_owned()]
+        let rows = self.each().map(|(hold, less)| {
+            let mark = if hold == chosen { "chosen" } else { "" };
+            vec![hold.name().to_owned(), format!("{less:.1}"), mark.to_owned()]
         });
         Some(Table {
             title: "What a current sample stands for".into(),

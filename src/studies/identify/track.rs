@@ -10,8 +10,8 @@ use serde_json::{Map, Value as Json, json};
 
 use super::read::Samples;
 use super::units::significant;
-use super::{Failed, METHODS, Said, name_of};
-use crate::estimation::{Method, STD_LIMIT, Verdict};
+use super::{Failed, Said};
+use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};
 use crate::machine::{Bearing, Machine, PLANAR};
 use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::Element;
@@ -126,7 +126,7 @@ impl Track {
     /// The name of the method.
     #[must_use]
     pub fn name(&self) -> &'static str {
-        METHODS.iter().find(|(_, method)| *method == self.method()).map_or("", |(name, _)| name)
+        self.method().name()
     }
 
     /// The values of an output over the recording.
@@ -313,7 +313,7 @@ pub fn recording(tracks: &[Track]) -> Recording {
 #[must_use]
 pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
     let method = |track: &Track| {
-        let hold = name_of(chosen(&track.estimator, "hold"));
+        let hold = chosen::<Hold>(&track.estimator, "hold").name();
         json!({
             "method": track.name(), "hold": hold, "Tf": track.estimator.value("Tf").map(Value::as_f64),
             "estimate": track.json(), "validAtEnd": track.is_valid_at_end(), "verdict": track.verdict(),

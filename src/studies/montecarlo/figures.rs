@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 use super::{bound, real};
-use crate::fmu::estimator::VERDICT;
+use crate::estimation::Verdict;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{Profile, Scenario};
 use crate::simulation::synchronous::forces;
+use crate::variables::Choice;
 use fmu_export::variable::Value;
 
 /// Beyond so many of its standard deviations no valid estimate may be wrong.
@@ -233,7 +234,7 @@ pub fn judge(
 
 /// The name of a value of the output `verdict`.
 fn verdict(value: f64) -> String {
-    VERDICT.item(value as i32).map_or_else(|| value.to_string(), str::to_owned)
+    Verdict::of_number(value as i32).map_or_else(|| value.to_string(), |verdict| verdict.name().to_owned())
 }
 
 /// The figures of a study at one instant, over the runs whose estimate was valid: no numbers if there is none. Errors are

@@ -6,10 +6,11 @@ use serde_json::{Value as Json, json};
 
 use super::Answer;
 use crate::machine::Bearing;
+use crate::studies::identify::Said;
 use crate::studies::identify::likelihood::{self, BenchParameter, BudgetLine, Identification, Knowledge};
 use crate::studies::identify::units::significant;
-use crate::studies::identify::{Said, name_of};
 use crate::table::Table;
+use crate::variables::Choice;
 
 /// Note below the first budget.
 const SENSITIVITIES: &str =
@@ -59,7 +60,7 @@ impl Answer {
     /// Parameters taken as known.
     fn told(&self) -> String {
         let stated = &self.question.stated;
-        let hold = name_of(stated.hold);
+        let hold = stated.hold.name();
         let mut words = format!("Taken as known: {}, currents {hold}", stated.told().join(", "));
         for (parameter, told) in stated.bench() {
             let (factor, unit) = shown(parameter);
