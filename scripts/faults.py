@@ -43,12 +43,12 @@ class Recording:
     random: np.random.Generator
 
 
-def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, salt=0):
+def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, lag_s=0.0, salt=0):
     """A recording of each seed. All bearings are integrated together.
 
     The rotor is held on an ellipse by a PID controller with the feed-forward of its path; forces become currents by the gap that is measured
     and a guess of λ. A command of sample k is held from k + 1 to k + 2. λ2 changes by the part `step_of_lambda` in the middle; the amplifiers
-    saturate at this part of the largest current of the first turns.
+    saturate at this part of the largest current of the first turns, and the currents follow the commands with the time constant `lag_s`.
     """
     draws = [np.random.default_rng([seed, 1]) for seed in seeds]
     noise = [np.random.default_rng([seed, 2, salt]) for seed in seeds]
@@ -83,6 +83,7 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
     position, velocity = path(0.0)[0], (path(1e-7)[0] - path(-1e-7)[0]) / 2e-7
     integral, filtered, slow = np.zeros((count, 2)), position.copy(), np.zeros((count, 2))
     pending = held = before = np.sqrt(np.maximum(least, 1)[:, None] / guess) * gap[:, None]
+    follow = (lambda begin, end, time: end + (begin - end) * math.exp(-time / lag_s)) if lag_s else (lambda begin, end, time: end)
     limit = np.full((count, 3), np.inf)
     data, commands, largest = np.zeros((count, rows, 8)), np.zeros((count, rows, 3)), np.zeros((count, 3))
     white = np.stack([random.standard_normal((rows, 7)) for random in noise])
@@ -117,13 +118,13 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         h = STEP_S / SUBSTEPS
         for part in range(SUBSTEPS):
             at = time + part * h
-            f = lambda t, x: acceleration(t, x, held, factor * constants, slow)
+            f = lambda t, x: acceleration(t, x, follow(before, held, t - time), factor * constants, slow)
             k1, k2 = f(at, position), f(at + h / 2, position + h / 2 * velocity)
             k3 = f(at + h / 2, position + h / 2 * velocity + h * h / 4 * k1)
             k4 = f(at + h, position + h * velocity + h * h / 2 * k2)
             position = position + h * velocity + h * h / 6 * (k1 + k2 + k3)
             velocity = velocity + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        before = held
+        before = follow(before, held, STEP_S)
     if not (np.abs(position) < gap[:, None]).all():
         raise SystemExit("a rotor of the simulation touches its magnets")
     recordings = []
@@ -223,6 +224,8 @@ FAULTS = [
     Fault("none"),
     Fault("commanded currents", commanded, cause=r"heldAfter"),
     Fault("commanded currents, --hold heldBefore", commanded, False, r"heldAfter", lambda _: ["--hold", "heldBefore"]),
+    Fault("commanded currents, lag of 20 µs", commanded, cause="late|delay", world=(("lag_s", 2e-5),)),
+    Fault("commanded currents, lag of 50 µs", commanded, cause="late|delay", world=(("lag_s", 5e-5),)),
     Fault("stuck sensor", stuck, cause=SENSORS + "(stuck|clipped)"),
     Fault("clipped currents", clipped, cause=SENSORS + "clipped"),
     Fault("0.1 % of outliers", outliers, cause=SENSORS + ".*outlier"),

@@ -107,7 +107,7 @@ pub struct Arguments {
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
-    /// unless another one is more likely.
+    /// unless another one is more likely. A delay of the positions of which nothing is stated is found as well.
     #[arg(long, value_name = "HOLD", default_value = AUTO)]
     hold: String,
     /// Length of the window, in s; one revolution by default.

@@ -18,6 +18,7 @@ use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
 use magnetic_bearing::studies::parallel::in_order;
+use magnetic_bearing::variables::Choice;
 use serde_json::Value as Json;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
@@ -533,4 +534,47 @@ fn the_verdict_begins_with_what_the_residuals_ask_for_most() {
     let answer = identify::answer(std::slice::from_ref(&samples), question_to(&bench, &samples));
     let wanted = "Not valid: the residuals ask most for runout2.y.cos, then for ";
     assert!(answer.verdict.starts_with(wanted), "{}", answer.verdict);
+}
+
+/// What the residuals ask for most may move λ by far more than a step from the stated value shows: here by 7.5 deviations.
+#[test]
+fn the_parameter_that_the_residuals_ask_for_most_is_tried() {
+    let lambda = [2.35e-6, 1.65e-6, 2.07e-6];
+    let bench = Bench {
+        seconds: 0.6,
+        lag: 2e-5,
+        position_noise: 1e-6,
+        current_noise: 0.0,
+        seed: 81,
+        lambda,
+        ..Bench::default()
+    };
+    let samples = recorded(&bench);
+    let mut question = question_to(&bench, &samples);
+    question.stated.hold = Hold::HeldAfter;
+    is_refused(
+        &identify::answer(std::slice::from_ref(&samples), question),
+        "ask most for delay (positions later than currents), and with it λ2 differs by",
+    );
+}
+
+/// Amplifiers with a lag behind the currents that are recorded: the answer says how late these act, and whatever a sample is taken for, no wrong answer is
+/// valid.
+#[test]
+fn a_lag_of_the_amplifiers_is_a_delay() {
+    let bench = Bench { seconds: 0.6, lag: 4e-5, current_noise: 0.0, seed: 72, ..Bench::default() };
+    let samples = recorded(&bench);
+    let mut question = question_to(&bench, &samples);
+    for hold in Hold::all() {
+        question.stated.hold = hold;
+        let answer = identify::answer(std::slice::from_ref(&samples), question.clone());
+        if answer.valid {
+            is_right(hold.name(), &answer);
+        }
+    }
+    let holds = Holds::of(&samples, &question.stated);
+    question.stated.hold = holds.most_likely();
+    let answer = identify::answer(std::slice::from_ref(&samples), Question { holds: Some(holds), ..question });
+    is_right("the most likely reading", &answer);
+    assert!(answer.findings.iter().any(|finding| finding.contains("currents act")), "{:?}", answer.findings);
 }

@@ -60,6 +60,8 @@ pub struct Bench {
     pub change: [f64; 2],
     /// Impact: half sine of 0.5 ms, in N in z, at that time.
     pub impact: [f64; 2],
+    /// Time constant with which the magnets follow the currents that are recorded, s.
+    pub lag: f64,
     /// Level of a force that wanders in y and z, a random walk, in N after a second.
     pub slow_force: f64,
 }
@@ -107,6 +109,7 @@ impl Default for Bench {
             backward: [0.0; 2],
             change: [0.0; 2],
             impact: [0.0; 2],
+            lag: 0.0,
             slow_force: 0.0,
         }
     }
@@ -196,6 +199,7 @@ impl Bench {
         let mut lambda = self.lambda0;
         let mut current = currents(allocate(wanted, self.f0), gaps, lambda);
         let mut held = current;
+        let mut flowing = current;
         let mut history = vec![[x[0], x[1]]];
         let mut out = Recorded { levitated: true, ..Recorded::default() };
         for row in 0..rows {
@@ -264,10 +268,15 @@ impl Bench {
             for a in 0..2 {
                 slow[a] = walks[a].measure(slow[a], self.slow_force * h.sqrt());
             }
+            let begin = t;
+            let follows = |since: f64| -> [f64; 3] {
+                let left = if self.lag > 0.0 { (-since / self.lag).exp() } else { 0.0 };
+                std::array::from_fn(|k| current[k] + (flowing[k] - current[k]) * left)
+            };
             for step in 0..SUBSTEPS {
                 let t_0 = t + step as f64 * sub;
                 let slope = |t: f64, x: &[f64; 4]| {
-                    let force = self.force(t, x, current, &e);
+                    let force = self.force(t, x, follows(t - begin), &e);
                     [x[2], x[3], (force[0] + slow[0]) / m, (force[1] + slow[1]) / m]
                 };
                 let moved = |d: &[f64; 4], by: f64| -> [f64; 4] { std::array::from_fn(|i| x[i] + by * d[i]) };
@@ -284,6 +293,7 @@ impl Bench {
                 out.levitated = false;
                 break;
             }
+            flowing = follows(h);
             held = current;
             current = next;
             wanted = force;

@@ -299,6 +299,12 @@ impl Holds {
         best.filter(|(_, less)| less.is_finite()).map(|(hold, _)| hold)
     }
 
+    /// The one after the most likely, if it fits at all.
+    fn next(&self) -> Option<Hold> {
+        let (best, others) = (self.best()?, self.each().filter(|(_, less)| less.is_finite()));
+        others.filter(|(hold, _)| *hold != best).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(hold, _)| hold)
+    }
+
     /// That of measured currents, unless another one is clearly more likely.
     #[must_use]
     pub fn most_likely(&self) -> Hold {
