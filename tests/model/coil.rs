@@ -5,8 +5,8 @@ use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
 use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::bearing::scalar::Scalar;
 use magnetic_bearing::machine::PLANAR;
-use magnetic_bearing::plant::linearisation::{Point, Taylor};
-use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantConfig, PlantInput, PlantState};
+use magnetic_bearing::plant::linearisation::Taylor;
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantState};
 
 const STEP_S: f64 = 1e-4;
 const GAP_M: f64 = 5e-4;
@@ -246,36 +246,6 @@ fn an_open_circuit_carries_no_current() {
     assert_eq!(state.measured.current_a[1], 0.0);
     assert_eq!(plant.outputs(&state, &input, 2.0 * STEP_S).force_n[1], 0.0);
     assert!(state.measured.current_a[0] > 0.1);
-}
-
-/// The derivatives of the right-hand side by ψ, exact and by differences.
-#[test]
-fn the_derivative_can_be_differentiated() {
-    /// Relative error of central differences with increments of 1e-5.
-    const DIFFERENCES: f64 = 1e-7;
-    let plant = plant(CoilConfig { leakage_h: 1e-3, saturation_wb: 0.03, ..CoilConfig::default() });
-    let x = Motion { position_m: [2e-5, -3e-5], velocity_m_s: [0.01, 0.02], linkage_wb: [0.012, 0.015, 0.02] };
-    let input = PlantInput { voltage_v: [3.0, 4.0, 5.0], ..PlantInput::default() };
-    let equations = plant.equations();
-    let point = Point { motion: x, ..Point::of(&plant, &plant.start(0.0), &input, 0.0) };
-    for k in 0..3 {
-        let mut direction = point.with(&point, |_, _: f64| 0.0);
-        direction.motion.linkage_wb[k] = 1.0;
-        let exact = point.along(&direction).outputs().map(|series| series.derivative(1));
-        let h = 1e-5 * x.linkage_wb[k];
-        let (mut above, mut under) = (x, x);
-        above.linkage_wb[k] += h;
-        under.linkage_wb[k] -= h;
-        let [above, under] = [above, under].map(|x| equations.derivative(&x, &input, Conditions::default()));
-        let quotient = above.with(&under, |above, under| (above - under) / (2.0 * h));
-        for a in 0..2 {
-            let miss = (quotient.velocity_m_s[a] - exact.acceleration_m_s2[a]).abs();
-            below("∂acceleration/∂ψ", miss, DIFFERENCES * exact.force_n[k] / 6.7);
-        }
-        below("∂ψ'/∂ψ", (quotient.linkage_wb[k] - exact.induced_v[k]).abs(), DIFFERENCES * exact.induced_v[k].abs());
-        let coil = equations.coil(k).at_linkage(x.linkage_wb[k], equations.gaps(x.position_m)[k]);
-        below("∂i/∂ψ", (exact.current_a[k] - coil.current_by_linkage).abs(), 1e-13 * coil.current_by_linkage);
-    }
 }
 
 /// So deep in saturation that Newton's iterations start at the solution: `i = i_s (φ/φ_s)⁷`, and the force goes with `i^(2/7)`.

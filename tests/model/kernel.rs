@@ -1,7 +1,7 @@
-//! The kernels against the polynomials the paper prints, closed-form integrals and exact discrete identities.
+//! The kernels against the polynomials the paper prints, and exact discrete identities of their weights.
 
 use magnetic_bearing::estimation::paper::kernel::{
-    Polynomial, ROWS_PER_AXIS, Weights, paper_current_kernel, paper_position_kernel, psi, psi_between_nodes,
+    Polynomial, ROWS_PER_AXIS, Weights, paper_current_kernel, paper_position_kernel,
 };
 
 /// Rounding of a few additions of numbers of order 100, absolute.
@@ -54,41 +54,6 @@ fn kernels_are_those_the_paper_prints() {
     for row in 0..ROWS_PER_AXIS {
         assert_same(&format!("g_z,{}", row + 1), &paper_position_kernel(row), &printed_z[row]);
         assert_same(&format!("g_u,{}", row + 1), &paper_current_kernel(row), &printed_u[row]);
-    }
-}
-
-/// `∫ τᵃ ψ_n = B(n + a + 1, 4) = (n + a)! 3!/(n + a + 4)!`, and by parts for the kernels.
-#[test]
-fn integrals_are_beta_functions() {
-    let factorial = |n: usize| (1..=n).map(|k| k as f64).product::<f64>();
-    let beta = |n: usize| factorial(n) * 6.0 / factorial(n + 4);
-    for row in 0..ROWS_PER_AXIS {
-        let n = row + 3;
-        let factor = if row == 1 { -1.0 / 6.0 } else { 1.0 / 6.0 };
-        assert!((psi(n).integral() - beta(n)).abs() < COEFFICIENT_ROUNDING);
-        for a in 0..5 {
-            let moment_u = paper_current_kernel(row).times(&Polynomial::power(a)).integral();
-            let by_parts_u = if a == 0 { 0.0 } else { -factor * a as f64 * beta(n + a - 1) };
-            assert!((moment_u - by_parts_u).abs() < COEFFICIENT_ROUNDING, "g_u,{} tau^{a}: {moment_u}", row + 1);
-            let moment_z = paper_position_kernel(row).times(&Polynomial::power(a)).integral();
-            let by_parts_z = if a < 3 { 0.0 } else { -factor * (a * (a - 1) * (a - 2)) as f64 * beta(n + a - 3) };
-            assert!((moment_z - by_parts_z).abs() < COEFFICIENT_ROUNDING, "g_z,{} tau^{a}: {moment_z}", row + 1);
-        }
-    }
-}
-
-#[test]
-fn primitive_between_nodes_is_psi_but_for_the_second_order() {
-    let worst = |intervals: usize| {
-        let h = 1.0 / intervals as f64;
-        let error = |n: usize, j: usize| psi_between_nodes(n, j, intervals) - psi(n).value((j as f64 + 0.5) * h);
-        (3..=5).flat_map(|n| (0..intervals).map(move |j| error(n, j).abs())).fold(0.0_f64, f64::max)
-    };
-    let order = (worst(100) / worst(200)).log2();
-    assert!((order - 2.0).abs() < 0.1, "order {order}, wanted 2");
-    for n in 3..=5 {
-        assert_eq!(psi_between_nodes(n, 0, 100), 0.0);
-        assert_eq!(psi_between_nodes(n, 99, 100), 0.0);
     }
 }
 

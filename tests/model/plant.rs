@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::support::{SpindleConfig, Spoil, below, between};
 use magnetic_bearing::bearing::rotor::Rotor;
-use magnetic_bearing::plant::integration::{rk4, substeps};
+use magnetic_bearing::plant::integration::substeps;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::plant::{
     Harmonic, Measured, Plant, PlantConfig, PlantConfigOf, PlantInput, PlantState, SensorConfig, StepError,
@@ -45,20 +45,6 @@ fn substeps_take_up_the_rounding_of_the_division() {
     assert_eq!(substeps(1e-16, 5e-5), 1);
     assert_eq!(substeps(0.0, 5e-5), 1);
     assert_eq!(substeps(f64::NAN, 5e-5), 1);
-}
-
-#[test]
-fn runge_kutta_has_order_four() {
-    // x' = −x + t, x(0) = 1: x = 2 e^(−t) + t − 1.
-    let error = |n: i32| {
-        let h = 1.0 / f64::from(n);
-        let x = (0..n).fold([1.0], |x, j| rk4(x, f64::from(j) * h, h, |t, x: &[f64; 1]| [t - x[0]]));
-        (x[0] - 2.0 * (-1.0f64).exp()).abs()
-    };
-    for n in [8, 16, 32] {
-        let ratio: f64 = error(n) / error(2 * n);
-        between("order", ratio.log2(), 3.8, 4.2);
-    }
 }
 
 /// Unbalance alone, no current: `m Ẅ = U ω² e^{j(ωt+φ)}`, so `W = −(U/m) e^{j(ωt+φ)}` from the right start.
