@@ -6,6 +6,7 @@ mod state;
 use std::f64::consts::PI;
 
 use crate::rotor::{Currents, Path, Rotor, Wild, largest, unbalanced};
+use crate::support::says;
 use magnetic_bearing::estimation::{
     CONDITION_CAP, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
     STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,

@@ -1,59 +1,82 @@
-//! Reset, states read back, and parameters that are refused.
+//! Reset, states read back, and parameters that are refused, with every method.
 
 use super::*;
 
-#[test]
-fn reset_equals_a_fresh_state() {
-    let rotor = noisy(31, 1001);
-    let inputs = rotor.inputs(Hold::HeldBefore);
+const METHODS: [Method; 3] = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
+
+/// Every method, the noise told and not, with a tolerance and without.
+fn cases() -> Vec<(Rotor, EstimatorConfig)> {
+    let (rotor, quiet) = (noisy(31, 1001), Rotor { samples: 700, ..Rotor::default() });
+    let mut cases = Vec::new();
     for noise in [(0.0, 0.0), NOISE] {
         for tolerance in [Tolerance::default(), Tolerance { gap_m: 1e-6, ..Tolerance::default() }] {
-            let estimator = estimator(EstimatorConfig { tolerance, ..told(config(&rotor), noise) });
-            let (_, mut used) = run(&estimator, &inputs[..777]);
-            let mut fresh = estimator.start();
-            for input in &inputs {
-                // The level stays high: only its rising edge counts.
-                let input = EstimatorInput { reset: true, ..input.clone() };
-                assert_eq!(estimator.sample(&mut used, &input), estimator.sample(&mut fresh, &input));
-            }
-            assert_eq!(postcard::to_stdvec(&used), postcard::to_stdvec(&fresh));
-            assert!(fresh.output().valid);
+            cases.push((rotor.clone(), EstimatorConfig { tolerance, ..told(config(&rotor), noise) }));
         }
+    }
+    for (method, hold) in [
+        (Method::Paper, Hold::HeldAfter),
+        (Method::PaperLiteral, Hold::HeldAfter),
+        (Method::PaperLiteral, Hold::Linear),
+    ] {
+        cases.push((quiet.clone(), quiet.config(method, hold)));
+    }
+    cases
+}
+
+#[test]
+fn reset_equals_a_fresh_state() {
+    for (rotor, config) in cases() {
+        let what = format!("{:?} {:?}", config.method, config.hold);
+        let inputs = rotor.inputs(config.hold);
+        let estimator = estimator(config);
+        let (_, mut used) = run(&estimator, &inputs[..333]);
+        let mut fresh = estimator.start();
+        for input in &inputs {
+            // The level stays high: only its rising edge counts.
+            let input = EstimatorInput { reset: true, ..input.clone() };
+            assert_eq!(estimator.sample(&mut used, &input), estimator.sample(&mut fresh, &input), "{what}");
+        }
+        assert_eq!(postcard::to_stdvec(&used), postcard::to_stdvec(&fresh), "{what}");
+        assert!(fresh.output().valid, "{what}");
     }
 }
 
 #[test]
 fn a_state_read_back_continues_bit_for_bit() {
-    let rotor = noisy(32, 1001);
-    let inputs = rotor.inputs(Hold::HeldBefore);
-    for noise in [(0.0, 0.0), NOISE] {
-        let estimator = estimator(told(config(&rotor), noise));
-        for at in [1, 40, 70, 333, 800] {
+    for (rotor, config) in cases() {
+        let what = format!("{:?} {:?}", config.method, config.hold);
+        let inputs = rotor.inputs(config.hold);
+        let estimator = estimator(config);
+        for at in [1, 40, 70, 333, 650] {
             let (_, mut state) = run(&estimator, &inputs[..at]);
             let bytes = postcard::to_stdvec(&state).expect("serialisable");
             let mut back: EstimatorState = postcard::from_bytes(&bytes).expect("readable");
-            assert!(estimator.accepts(&back));
+            assert!(estimator.accepts(&back), "{what}");
             for input in &inputs[at..] {
                 let [one, other] = [&mut back, &mut state].map(|state| estimator.sample(state, input));
-                assert_eq!(postcard::to_stdvec(&one), postcard::to_stdvec(&other));
+                assert_eq!(postcard::to_stdvec(&one), postcard::to_stdvec(&other), "{what}");
             }
-            assert_eq!(postcard::to_stdvec(&back), postcard::to_stdvec(&state));
+            assert_eq!(postcard::to_stdvec(&back), postcard::to_stdvec(&state), "{what}");
         }
     }
 }
 
-/// A state of another method is left alone; one of the same method with other numbers is no worse than other data.
+/// A state of another method or window is left alone; one of the same method with other numbers is no worse than other data.
 #[test]
 fn a_foreign_state_is_refused() {
     let rotor = noisy(33, 501);
     let inputs = rotor.inputs(Hold::HeldBefore);
-    let estimator = estimator(config(&rotor));
-    for method in [Method::Paper, Method::PaperLiteral] {
-        let other = Estimator::new(rotor.config(method, Hold::HeldBefore)).expect("good");
-        let (_, mut state) = run(&other, &inputs);
-        assert!(!estimator.accepts(&state));
-        assert_eq!(estimator.sample(&mut state, &inputs[0]).verdict, Verdict::ForeignState);
-        assert!(other.accepts(&state));
+    let [literal, paper, error] = METHODS.map(|method| rotor.config(method, Hold::HeldBefore));
+    let short = EstimatorConfig { window_s: 0.01, ..paper.clone() };
+    for (one, other) in [(&error, &literal), (&error, &paper), (&paper, &error), (&paper, &short), (&short, &paper)] {
+        let what = format!("{:?}, {} s: {:?}, {} s", one.method, one.window_s, other.method, other.window_s);
+        let [estimator, other] = [one, other].map(|config| estimator(config.clone()));
+        for samples in [0, inputs.len()] {
+            let (_, mut state) = run(&other, &inputs[..samples]);
+            assert!(!estimator.accepts(&state), "{what}");
+            assert_eq!(estimator.sample(&mut state, &inputs[0]).verdict, Verdict::ForeignState, "{what}");
+            assert!(other.accepts(&state), "{what}");
+        }
     }
 }
 
@@ -93,46 +116,65 @@ fn a_state_that_is_not_finite_is_refused() {
 
 #[test]
 fn every_bad_parameter_is_named() {
-    let good = EstimatorConfig::default();
+    /// Name, and the greatest value that is refused.
+    type Case = (&'static str, f64, fn(&mut EstimatorConfig, f64));
+    // Two checks may refuse one value.
     let names = |config: EstimatorConfig| -> Vec<String> {
-        Estimator::new(config).map_or_else(|found| found.iter().map(|i| i.name.to_string()).collect(), |_| Vec::new())
+        let found = Estimator::new(config).err().unwrap_or_default();
+        let mut names: Vec<_> = found.iter().map(|invalid| invalid.name.to_string()).collect();
+        names.dedup();
+        names
     };
-    type Set = fn(&mut EstimatorConfig, f64);
-    let not_negative: [(&str, Set); 9] = [
-        ("sensor.positionNoise", |c, x| c.position_noise_m = x),
-        ("sensor.currentNoise", |c, x| c.current_noise_a = x),
-        ("tolerance.m", |c, x| c.tolerance.m_kg = x),
-        ("tolerance.s", |c, x| c.tolerance.gap_m = x),
-        ("tolerance.alpha", |c, x| c.tolerance.alpha_rad = x),
-        ("tolerance.positionGain", |c, x| c.tolerance.position_gain = x),
-        ("tolerance.positionOffset", |c, x| c.tolerance.position_offset_m = x),
-        ("tolerance.currentGain", |c, x| c.tolerance.current_gain = x),
-        ("tolerance.currentOffset", |c, x| c.tolerance.current_offset_a = x),
+    let cases: [Case; 19] = [
+        ("m", 0.0, |c, x| c.geometry.shaft.m_kg = x),
+        ("s", 0.0, |c, x| c.geometry.bearings[0].gap_m = x),
+        ("Ts", 0.0, |c, x| c.step_s = x),
+        ("Tf", 0.0, |c, x| c.window_s = x),
+        ("epsilon", 0.0, |c, x| c.epsilon_s = x),
+        ("lambda0[1]", 0.0, |c, x| c.lambda0_nm2_a2[0] = x),
+        ("lambda0[2]", 0.0, |c, x| c.lambda0_nm2_a2[1] = x),
+        ("lambda0[3]", 0.0, |c, x| c.lambda0_nm2_a2[2] = x),
+        ("filter.omega", 0.0, |c, x| c.filter_omega_rad_s = x),
+        ("filter.zeta", 0.0, |c, x| c.filter_zeta = x),
+        ("sensor.positionNoise", -1e-9, |c, x| c.position_noise_m = x),
+        ("sensor.currentNoise", -1e-9, |c, x| c.current_noise_a = x),
+        ("tolerance.m", -1e-9, |c, x| c.tolerance.m_kg = x),
+        ("tolerance.s", -1e-9, |c, x| c.tolerance.gap_m = x),
+        ("tolerance.alpha", -1e-9, |c, x| c.tolerance.alpha_rad = x),
+        ("tolerance.positionGain", -1e-9, |c, x| c.tolerance.position_gain = x),
+        ("tolerance.positionOffset", -1e-9, |c, x| c.tolerance.position_offset_m = x),
+        ("tolerance.currentGain", -1e-9, |c, x| c.tolerance.current_gain = x),
+        ("tolerance.currentOffset", -1e-9, |c, x| c.tolerance.current_offset_a = x),
     ];
-    let mut all_bad = good.clone();
-    for (name, set) in not_negative {
-        for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -1e-9] {
-            let mut config = good.clone();
-            set(&mut config, value);
-            assert_eq!(names(config), [name], "{name} = {value}");
+    for method in METHODS {
+        let good = EstimatorConfig { method, ..EstimatorConfig::default() };
+        let mut all_bad = good.clone();
+        for (name, refused, set) in cases {
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, refused, -1.0] {
+                let mut config = good.clone();
+                set(&mut config, value);
+                assert_eq!(names(config), [name], "{name} = {value} with {method:?}");
+            }
+            set(&mut all_bad, f64::NAN);
         }
-        let mut config = good.clone();
-        set(&mut config, 1e-3);
-        assert_eq!(names(config.clone()), [""; 0], "{name} = 0.001");
-        for method in [Method::Paper, Method::PaperLiteral] {
-            // Noise is of no use to them, and does no harm.
-            let refused: &[&str] = if name.starts_with("tolerance") { &[name] } else { &[] };
-            assert_eq!(names(EstimatorConfig { method, ..config.clone() }), refused, "{name} with {method:?}");
-        }
-        set(&mut all_bad, -1.0);
+        assert_eq!(names(all_bad).len(), cases.len(), "all findings at once with {method:?}");
     }
-    assert_eq!(names(all_bad).len(), 9, "all findings at once");
-    let balanced = EstimatorConfig { identify_unbalance: false, ..good.clone() };
-    assert_eq!(names(balanced.clone()), [""; 0]);
-    assert_eq!(names(EstimatorConfig { method: Method::Paper, ..balanced.clone() }), ["identify.unbalance"]);
-    let refused = Estimator::new(EstimatorConfig { method: Method::Paper, ..balanced }).expect_err("refused");
-    assert!(refused[0].to_string().contains("method = predictionError"), "{}", refused[0]);
-    // The window of the paper's methods is none of this one's business.
-    let window = EstimatorConfig { window_s: 7e-4, epsilon_s: 1e-4, step_s: 3.3e-5, ..good };
+    let good = EstimatorConfig::default();
+    // A window that the paper's methods cannot have is none of the other one's business.
+    let window = EstimatorConfig { window_s: 7e-4, epsilon_s: 1e-4, step_s: 3.3e-5, ..good.clone() };
     assert_eq!(names(window), [""; 0]);
+    let tolerance = Tolerance { gap_m: 1e-3, ..Tolerance::default() };
+    // Noise is of no use to the paper's methods, and does no harm.
+    let wide = |method| told(EstimatorConfig { method, tolerance: tolerance.clone(), ..good.clone() }, NOISE);
+    assert_eq!(METHODS.map(|method| names(wide(method))), [vec!["tolerance.s"], vec!["tolerance.s"], vec![]]);
+    let balanced = |method| EstimatorConfig { method, identify_unbalance: false, ..good.clone() };
+    assert_eq!(names(balanced(Method::PredictionError)), [""; 0]);
+    let refused = Estimator::new(balanced(Method::Paper)).expect_err("refused");
+    says(&refused[0].to_string(), &["identify.unbalance", "method = predictionError"]);
+    for (magnet, angle_rad, name) in [(2, f64::NAN, "alpha[3]"), (1, 2.0 * PI, "alpha[2]"), (2, -PI / 3.0, "alpha[3]")]
+    {
+        let mut config = good.clone();
+        config.geometry.bearings[0].alpha_rad[magnet] = angle_rad;
+        assert_eq!(names(config), [name]);
+    }
 }
