@@ -2,11 +2,13 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::below;
+use crate::support::{below, poles_are_at};
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::displacement;
 use magnetic_bearing::control::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
-use magnetic_bearing::control::reference::{Contour, PathConfig, Reference, ReferenceConfig, Shape, Transition};
+use magnetic_bearing::control::reference::{
+    Contour, PathConfig, Reference, ReferenceConfig, ReferenceState, Shape, Transition,
+};
 use magnetic_bearing::machine::{PLANAR, SPINDLE};
 
 const STEP_S: f64 = 1e-4;
@@ -14,9 +16,6 @@ const OMEGA_RAD_S: f64 = TAU * 50.0;
 
 /// Error of a central difference of sixth order relative to the derivative, at the step used here.
 const DIFFERENCE: f64 = 1e-8;
-
-/// Distance between two poles as the coefficients of their polynomial show it: a few roundings.
-const COEFFICIENT: f64 = 1e-12;
 
 fn rotor() -> Rotor {
     Rotor::new(RotorConfig::of(&PLANAR)).expect("geometry")
@@ -142,68 +141,21 @@ fn a_reference_from_outside_starts_at_its_first_sample_at_rest() {
     assert_eq!([z.position_m, z.velocity_m_s, z.acceleration_m_s2], [-10e-6, 0.0, 0.0]);
 }
 
-/// Coefficients of det(zI − M), highest power first, by Faddeev and LeVerrier.
-fn characteristic<const N: usize>(m: [[f64; N]; N]) -> Vec<f64> {
-    let mut coefficients = vec![1.0];
-    let mut b = [[0.0; N]; N];
-    for k in 1..=N {
-        // B ← M B + c I, with the coefficient found last.
-        let last = coefficients[k - 1];
-        let mut next: [[f64; N]; N] =
-            std::array::from_fn(|i| std::array::from_fn(|j| (0..N).map(|l| m[i][l] * b[l][j]).sum()));
-        for (i, row) in next.iter_mut().enumerate() {
-            row[i] += last;
-        }
-        b = next;
-        let trace: f64 = (0..N).map(|i| (0..N).map(|l| m[i][l] * b[l][i]).sum::<f64>()).sum();
-        coefficients.push(-trace / k as f64);
-    }
-    coefficients
-}
-
-/// Coefficients of `(z − ρ)ᴺ`, highest power first.
-fn all_at(rho: f64, n: usize) -> Vec<f64> {
-    let mut coefficients = vec![1.0];
-    for _ in 0..n {
-        let shifted = coefficients.iter().map(|c| -rho * c);
-        let mut next: Vec<f64> = coefficients.clone();
-        next.push(0.0);
-        for (c, s) in next[1..].iter_mut().zip(shifted) {
-            *c += s;
-        }
-        coefficients = next;
-    }
-    coefficients
-}
-
 #[test]
 fn the_observers_have_their_poles_where_they_are_wanted() {
     // A step of 1 s keeps the numbers near 1; the gains depend on the step by their units alone, see below.
-    for bandwidth in [0.05, 0.4, 2.0] {
-        let rho = (-bandwidth * 1.0f64).exp();
-        // The error's map, column by column: predict a unit vector, then update against a measurement of 0. The columns
-        // stand as rows here; the transpose has the same polynomial.
+    for bandwidth in [0.05f64, 0.4, 2.0] {
+        let rho = (-bandwidth).exp();
+        // The map of the error: predict, then update against a measurement of 0.
         let three = PerturbationObserver::new(bandwidth, 1.0);
-        let m: [[f64; 3]; 3] = std::array::from_fn(|j| {
-            let unit = std::array::from_fn(|i| f64::from(i == j));
-            three.update(three.predict(unit, 0.0), 0.0)
-        });
-        for (c, wanted) in characteristic(m).into_iter().zip(all_at(rho, 3)) {
-            below("coefficient, three", (c - wanted).abs(), COEFFICIENT);
-        }
+        poles_are_at("observer of three", [rho; 3], |error| three.update(three.predict(error, 0.0), 0.0));
         let four = SignalObserver::new(bandwidth, 1.0);
-        let m: [[f64; 4]; 4] = std::array::from_fn(|j| {
-            let unit = Signal(std::array::from_fn(|i| f64::from(i == j)));
-            four.update(unit, 0.0).0
-        });
-        for (c, wanted) in characteristic(m).into_iter().zip(all_at(rho, 4)) {
-            below("coefficient, four", (c - wanted).abs(), COEFFICIENT);
-        }
+        poles_are_at("observer of four", [rho; 4], |error| four.update(Signal(error), 0.0).0);
     }
     let [l_1, l_2, l_3] = gains_of_three(4000.0, 1e-4);
     let scaled = gains_of_three(0.4, 1.0);
     for (gain, wanted) in [l_1, l_2 * 1e-4, l_3 * 1e-8].into_iter().zip(scaled) {
-        below("gain in units of the step", (gain / wanted - 1.0).abs(), COEFFICIENT);
+        below("gain in units of the step", (gain / wanted - 1.0).abs(), 1e-12);
     }
 }
 
@@ -243,33 +195,42 @@ fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
     }
 }
 
+/// Velocity and acceleration are the derivatives of the position.
+fn assert_derivatives<const N: usize, const B: usize>(
+    reference: &Reference<N, B>,
+    state: &ReferenceState<N>,
+    ahead_s: f64,
+    [velocity_limit, acceleration_limit]: [f64; 2],
+) {
+    let h = 1e-6;
+    let [before, here, after] = [-h, 0.0, h].map(|beside_s| reference.ahead(state, ahead_s + beside_s));
+    for a in 0..N {
+        let velocity = (after[a].position_m - before[a].position_m) / (2.0 * h);
+        below("velocity", (velocity - here[a].velocity_m_s).abs(), velocity_limit);
+        let acceleration = (after[a].velocity_m_s - before[a].velocity_m_s) / (2.0 * h);
+        below("acceleration", (acceleration - here[a].acceleration_m_s2).abs(), acceleration_limit);
+    }
+}
+
 /// A lift and a ramp: begin and end, and derivatives that are those of the positions.
 #[test]
 fn a_smooth_start_is_smooth() {
     let config = ReferenceConfig { transition: Transition { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03 }, ..default() };
     let (reference, plain) = (reference(config), reference(default()));
     let (mut state, mut other) = (reference.start(), plain.start());
+    let first = [1e-5, -2.5e-4];
     for k in 0..600 {
-        reference.sample(&mut state, 314.0, [1e-5, -2.5e-4], [0.0; 2]);
+        reference.sample(&mut state, 314.0, first, [0.0; 2]);
         plain.sample(&mut other, 314.0, [0.0; 2], [0.0; 2]);
-        let at = |ahead_s: f64| reference.ahead(&state, ahead_s);
-        let h = 1e-6;
-        for a in 0..2 {
-            let (before, here, after) = (at(-h)[a], at(0.0)[a], at(h)[a]);
-            if k > 0 {
-                let slope = (after.position_m - before.position_m) / (2.0 * h);
-                // Third derivatives of up to 2e3 m/s³ times h²/6, and rounding of 1e-19/h.
-                assert!((slope - here.velocity_m_s).abs() < 1e-9, "{k}: {slope} {}", here.velocity_m_s);
-                let slope = (after.velocity_m_s - before.velocity_m_s) / (2.0 * h);
-                // At the seams the third derivative jumps, by up to 2e3 m/s³, over h.
-                assert!((slope - here.acceleration_m_s2).abs() < 2e-3, "{k}: {slope} {}", here.acceleration_m_s2);
-            }
-            if k == 0 {
-                assert_eq!((here.position_m, here.velocity_m_s), ([1e-5, -2.5e-4][a], 0.0));
-            }
-            if k > 400 {
-                assert_eq!(here, plain.ahead(&other, 0.0)[a]);
-            }
+        let here = reference.ahead(&state, 0.0);
+        if k == 0 {
+            assert_eq!(here.map(|point| (point.position_m, point.velocity_m_s)), first.map(|first_m| (first_m, 0.0)));
+        } else {
+            // Third derivatives of up to 2e3 m/s³ times h²/6, and rounding of 1e-19/h; at the seams they jump over h.
+            assert_derivatives(&reference, &state, 0.0, [1e-9, 2e-3]);
+        }
+        if k > 400 {
+            assert_eq!(here, plain.ahead(&other, 0.0));
         }
     }
 }
@@ -312,14 +273,7 @@ fn the_reference_of_a_spindle_is_consistent_with_its_derivatives() {
         for _ in 0..200 {
             reference.sample(&mut state, OMEGA_RAD_S, [1e-4, -1e-4, 5e-5, 1e-4, -2e-4], [0.0; 5]);
         }
-        let h = 1e-5;
-        let [before, here, after] = [-h, 0.0, h].map(|ahead_s| reference.ahead(&state, 3e-5 + ahead_s));
-        for a in 0..5 {
-            let velocity = (after[a].position_m - before[a].position_m) / (2.0 * h);
-            let acceleration = (after[a].velocity_m_s - before[a].velocity_m_s) / (2.0 * h);
-            below("velocity", (velocity - here[a].velocity_m_s).abs(), 1e-6);
-            below("acceleration", (acceleration - here[a].acceleration_m_s2).abs(), 1e-3);
-        }
+        assert_derivatives(&reference, &state, 3e-5, [2e-9, 1e-3]);
     }
 }
 

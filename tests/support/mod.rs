@@ -60,6 +60,19 @@ pub fn between(what: &str, value: f64, low: f64, high: f64) {
     assert!((low..=high).contains(&value), "{what}: {value:e} is outside {low:e} to {high:e}");
 }
 
+/// Asserts the poles of a linear map: `M − pI`, applied for every pole `p`, leaves nothing of any vector of numbers near 1.
+#[track_caller]
+pub fn poles_are_at<const N: usize>(what: &str, poles: [f64; N], map: impl Fn([f64; N]) -> [f64; N]) {
+    for unit in 0..N {
+        let mut rest: [f64; N] = std::array::from_fn(|n| f64::from(n == unit));
+        for pole in poles {
+            let next = map(rest);
+            rest = std::array::from_fn(|n| next[n] - pole * rest[n]);
+        }
+        rest.into_iter().for_each(|rest| below(&format!("poles, {what}"), rest.abs(), 1e-12));
+    }
+}
+
 /// Puts a bad value into an input.
 pub type Spoil<I> = fn(&mut I, f64);
 

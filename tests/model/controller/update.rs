@@ -142,74 +142,55 @@ fn estimates_taken_over_directly_make_no_bump() {
     }
 }
 
-#[test]
-fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
-    let settled = |update| {
-        let controller = Controller::new(ControllerConfig {
-            law: TrackingConfig { update, ..TrackingConfig::default() },
-            ..ControllerConfig::default()
-        })
-        .expect("controller");
-        let mut state = controller.start(0.0);
-        let input = |lambda_valid| ControllerInput { lambda_valid, ..still() };
-        let mut outputs = Vec::new();
-        for k in 0..2001 {
-            outputs.push(controller.sample(&mut state, &input(k == 2000)).expect("sample"));
-        }
-        outputs
-    };
-    let [with, without] = [UpdateMode::AtTime, UpdateMode::Never].map(settled);
-    let (with, without) = (&with[2000], &without[2000]);
-    assert_eq!(with.lambda_used_nm2_a2, [1.8e-6, 2.0e-6, 2.2e-6]);
-    for a in 0..2 {
-        // The feedback asks for the same total; the observer has moved what the model now explains.
-        let total = |o: &ControllerOutput| o.force_n[a] + o.perturbation_n[a];
-        below("total force, N", (total(with) - total(without)).abs(), 1e-9);
-        assert!((with.perturbation_n[a] - without.perturbation_n[a]).abs() > 1.0, "the perturbation has moved");
-    }
-}
-
-/// λ in use after each of the samples whose estimates are given.
-fn lambda_used(config: ControllerConfig, estimates: &[([f64; 3], bool)]) -> Vec<[f64; 3]> {
+/// Outputs of a controller of a rotor at rest, after each of the samples whose estimates are given.
+fn updated(update: UpdateMode, update_time_s: f64, estimates: &[([f64; 3], bool)]) -> Vec<ControllerOutput> {
+    let mut config = ControllerConfig::default();
+    (config.law.update, config.law.update_time_s) = (update, update_time_s);
     let controller = Controller::new(config).expect("controller");
     let mut state = controller.start(0.0);
     let sample = |&(lambda_hat_nm2_a2, lambda_valid): &([f64; 3], bool)| {
         let input = ControllerInput { lambda_hat_nm2_a2, lambda_valid, ..still() };
-        controller.sample(&mut state, &input).expect("sample").lambda_used_nm2_a2
+        controller.sample(&mut state, &input).expect("sample")
     };
     estimates.iter().map(sample).collect()
 }
 
 #[test]
-fn lambda_is_taken_over_once_at_its_time_and_only_if_it_is_of_use() {
-    let first = [4e-6; 3];
-    let good = [2e-6; 3];
-    let other = [3e-6; 3];
-    let at = |update_time_s| ControllerConfig {
-        law: TrackingConfig { update_time_s, ..TrackingConfig::default() },
-        ..ControllerConfig::default()
-    };
-    // Not before its time, once, and with a time that is short of a sample by its last bits.
-    let used = lambda_used(at(2e-4 * (1.0 + 1e-12)), &[(other, true), (other, true), (good, true), (other, true)]);
-    assert_eq!(used, [first, first, good, good]);
-    // As soon as it is valid.
-    let used = lambda_used(at(0.0), &[(good, false), (good, true), (other, true)]);
-    assert_eq!(used, [first, good, good]);
-    // Never an unusable one.
-    for bad in [f64::NAN, f64::INFINITY, 0.0, -2e-6] {
-        for update in [UpdateMode::AtTime, UpdateMode::WhenValid] {
-            let config = ControllerConfig { law: TrackingConfig { update, ..at(0.0).law }, ..at(0.0) };
-            let used = lambda_used(config, &[([2e-6, bad, 2e-6], true), ([2e-6, 2e-6, bad], true)]);
-            assert_eq!(used, [first, first], "{bad} {update:?}");
-        }
+fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
+    let lambda = still().lambda_hat_nm2_a2;
+    let mut estimates = vec![(lambda, false); 2001];
+    estimates[2000].1 = true;
+    let at_time_s = TrackingConfig::<3, 1>::default().update_time_s;
+    let [with, without] =
+        [UpdateMode::AtTime, UpdateMode::Never].map(|mode| updated(mode, at_time_s, &estimates).swap_remove(2000));
+    assert_eq!(with.lambda_used_nm2_a2, lambda);
+    for a in 0..2 {
+        // The feedback asks for the same total; the observer has moved what the model now explains.
+        let total = |o: &ControllerOutput| o.force_n[a] + o.perturbation_n[a];
+        below("total force, N", (total(&with) - total(&without)).abs(), 1e-9);
+        assert!((with.perturbation_n[a] - without.perturbation_n[a]).abs() > 1.0, "the perturbation has moved");
     }
-    let used = lambda_used(
-        ControllerConfig { law: TrackingConfig { update: UpdateMode::Never, ..at(0.0).law }, ..at(0.0) },
-        &[(good, true); 3],
-    );
-    assert_eq!(used, [first; 3]);
-    // Always while it is valid.
-    let config = ControllerConfig { law: TrackingConfig { update: UpdateMode::WhenValid, ..at(0.0).law }, ..at(0.0) };
-    let used = lambda_used(config, &[(good, true), (other, true), (good, false), (good, true)]);
-    assert_eq!(used, [good, other, other, good]);
+}
+
+#[test]
+fn lambda_is_taken_over_once_at_its_time_and_only_if_it_is_of_use() {
+    use UpdateMode::{AtTime, Never, WhenValid};
+    let (first, good, other) = ([4e-6; 3], [2e-6; 3], [3e-6; 3]);
+    let used = |mode, time_s, estimates: &[([f64; 3], bool)]| {
+        updated(mode, time_s, estimates).iter().map(|output| output.lambda_used_nm2_a2).collect::<Vec<_>>()
+    };
+    // A time that is short of a sample by its last bits.
+    let found = used(AtTime, 2e-4 * (1.0 + 1e-12), &[(other, true), (other, true), (good, true), (other, true)]);
+    assert_eq!(found, [first, first, good, good], "not before its time, and once");
+    let found = used(AtTime, 0.0, &[(good, false), (good, true), (other, true)]);
+    assert_eq!(found, [first, good, good], "as soon as it is valid");
+    for (mode, bad) in
+        [f64::NAN, f64::INFINITY, 0.0, -2e-6].into_iter().flat_map(|bad| [(AtTime, bad), (WhenValid, bad)])
+    {
+        let found = used(mode, 0.0, &[([2e-6, bad, 2e-6], true), ([2e-6, 2e-6, bad], true)]);
+        assert_eq!(found, [first; 2], "{mode:?}: never an unusable one, {bad}");
+    }
+    assert_eq!(used(Never, 0.0, &[(good, true); 3]), [first; 3], "never");
+    let found = used(WhenValid, 0.0, &[(good, true), (other, true), (good, false), (good, true)]);
+    assert_eq!(found, [good, other, other, good], "always while it is valid");
 }
