@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use crate::inputs;
 use crate::support::MODELS;
 use crate::support::ffi::{Expect, Fmu};
 use fmu_export::fmi2::bindings::fmi2ValueReference;
@@ -151,20 +152,6 @@ fn dependencies_are_honest() {
     }
 }
 
-/// Fails if a dependency is misspelt, which the model description then leaves out.
-#[test]
-fn dependencies_name_variables() {
-    for model in MODELS {
-        let fmu = Fmu::new(model);
-        for variable in fmu.variables() {
-            let names = variable.depends_on.iter().flatten().map(|(name, _)| name);
-            for name in names.chain(variable.starts_from.iter().flatten()).chain(&variable.derivative_of) {
-                assert!(fmu.variables().iter().any(|other| other.name == *name), "{} names {name}", variable.name);
-            }
-        }
-    }
-}
-
 /// Fails if a known that is given twice counts once, and if every variable passes for a known.
 #[test]
 fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
@@ -254,12 +241,7 @@ fn derivatives_of_zero_change_no_bit() {
             _ => &[],
         };
         let [plain, sloped] = [0, 1].map(|_| Fmu::started(model, settings));
-        let inputs: Vec<u32> = (0..plain.variables().len() as u32)
-            .filter(|at| {
-                let variable = &plain.variables()[*at as usize];
-                variable.causality == Causality::Input && variable.is_continuous()
-            })
-            .collect();
+        let inputs = inputs(&plain);
         for step in 0..30 {
             let zeros = vec![0.0; inputs.len()];
             sloped.set_input_derivatives(&inputs, &vec![1; inputs.len()], &zeros).ok(&sloped);

@@ -10,17 +10,9 @@ use crate::support::Random;
 use crate::support::ffi::{Expect, Fmu};
 use crate::support::ffi3::{Fmu3, Request3, no_state};
 use crate::support::is_plant;
-use crate::support::sequence::Subject;
-use crate::support::sequence3;
 
 const TS: f64 = 1e-4;
 const STEPS: u32 = 300;
-
-#[test]
-fn every_function_is_refused_in_every_state_that_is_not_its_own() {
-    let subject = Subject { model: "MagneticBearing", real: "omega", refused: ("m", -1.0), step_s: TS };
-    sequence3::every_function_is_refused_in_every_state_that_is_not_its_own(subject);
-}
 
 /// The continuous inputs of a model, and values for them near their start.
 fn inputs(model: &ModelType, random: &mut Random) -> Vec<(u32, f64)> {

@@ -8,6 +8,7 @@ use std::ptr::{null, null_mut};
 use std::thread;
 
 use crate::call;
+use crate::drive;
 use crate::support::MODELS;
 use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
 use crate::support::says;
@@ -23,35 +24,8 @@ const TS: f64 = 1e-4;
 const SUBJECT: Subject = Subject { model: PLANT, real: "omega", refused: ("m", -1.0), step_s: TS };
 
 #[test]
-fn every_function_is_refused_in_every_state_that_is_not_its_own() {
-    sequence::every_function_is_refused_in_every_state_that_is_not_its_own(SUBJECT);
-}
-
-#[test]
 fn every_function_is_swept() {
     sequence::every_function_is_swept();
-}
-
-/// Fails if fmi2Terminate leaves the state as it was, and if the initialization asks for fmi2SetupExperiment.
-#[test]
-fn the_states_follow_one_another() {
-    let fmu = Fmu::new(PLANT);
-    fmu.setup(0.0, Some(1.0)).ok(&fmu);
-    assert_eq!(state_of(&fmu), 'i');
-    fmu.enter_initialization().ok(&fmu);
-    assert_eq!(state_of(&fmu), 'm');
-    fmu.exit_initialization().ok(&fmu);
-    assert_eq!(state_of(&fmu), 's');
-    fmu.step(0.0, TS).ok(&fmu);
-    assert_eq!(state_of(&fmu), 's');
-    fmu.terminate().ok(&fmu);
-    assert_eq!(state_of(&fmu), 't');
-    fmu.reset().ok(&fmu);
-    assert_eq!(state_of(&fmu), 'i');
-    // An experiment need not be set up.
-    fmu.enter_initialization().ok(&fmu);
-    fmu.exit_initialization().ok(&fmu);
-    fmu.step(0.0, TS).ok(&fmu);
 }
 
 /// Fails if a call on no instance is answered with fmi2OK.
@@ -355,32 +329,20 @@ fn questions_about_the_step_are_answered() {
     }
 }
 
-/// Steps an instance with inputs that depend on the number of the step, and gives all its values at the end.
-fn driven(fmu: &Fmu, step: u32) {
-    for variable in fmu.variables().to_vec() {
-        if variable.causality == Causality::Input && matches!(variable.data_type, Type::Real { .. }) {
-            let scale = if variable.name.contains("lambda") { 1e-6 } else { 1e-5 };
-            let value = if variable.name == "omega" { 314.0 } else { scale * f64::from(1 + step % 7) };
-            fmu.set(&variable.name, value).ok(fmu);
-        }
-    }
-    fmu.step(f64::from(step) * TS, TS).ok(fmu);
-}
-
 /// Fails if instances count their steps together.
 #[test]
 fn instances_do_not_see_one_another() {
     const STEPS: u32 = 120;
     for model in MODELS {
         let alone = Fmu::started(model, &[]);
-        (0..STEPS).for_each(|step| driven(&alone, step));
+        drive(&alone, 0..STEPS);
         let wanted = alone.all_bits();
 
         let one = Fmu::started(model, &[]);
         let other = Fmu::started(model, &[("m", 3.0)]);
         for step in 0..STEPS {
-            driven(&one, step);
-            driven(&other, step);
+            drive(&one, step..step + 1);
+            drive(&other, step..step + 1);
             if step == STEPS / 2 {
                 other.reset().ok(&other);
                 other.set("m", 4.0).ok(&other);
@@ -396,7 +358,7 @@ fn instances_do_not_see_one_another() {
                 let fmu = Fmu::started(model, &[]);
                 thread::spawn(move || {
                     for step in 0..STEPS {
-                        driven(&fmu, step);
+                        drive(&fmu, step..step + 1);
                         if step % 50 == 0 {
                             let (mut state, mut read) = (null_mut(), null_mut());
                             fmu.get_state(&mut state).ok(&fmu);

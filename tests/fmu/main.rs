@@ -18,3 +18,25 @@ mod session;
 mod stack;
 mod state;
 mod time;
+
+use fmu_export::variable::{Causality, Type};
+use support::ffi::{Expect, Fmu};
+
+/// Steps of 0.1 ms from one number on to another, with continuous inputs that depend on the number of the step.
+fn drive(fmu: &Fmu, steps: std::ops::Range<u32>) {
+    for step in steps {
+        for input in inputs(fmu) {
+            let Type::Real { start, nominal, .. } = fmu.variables()[input as usize].data_type else { unreachable!() };
+            let wave = f64::sin(0.7 * f64::from(step) + f64::from(input));
+            fmu.set_reals(&[input], &[start + 1e-3 * nominal * wave]).ok(fmu);
+        }
+        fmu.step(f64::from(step) * 1e-4, 1e-4).ok(fmu);
+    }
+}
+
+/// The references of the continuous inputs.
+fn inputs(fmu: &Fmu) -> Vec<u32> {
+    let rows = (0..).zip(fmu.variables());
+    let inputs = rows.filter(|(_, variable)| variable.causality == Causality::Input && variable.is_continuous());
+    inputs.map(|(reference, _)| reference).collect()
+}

@@ -3,65 +3,36 @@
 use std::process::Command;
 use std::ptr::null_mut;
 
+use crate::support::MODELS;
 use crate::support::ffi::{Expect, Fmu};
-use crate::support::{MODELS, is_plant};
+use crate::{drive, inputs};
 use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
 use fmu_export::variable::Type;
 use sha2::{Digest, Sha256};
 
-/// Values that make every part of a state move: noise, delay, both drives' coils, unbalance, a short window.
+/// Parameters with which every part of a state moves: noise, delay, both drives' coils, unbalance, a short window.
 fn lively(model: &str) -> Vec<(&'static str, f64)> {
     let of_sensors =
         [("sensor.positionNoise", 1e-7), ("sensor.currentNoise", 1e-2), ("sensor.delay", 1.5e-4), ("drive", 2.0)];
     let planes = [("unbalance[1].magnitude", 1e-4), ("unbalance[2].magnitude", 5e-5)];
     let update = [("update.mode", 3.0), ("lambdaValid", 1.0)];
     match model.trim_end_matches('4') {
-        "AxialBearing" => [&of_sensors[..], &[("u[1]", 3.0), ("u[2]", 2.0)]].concat(),
-        "MagneticBearing" => [&of_sensors[..], &[("unbalance.magnitude", 1e-4), ("u[1]", 3.0), ("u[2]", 2.0)]].concat(),
-        "MagneticSpindle" => [&of_sensors[..], &planes, &[("A.u[1]", 3.0), ("B.u[2]", 2.0), ("X.u[1]", 1.0)]].concat(),
-        "SpindleEstimator" => vec![("A.im[1]", 1.0), ("B.im[2]", 2.0), ("X.im[1]", 1.0)],
+        "AxialBearing" => of_sensors.to_vec(),
+        "MagneticBearing" => [&of_sensors[..], &[("unbalance.magnitude", 1e-4)]].concat(),
+        "MagneticSpindle" => [&of_sensors[..], &planes].concat(),
         "FlatnessController" | "AxialController" => update.to_vec(),
         "SpindleController" => {
             let moving = [("F0.modulation", 0.5), ("X.reference.amplitude", 2e-5), ("reference.rampTime", 0.01)];
             [&update[..], &moving].concat()
         }
-        _ if model == "AlgebraicEstimator" => {
-            vec![("Tf", 2e-3), ("epsilon", 2e-3), ("im[1]", 1.0), ("im[2]", 2.0)]
-        }
-        _ => vec![("im[1]", 1.0), ("im[2]", 2.0)],
+        _ if model == "AlgebraicEstimator" => vec![("Tf", 2e-3), ("epsilon", 2e-3)],
+        _ => Vec::new(),
     }
-}
-
-/// An input of the model that acts at once or at the next sample.
-fn an_input(model: &str) -> &'static str {
-    match model {
-        "AxialBearing" => "pX",
-        model if is_plant(model) => "pY",
-        model if model.starts_with("Axial") => "Xm",
-        model if model.starts_with("Spindle") => "A.Ym",
-        _ => "Ym",
-    }
-}
-
-/// One step of a run whose inputs move.
-fn advance(fmu: &Fmu, model: &str, step: u32) {
-    let t = f64::from(step) * 1e-4;
-    let wave = (f64::from(step) * 0.7).sin();
-    let (name, value) = match model {
-        "MagneticBearing" | "MagneticBearing4" | "AxialBearing" => ("u[2]", 2.0 + wave),
-        "MagneticSpindle" | "MagneticSpindle4" => ("B.u[2]", 2.0 + wave),
-        model if model.starts_with("Flatness") => ("Ym", 3e-5 * wave),
-        model if model.starts_with("Spindle") => ("B.Zm", 3e-5 * wave),
-        model if model.starts_with("Axial") => ("Xm", 3e-5 * wave),
-        _ => ("Zm", 3e-5 * wave),
-    };
-    fmu.set(name, value).ok(fmu);
-    fmu.step(t, 1e-4).ok(fmu);
 }
 
 fn running(model: &str, steps: u32) -> Fmu {
     let fmu = Fmu::started(model, &lively(model));
-    (0..steps).for_each(|step| advance(&fmu, model, step));
+    drive(&fmu, 0..steps);
     fmu
 }
 
@@ -95,7 +66,7 @@ fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
         let mut traces = Vec::new();
         for step in 35..75 {
             snapshots.push(saved(&fmu));
-            advance(&fmu, model, step);
+            drive(&fmu, step..step + 1);
             traces.push(fmu.all_bits());
         }
         let other = Fmu::new(model);
@@ -104,7 +75,7 @@ fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
             for fmu in [&fmu, &other] {
                 fmu.set_state(snapshots[from]).ok(fmu);
                 for (step, trace) in traces.iter().enumerate().skip(from) {
-                    advance(fmu, model, 35 + step as u32);
+                    drive(fmu, 35 + step as u32..36 + step as u32);
                     assert_eq!(fmu.all_bits(), *trace, "{model}: from {from} to {step}");
                 }
             }
@@ -194,11 +165,11 @@ fn taking_a_snapshot_into_an_existing_one_uses_it_again() {
         let fmu = running(model, 30);
         let mut state = saved(&fmu);
         let address = state;
-        advance(&fmu, model, 30);
+        drive(&fmu, 30..31);
         let wanted = fmu.all_bits();
         fmu.get_state(&mut state).ok(&fmu);
         assert_eq!(state, address);
-        advance(&fmu, model, 31);
+        drive(&fmu, 31..32);
         fmu.set_state(state).ok(&fmu);
         assert_eq!(fmu.all_bits(), wanted);
         freed(&fmu, state);
@@ -258,7 +229,7 @@ fn another_process() {
         fmu.deserialize(written, &mut state).ok(&fmu);
         fmu.set_state(state).ok(&fmu);
         assert_eq!(bytes(&fmu), written, "{model}");
-        (33..60).for_each(|step| advance(&fmu, model, step));
+        drive(&fmu, 33..60);
         println!("{:?}", fmu.all_bits());
         freed(&fmu, state);
     }
@@ -288,7 +259,7 @@ fn bytes_restore_the_run_in_another_process() {
         assert_eq!(written, bytes(&fmu), "{model}: the same snapshot, the same bytes");
         all.extend(written.len().to_le_bytes());
         all.extend(written);
-        (33..60).for_each(|step| advance(&fmu, model, step));
+        drive(&fmu, 33..60);
         wanted.push(format!("{:?}", fmu.all_bits()));
     }
     let path = std::env::temp_dir().join(format!("magnetic-bearing-state-{}", std::process::id()));
@@ -341,7 +312,19 @@ fn damaged_bytes_are_refused_with_a_reason() {
     let text = refused(&estimator, &written);
     assert!(text.contains("the model MagneticBearing: expected AlgebraicEstimator"), "{text}");
     // The instance is unharmed.
-    advance(&fmu, "MagneticBearing", 5);
+    drive(&fmu, 5..6);
+}
+
+/// What stands before the length of the content, and the content.
+fn opened<'w>(model: &str, written: &'w [u8]) -> (&'w [u8], &'w [u8]) {
+    let head = 8 + 2 + 1 + model.len() + 1 + 38;
+    (&written[..head], &written[head + 8..written.len() - 32])
+}
+
+/// A content in a sound frame.
+fn sealed(head: &[u8], content: &[u8]) -> Vec<u8> {
+    let framed = [head, &(content.len() as u64).to_le_bytes(), content].concat();
+    [&framed[..], &Sha256::digest(&framed)].concat()
 }
 
 /// Bytes whose frame is sound, and whose content is not: whoever made them, nothing panics, hangs, or takes much memory.
@@ -350,24 +333,14 @@ fn damaged_bytes_are_refused_with_a_reason() {
 fn a_hostile_content_in_a_sound_frame_does_no_harm() {
     for model in MODELS {
         let fmu = running(model, 25);
-        let input = fmu.reference(an_input(model));
-        fmu.set_input_derivatives(&[input], &[1], &[1e-3]).ok(&fmu);
+        fmu.set_input_derivatives(&inputs(&fmu)[..1], &[1], &[1e-3]).ok(&fmu);
         let written = bytes(&fmu);
-        let head = 8 + 2 + 1 + model.len() + 1 + 38;
-        let content = &written[head + 8..written.len() - 32];
-        let sealed = |content: &[u8]| {
-            let mut bytes = written[..head].to_vec();
-            bytes.extend((content.len() as u64).to_le_bytes());
-            bytes.extend(content);
-            let hash = Sha256::digest(&bytes);
-            bytes.extend(hash);
-            bytes
-        };
-        assert_eq!(sealed(content), written);
+        let (head, content) = opened(model, &written);
+        assert_eq!(sealed(head, content), written);
         let mut accepted = 0;
         let mut attack = |changed: &[u8]| {
             let mut state = null_mut();
-            let status = fmu.deserialize(&sealed(changed), &mut state);
+            let status = fmu.deserialize(&sealed(head, changed), &mut state);
             let messages = fmu.take_messages();
             assert!(messages.iter().all(|message| !message.text.contains("defect")), "{messages:?}");
             if status == fmi2Status::fmi2OK {
@@ -409,14 +382,11 @@ fn a_state_that_does_not_belong_to_the_run_is_refused() {
     for (model, begun) in MODELS.into_iter().flat_map(|model| [(model, false), (model, true)]) {
         let fmu = if begun { running(model, 5) } else { Fmu::new(model) };
         let written = bytes(&fmu);
-        let at = 8 + 2 + 1 + model.len() + 1 + 38 + 8;
+        let (head, content) = opened(model, &written);
         // The content begins with the state, a bit of five: instantiated, initialization, step complete, terminated, error.
-        assert_eq!(written[at], if begun { 0b100 } else { 1 }, "{model}");
+        assert_eq!(content[0], if begun { 0b100 } else { 1 }, "{model}");
         for (state, wants) in [(1, Some(false)), (2, Some(false)), (4, Some(true)), (8, None), (16, None)] {
-            let mut changed = written[..written.len() - 32].to_vec();
-            changed[at] = state;
-            let hash = Sha256::digest(&changed);
-            changed.extend(hash);
+            let changed = sealed(head, &[&[state], &content[1..]].concat());
             let mut found = null_mut();
             let status = fmu.deserialize(&changed, &mut found);
             if wants.is_some_and(|wants| wants != begun) {
@@ -457,8 +427,7 @@ fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, out of the initialization");
         fmu.start(0.0, None);
-        let input = an_input(model);
-        fmu.set_input_derivatives(&[fmu.reference(input)], &[2], &[1.0]).ok(&fmu);
+        fmu.set_input_derivatives(&inputs(&fmu)[..1], &[2], &[1.0]).ok(&fmu);
         fmu.reset().ok(&fmu);
         assert_eq!(bytes(&fmu), fresh, "{model}, with a derivative of an input");
     }

@@ -331,11 +331,9 @@ fn with_true_lambda_only_the_hold_remains() {
     let mut external = Loop { reference_m: ellipse_from_outside, ..known.clone() };
     (external.controller.reference.shape, external.controller.reference.bandwidth_rad_s) = (Shape::External, 4000.0);
     // Measured with the reference from outside is 0.45 µm.
-    for (name, case, from, limit_m) in [
-        ("ellipse", known, 0.05, 4e-9),
-        ("lobes", lobes, 0.05, 30e-9),
-        ("ellipse from outside", external, 0.1, 0.6e-6),
-    ] {
+    for (name, case, from, limit_m) in
+        [("ellipse", known, 0.05, 4e-9), ("lobes", lobes, 0.05, 30e-9), ("ellipse from outside", external, 0.1, 0.6e-6)]
+    {
         let records = case.run();
         tracked(name, &records, from, 0.4, limit_m);
         for a in 0..2 {
