@@ -1,5 +1,6 @@
-//! Initial dependencies in the model descriptions: which outputs depend on which inputs then.
+//! What model descriptions say of the start: which outputs depend on which inputs then, and the limits of parameters.
 
+use fmu_export::Invalid;
 use fmu_export::variable::{Causality, Type, Variable};
 use magnetic_bearing::fmu::find;
 
@@ -69,32 +70,39 @@ fn outputs_follow_at_the_start_what_they_declare() {
     }
 }
 
-/// Fails if a parameter is refused below 0 or at -1, or as an integer beyond a limit, while the model description allows it.
+/// Every parameter below the limit that is declared for it, or far below 0, and at the limit. Fails if a limit is not enforced, or
+/// enforced and not declared, and if something else is named.
 #[test]
 fn limits_that_a_model_enforces_stand_in_its_description() {
-    let mut found = 0;
     for model in MODELS {
         let kind = find(model).expect("a model");
-        for (index, variable) in kind.variables().iter().enumerate() {
+        let rows = kind.variables().iter().enumerate();
+        for (index, variable) in rows.filter(|(_, variable)| variable.causality == Causality::Parameter) {
             let lowest = match variable.data_type {
                 Type::Real { min, .. } => min,
                 Type::Integer { min, .. } => min.map(f64::from),
                 _ => continue,
             };
-            if variable.causality != Causality::Parameter {
-                continue;
-            }
-            let mut instance = Named::new(model);
-            instance.instance.set(index, named::value(&variable.data_type, -1e9)).expect("a parameter");
-            let Err(findings) = instance.start() else { continue };
-            for finding in findings.iter().filter(|finding| finding.name == variable.name) {
-                let absolute = ["0 or above", "above 0", "above -1", "from 0 to"];
-                if absolute.iter().any(|words| finding.wanted.contains(words)) {
-                    found += 1;
-                    assert!(lowest.is_some(), "{model}: {finding}, and there is no `min`");
-                }
+            let findings = |number: f64| {
+                let mut instance = Named::new(model);
+                instance.instance.set(index, named::value(&variable.data_type, number)).expect("a parameter");
+                instance.start().err().unwrap_or_default()
+            };
+            // What is said of the parameter itself, if that is a limit.
+            let limit = |findings: &[Invalid]| {
+                let limits = ["0 or above", "above 0", "above -1", "from 0 to", "at least"];
+                let own =
+                    findings.iter().filter(|finding| finding.name == variable.name).map(|finding| &finding.wanted);
+                own.into_iter().find(|wanted| limits.iter().any(|words| wanted.contains(words))).cloned()
+            };
+            let below = findings(lowest.map_or(-1e9, |min| min - 1.0));
+            let what = format!("{model}.{}: the least is {lowest:?}, and it is said: {below:?}", variable.name);
+            assert_eq!(limit(&below).is_some(), lowest.is_some(), "{what}");
+            if let (Some(lowest), Some(wanted)) = (lowest, limit(&below)) {
+                assert!(below.iter().all(|finding| finding.name == variable.name), "{what}");
+                let beyond = ["a finite number above", "time of at least"].iter().any(|words| wanted.contains(words));
+                assert_eq!(limit(&findings(lowest)).is_some(), beyond, "{what}; at the limit");
             }
         }
     }
-    assert!(found > 100, "{found} limits: does this test still see them?");
 }

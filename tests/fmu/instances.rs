@@ -8,38 +8,6 @@ use magnetic_bearing::fmu::catalogue;
 
 const TS: f64 = 1e-4;
 
-/// Inputs for a step, different at every step.
-fn excite(instance: &mut Named, random: &mut Random) {
-    for index in 0..instance.variables.len() {
-        let variable = instance.variables[index];
-        if variable.causality != Causality::Input {
-            continue;
-        }
-        // Without the bearing.
-        let name = variable.name.strip_prefix(['A', 'B', 'X']).and_then(|name| name.strip_prefix('.'));
-        let value = match name.unwrap_or(&variable.name) {
-            "Ym" | "Zm" | "Xm" | "Yref" | "Zref" => Value::Real(random.between(-5e-5, 5e-5)),
-            "omega" => Value::Real(random.between(300.0, 320.0)),
-            "theta" => Value::Real(random.between(0.0, 6.0)),
-            "reset" => Value::Boolean(false),
-            name if name.starts_with("lambdaHat") => Value::Real(random.between(1e-6, 3e-6)),
-            // Weak, so that the rotor stays in the gap for a while.
-            name if name.starts_with('i') => Value::Real(random.between(0.05, 0.1)),
-            _ if matches!(variable.data_type, Type::Boolean { .. }) => Value::Boolean(true),
-            _ => Value::Real(random.between(-1.0, 1.0)),
-        };
-        instance.instance.set(index, value).unwrap_or_else(|error| panic!("{}: {error}", variable.name));
-    }
-}
-
-/// Steps of `TS` from a step number on.
-fn run(instance: &mut Named, steps: std::ops::Range<u32>, random: &mut Random) {
-    for step in steps {
-        excite(instance, random);
-        instance.step(f64::from(step) * TS, TS);
-    }
-}
-
 #[test]
 fn every_row_keeps_what_it_is_given_and_disturbs_no_other() {
     for model in MODELS {
@@ -252,9 +220,27 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
     for model in MODELS {
         let mut instance = Named::started(model, &[]);
         let mut random = Random::new(11);
-        run(&mut instance, 0..20, &mut random);
+        // Weak, so that the rotor stays in the gap for a while.
+        let mut excite = |instance: &mut Named| {
+            for index in 0..instance.variables.len() {
+                let variable = instance.variables[index];
+                let value = match variable.data_type {
+                    Type::Real { start, nominal, .. } => {
+                        Value::Real(start + 1e-3 * nominal * random.between(-1.0, 1.0))
+                    }
+                    _ => Value::Boolean(variable.name != "reset"),
+                };
+                if variable.causality == Causality::Input {
+                    instance.instance.set(index, value).unwrap_or_else(|error| panic!("{}: {error}", variable.name));
+                }
+            }
+        };
+        for step in 0..20 {
+            excite(&mut instance);
+            instance.step(f64::from(step) * TS, TS);
+        }
         let before = instance.bits();
-        excite(&mut instance, &mut random);
+        excite(&mut instance);
         let after = instance.bits();
         for (index, variable) in instance.variables.iter().enumerate() {
             if variable.is_settable() || variable.causality == Causality::Local {
@@ -275,91 +261,36 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
 
 #[test]
 fn refused_parameters_are_all_named_at_once() {
-    // Name, value, and what is said of it; the rest of the parameters as they are.
+    // Name, value, and what is said of it; the rest of the parameters as they are. Limits of the description are another test's.
     const BAD: &[(&str, &str, f64, &[&str])] = &[
-        ("MagneticBearing", "m", 0.0, &["0 kg", "above 0"]),
         ("MagneticBearing", "m", -1.0, &["-1 kg", "above 0"]),
-        ("MagneticBearing", "s", 0.0, &["0 m", "above 0"]),
-        ("MagneticBearing", "s", -5e-4, &["above 0"]),
-        ("MagneticBearing", "lambda[2]", 0.0, &["above 0"]),
         ("MagneticBearing", "Y0", 6e-4, &["0.0006 m", "inside the gap"]),
         ("MagneticBearing", "Z0", -5e-4, &["-0.0005 m", "inside the gap"]),
-        ("MagneticBearing", "sensor.Ts", 0.0, &["0 s", "time of at least"]),
-        ("MagneticBearing", "sensor.Ts", -1e-4, &["time of at least"]),
-        ("MagneticBearing", "solver.maxStep", 0.0, &["0 s", "time of at least"]),
-        ("MagneticBearing", "sensor.positionNoise", -1e-7, &["0 or above"]),
         // A step would take seconds.
         ("MagneticBearing", "coil.fluxSaturation", 1e-9, &["0.000000001 Wb", "0, or at least"]),
         ("MagneticBearing", "solver.maxStep", 1e-300, &["time of at least"]),
-        ("MagneticBearing", "coil.R", -1.0, &["0 or above"]),
-        ("MagneticBearing", "coil.Lleak", -1.0, &["0 or above"]),
-        ("MagneticBearing", "coil.uMax", 0.0, &["above 0"]),
-        ("MagneticBearing", "touchdown.clearance", 0.0, &["above 0"]),
-        ("MagneticBearing", "touchdown.stiffness", -1.0, &["above 0"]),
-        ("MagneticBearing", "touchdown.friction", -1.0, &["0 or above"]),
-        ("MagneticBearing", "touchdown.radius", 0.0, &["above 0"]),
-        ("MagneticBearing", "unbalance.magnitude", -1.0, &["0 or above"]),
-        ("MagneticBearing", "perturbation.omega", -1.0, &["0 or above"]),
-        ("MagneticBearing", "sensor.currentResolution", -1.0, &["0 or above"]),
-        ("MagneticBearing", "sensor.gainErrorY", -1.0, &["above -1"]),
-        ("MagneticBearing", "sensor.currentGainError[3]", -1.0, &["above -1"]),
         ("MagneticBearing", "sensor.delay", 1.7e-3, &["16 sample times"]),
-        ("FlatnessController", "m", 0.0, &["above 0"]),
-        ("FlatnessController", "s", 0.0, &["above 0"]),
-        ("FlatnessController", "bandwidth.observer", 0.0, &["above 0"]),
-        ("FlatnessController", "bandwidth.reference", 0.0, &["above 0"]),
-        ("FlatnessController", "reference.rY", -1.0, &["0 or above"]),
-        ("FlatnessController", "reference.startTime", -1.0, &["0 or above"]),
-        ("FlatnessController", "Ts", 0.0, &["0 s", "time of at least"]),
-        ("FlatnessController", "lambda0[1]", -4e-6, &["above 0"]),
-        ("FlatnessController", "F0", -1.0, &["0 or above"]),
         ("FlatnessController", "F0.modulation", 1.5, &["1.5", "from 0 to 1"]),
-        ("FlatnessController", "F0.modulationFrequency", 0.0, &["0 Hz", "above 0"]),
         ("FlatnessController", "F0.modulationFrequency", 6e3, &["6000 Hz", "half the sample rate (5000 Hz)"]),
-        ("FlatnessController", "bandwidth.tracking", 0.0, &["above 0"]),
-        ("FlatnessController", "reference.lobes", -1.0, &["-1", "from 0 to 1000"]),
         ("FlatnessController", "reference.rZ", 6e-4, &[]),
-        ("SpindleController", "m", -1.0, &["above 0"]),
-        ("SpindleController", "Ts", -1.0, &["time of at least"]),
-        ("SpindleController", "X.s", -1.0, &["above 0"]),
         ("SpindleController", "A.F0.modulationFrequency", 5000.1, &["at most half the sample rate"]),
-        ("SpindleController", "B.reference.rZ", 6e-4, &["does not touch magnet 1"]),
-        ("SpindleController", "X.reference.amplitude", -1.0, &["0 or above"]),
-        ("SpindleController", "X.reference.frequency", 5000.1, &["at most half the sample rate"]),
-        ("SpindleController", "reference.liftTime", -1.0, &["0 or above"]),
-        ("SpindleController", "Jp", 0.4, &["0.4 kg.m2", "at most 2 Jt"]),
-        ("SpindleController", "B.F0", -1.0, &["0 or above"]),
-        ("SpindleController", "X.lambda0[2]", 0.0, &["above 0"]),
         ("SpindleController", "X.F0.modulationFrequency", 6000.0, &["6000 Hz", "at most half the sample rate"]),
+        ("SpindleController", "X.reference.frequency", 5000.1, &["at most half the sample rate"]),
         ("SpindleController", "A.reference.rZ", 6e-4, &["does not touch magnet 1"]),
+        ("SpindleController", "B.reference.rZ", 6e-4, &["does not touch magnet 1"]),
         ("SpindleController", "X.reference.amplitude", 6e-4, &["the gap is 0.0006 m"]),
+        ("SpindleController", "Jp", 0.4, &["0.4 kg.m2", "at most 2 Jt"]),
         ("SpindleController", "B.sensorPosition", -0.1, &["-0.1 m", "at least"]),
-        ("AlgebraicEstimator", "m", 0.0, &["0 kg", "above 0"]),
-        ("AlgebraicEstimator", "Ts", -1e-4, &[]),
-        ("AlgebraicEstimator", "tolerance.m", -0.1, &["-0.1 kg", "0 or above"]),
-        ("AlgebraicEstimator", "filter.omega", 0.0, &[]),
-        ("AlgebraicEstimator", "filter.zeta", -0.7, &[]),
-        ("MagneticSpindle", "m", 0.0, &["above 0"]),
         ("MagneticSpindle", "shaft.end", -0.3, &["beyond shaft.begin"]),
         ("MagneticSpindle", "A.position", -0.3, &["on the shaft"]),
-        ("MagneticSpindle", "A.s", 0.0, &["above 0"]),
-        ("MagneticSpindle", "X.touchdown.clearance", 0.0, &["above 0"]),
-        ("MagneticSpindle", "X.sensor.gainError", -1.0, &["above -1"]),
-        ("MagneticSpindle", "unbalance[2].magnitude", -1.0, &["0 or above"]),
-        ("MagneticSpindle", "Jp", -0.1, &["0 or above"]),
-        ("MagneticSpindle", "Jt", 0.0, &["0 kg.m2", "above 0"]),
-        ("MagneticSpindle", "Jp", 0.5, &["0.5 kg.m2", "at most 2 Jt = 0.32 kg.m2"]),
         ("MagneticSpindle", "B.position", -0.12, &["-0.12 m", "from A.position"]),
         ("MagneticSpindle", "A.sensorPosition", -0.25, &["-0.25 m", "on the shaft"]),
         ("MagneticSpindle", "B.sensorPosition", -0.10, &["from A.sensorPosition"]),
+        ("MagneticSpindle", "Jp", 0.5, &["0.5 kg.m2", "at most 2 Jt = 0.32 kg.m2"]),
         ("MagneticSpindle", "A.alpha[1]", 0.0, &["0 rad", "all round"]),
-        ("MagneticSpindle", "B.lambda[3]", -1e-6, &["above 0"]),
-        ("MagneticSpindle", "X.lambda[2]", 0.0, &["above 0"]),
-        ("MagneticSpindle", "X.s", 0.0, &["above 0"]),
         ("MagneticSpindle", "X0", 7e-4, &["0.0007 m", "X.gap[1]"]),
         ("MagneticSpindle", "beta0", 0.01, &["0.01 rad", "inside the gap"]),
         ("MagneticSpindle", "unbalance[2].position", 1.0, &["1 m", "on the shaft"]),
-        ("MagneticSpindle", "B.touchdown.damping", -1.0, &["0 or above"]),
     ];
     // Items that there are not, which are refused at once.
     const CHOICES: &[(&str, &str, f64, &[&str])] = &[

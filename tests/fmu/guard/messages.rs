@@ -2,61 +2,16 @@
 
 use super::*;
 
-/// Calls of `fmi2SetDebugLogging`: on or off, and the categories.
-type Switches = &'static [(bool, &'static [&'static str])];
-
-/// Messages of a controller that uses new force constants from its first sample on.
-fn heard(logging: bool, switches: Switches) -> Vec<Message> {
-    let fmu = Request { logging, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
-    for (on, categories) in switches {
-        fmu.set_logging(*on, categories).ok(&fmu);
-    }
-    fmu.set("update.time", 0.0).ok(&fmu);
-    fmu.start(0.0, None);
-    for k in 1..=3 {
-        fmu.set(&format!("lambdaHat[{k}]"), 2e-6).ok(&fmu);
-    }
-    fmu.set("lambdaValid", 1.0).ok(&fmu);
-    fmu.step(0.0, TS).ok(&fmu);
-    fmu.take_messages()
-}
-
-/// Fails if all messages pass, and if one category brings the others with it.
-#[test]
-fn messages_come_in_the_categories_that_are_wanted() {
-    let messages = heard(true, &[]);
-    let [message] = &messages[..] else { panic!("expected one event: {messages:?}") };
-    assert_eq!((message.status, message.category.as_str()), (fmi2Status::fmi2OK, "logEvents"));
-    says(&message.text, &["force constants", "2e-6"]);
-    assert_eq!(message.instance, "instance");
-
-    let cases: [(bool, Switches, bool); 9] = [
-        (false, &[], false),
-        (false, &[(true, &[])], true),
-        (false, &[(true, &["logEvents"])], true),
-        (false, &[(true, &["logAll"])], true),
-        (false, &[(true, &["logStatusWarning"])], false),
-        (true, &[(false, &[])], false),
-        (true, &[(false, &["logEvents"])], false),
-        (true, &[(false, &["logStatusWarning"])], true),
-        (false, &[(true, &["logEvents", "logStatusWarning"]), (false, &["logEvents"])], false),
-    ];
-    for (logging, switches, event) in cases {
-        let messages = heard(logging, switches);
-        assert_eq!(messages.len(), usize::from(event), "{logging}, {switches:?}: {messages:?}");
-    }
-}
-
-/// Categories of the messages of an estimator without currents, and of a wrong call.
+/// Categories of the messages of an estimator without currents that misses a sample, and of a wrong call.
 fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
     const ESTIMATOR: &str = "AlgebraicEstimator";
     let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
     for (on, categories) in switches {
         fmu.set_logging(*on, categories).ok(&fmu);
     }
-    fmu.set("method", 2.0).ok(&fmu);
-    fmu.set("Tf", 2e-3).ok(&fmu);
-    fmu.set("epsilon", 2e-3).ok(&fmu);
+    for (name, value) in [("method", 2.0), ("Tf", 2e-3), ("epsilon", 2e-3)] {
+        fmu.set(name, value).ok(&fmu);
+    }
     fmu.start(0.0, None);
     for step in 0..100 {
         // A sample that is missing begins another window, which is an event. Without currents the matrix of the equations is
@@ -76,6 +31,24 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     categories.sort();
     categories.dedup();
     categories
+}
+
+/// A controller uses new force constants from its first sample on. Fails if an event is told as an error.
+#[test]
+fn an_event_is_told_once() {
+    let fmu = Request { logging: true, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
+    fmu.set("update.time", 0.0).ok(&fmu);
+    fmu.start(0.0, None);
+    for (name, value) in [("lambdaHat[1]", 2e-6), ("lambdaHat[2]", 2e-6), ("lambdaHat[3]", 2e-6), ("lambdaValid", 1.0)]
+    {
+        fmu.set(name, value).ok(&fmu);
+    }
+    fmu.step(0.0, TS).ok(&fmu);
+    let messages = fmu.take_messages();
+    let [message] = &messages[..] else { panic!("expected one event: {messages:?}") };
+    assert_eq!((message.status, message.category.as_str()), (fmi2Status::fmi2OK, "logEvents"));
+    says(&message.text, &["force constants", "2e-6"]);
+    assert_eq!(message.instance, "instance");
 }
 
 /// The categories that the model description declares.
@@ -110,6 +83,13 @@ fn every_category_is_switched_alone() {
         let again = categories_heard(true, &[(false, &[category]), (true, &[category])]);
         assert_eq!(again, said, "{category} off and on");
     }
+    // No list of categories is all of them, and a list of several switches each.
+    let errors = ["logStatusError"];
+    assert_eq!(categories_heard(false, &[]), errors, "off from the start");
+    assert_eq!(categories_heard(false, &[(true, &[])]), said, "all on");
+    assert_eq!(categories_heard(true, &[(false, &[])]), errors, "all off");
+    let two = categories_heard(false, &[(true, &["logEvents", "logSingularLinearSystems"]), (false, &["logEvents"])]);
+    assert_eq!(two, said[1..], "two on, one of them off");
 }
 
 /// Fails if a list with an unknown category switches the known ones, and if the message does not name the unknown one.
