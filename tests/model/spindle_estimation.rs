@@ -54,7 +54,7 @@ fn study(seeds: std::ops::Range<u64>, told: bool, change: impl Fn(FiveAxes) -> F
     for seed in seeds {
         let shaft = change(FiveAxes::guessing(seed));
         let (outputs, _) = run(config(&shaft, told), &inputs(&shaft));
-        let bound = shaft.bound(&shaft.run(), &[shaft.samples - 1])[0];
+        let bound = shaft.bound(&shaft.run());
         for (at, output) in outputs.iter().enumerate().filter(|(_, output)| output.valid) {
             for k in 0..8 {
                 let ratio = (output.lambda_hat[k] - shaft.lambda[k]).abs() / output.lambda_std[k];
@@ -63,7 +63,7 @@ fn study(seeds: std::ops::Range<u64>, told: bool, change: impl Fn(FiveAxes) -> F
         }
         let last = outputs.last().expect("samples");
         sum.valid += usize::from(last.valid);
-        for (k, bound) in bound[..8].iter().enumerate() {
+        for (k, bound) in bound.into_iter().enumerate() {
             let error = last.lambda_hat[k] - shaft.lambda[k];
             sum.percent[k] += (100.0 * error / shaft.lambda[k]).powi(2) / count;
             sum.bound += (error / bound).powi(2) / (8.0 * count);

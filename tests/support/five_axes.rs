@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use crate::rotor::runge_kutta;
 use crate::support::Random;
 use nalgebra::{SMatrix, SVector};
 
@@ -188,7 +189,8 @@ impl FiveAxes {
         let pole = 1.0 - (-3500.0 * ts).exp();
         let gains = [3.0 * pole, (3.0 * pole * pole - pole.powi(3) / 2.0) / ts, pole.powi(3) / (ts * ts)];
         let spin = |v: &Five| [0.0, 0.0, 0.0, -self.polar * w * v[4], self.polar * w * v[3]];
-        let [mut q, mut v, a] = self.reference(0.0);
+        let [q, v, a] = self.reference(0.0);
+        let mut x = joined([q, v]);
         let mut observed: [[f64; 3]; 5] = std::array::from_fn(|j| [q[j], v[j], 0.0]);
         let mut force: Five = std::array::from_fn(|j| m[j] * a[j]);
         let mut current = self.allocate(&force, &q, 0.0);
@@ -197,12 +199,12 @@ impl FiveAxes {
         let mut samples = Vec::with_capacity(self.samples);
         for n in 0..self.samples {
             let t = n as f64 * ts;
-            let reading_m = self.readings(&q).map(|r| r + self.noise.0 * noise.normal());
+            let state = halves(&x);
+            let reading_m = self.readings(&state[0]).map(|r| r + self.noise.0 * noise.normal());
             let current_a = before.map(|i| i + self.noise.1 * noise.normal());
-            samples.push(Sample { reading_m, current_a, theta_rad: w * t, state: [q, v], true_a: current });
+            samples.push(Sample { reading_m, current_a, theta_rad: w * t, state, true_a: current });
             let measured = self.coordinates(&reading_m);
-            let (at, [_, ahead, wanted]) = (self.reference(t + ts), self.reference(t + 1.5 * ts));
-            let _ = ahead;
+            let (at, [_, _, wanted]) = (self.reference(t + ts), self.reference(t + 1.5 * ts));
             let gyroscopic = spin(&at[1]);
             let (mut next, mut predicted) = ([0.0; 5], [0.0; 5]);
             for j in 0..5 {
@@ -217,103 +219,84 @@ impl FiveAxes {
             let after = self.allocate(&next, &predicted, t + 1.5 * ts);
             let h = ts / SUBSTEPS as f64;
             for sub in 0..SUBSTEPS {
-                let theta = w * (t + sub as f64 * h);
-                let plus = |x: &Five, d: &Five, h: f64| -> Five { std::array::from_fn(|j| x[j] + h * d[j]) };
-                let a1 = self.acceleration(&q, &v, &current, theta);
-                let v2 = plus(&v, &a1, h / 2.0);
-                let a2 = self.acceleration(&plus(&q, &v, h / 2.0), &v2, &current, theta + w * h / 2.0);
-                let v3 = plus(&v, &a2, h / 2.0);
-                let a3 = self.acceleration(&plus(&q, &v2, h / 2.0), &v3, &current, theta + w * h / 2.0);
-                let v4 = plus(&v, &a3, h);
-                let a4 = self.acceleration(&plus(&q, &v3, h), &v4, &current, theta + w * h);
-                q = std::array::from_fn(|j| q[j] + h / 6.0 * (v[j] + 2.0 * v2[j] + 2.0 * v3[j] + v4[j]));
-                v = std::array::from_fn(|j| v[j] + h / 6.0 * (a1[j] + 2.0 * a2[j] + 2.0 * a3[j] + a4[j]));
+                x = runge_kutta(&x, t + sub as f64 * h, h, |t, x| {
+                    let [q, v] = halves(x);
+                    joined([v, self.acceleration(&q, &v, &current, w * t)])
+                });
             }
             (before, current, force) = (current, after, next);
         }
         samples
     }
 
-    /// The Cramér–Rao bound at these samples: standard deviations of eight λ and four parts of the unbalance.
+    /// The Cramér–Rao bound at the last sample: standard deviations of the eight λ.
     ///
     /// Kalman filter along the true motion of coordinates (µm, 10 µrad), rates (mm/s, 10 mrad/s), λ (10⁻⁶), unbalance (10⁻⁴ kg·m) and loads, of
     /// which nothing is known at first; noise of the currents is process noise.
-    pub fn bound(&self, samples: &[Sample], at: &[usize]) -> Vec<[f64; 12]> {
+    pub fn bound(&self, samples: &[Sample]) -> [f64; 8] {
         const S: usize = 27;
-        let (h, w, m, d) = (self.step_s, self.omega(), self.inertia(), self.directions());
+        let h = self.step_s;
         let units: [f64; S] = std::array::from_fn(|n| match n {
-            0..=2 => 1e-6,
+            0..=2 | 10..=17 => 1e-6,
             3..=4 => 1e-5,
             5..=7 => 1e-3,
             8..=9 => 1e-2,
-            10..=17 => 1e-6,
             18..=21 => 1e-4,
             _ => 1.0,
         });
+        let parts = self.unbalance.map(|(u, phi)| [u * phi.cos(), u * phi.sin()]).concat();
         let mut p = SMatrix::<f64, S, S>::identity() * 1e4;
-        let mut found = Vec::new();
         for (n, sample) in samples.iter().enumerate() {
-            if n > 0 {
-                let last = &samples[n - 1];
-                let q: Five = std::array::from_fn(|j| 0.5 * (last.state[0][j] + sample.state[0][j]));
-                let (gaps, i) = (self.gaps(&q), last.true_a);
-                let mut jacobian = SMatrix::<f64, 5, S>::zeros();
-                let mut forces = SMatrix::<f64, 5, 8>::zeros();
-                for k in 0..8 {
-                    let unit = (i[k] / gaps[k]).powi(2);
-                    for a in 0..5 {
-                        for b in 0..5 {
-                            let stiffness = 2.0 * self.lambda[k] * unit / gaps[k] * d[k][a] * d[k][b] / m[a];
-                            jacobian[(a, b)] += stiffness;
-                            jacobian[(a, 5 + b)] += stiffness * h / 2.0;
-                        }
-                        jacobian[(a, 10 + k)] = d[k][a] * unit / m[a];
-                        forces[(a, k)] = d[k][a] / m[a] * 2.0 * self.lambda[k] * i[k] / gaps[k].powi(2) * self.noise.1;
-                    }
-                }
-                jacobian[(3, 9)] -= self.polar * w / m[3];
-                jacobian[(4, 8)] += self.polar * w / m[4];
+            if let Some(last) = n.checked_sub(1).map(|before| &samples[before]) {
                 let theta = 0.5 * (last.theta_rad + sample.theta_rad);
-                let (c, s) = (w * w * theta.cos(), w * w * theta.sin());
-                for (plane, xi) in self.planes_m.into_iter().enumerate() {
-                    for (part, [y, z]) in [[c, s], [-s, c]].into_iter().enumerate() {
-                        let column = [0.0, y, z, -xi * z, xi * y];
-                        (0..5).for_each(|a| jacobian[(a, 18 + 2 * plane + part)] = column[a] / m[a]);
+                let [q, v] = &last.state;
+                let truth = [&q[..], v, &self.lambda, &parts, &self.load].concat();
+                // The acceleration in the middle of the interval if one of the unknowns, or after them of the currents, is another.
+                let moved = |number: usize, by: f64| {
+                    let (mut x, mut current) = (truth.clone(), last.true_a);
+                    if number < S {
+                        x[number] += by * units[number]
+                    } else {
+                        current[number - S] += by * self.noise.1
                     }
-                }
-                (0..5).for_each(|a| jacobian[(a, 22 + a)] = 1.0 / m[a]);
+                    let part = |at: usize| (x[at].hypot(x[at + 1]), x[at + 1].atan2(x[at]));
+                    let mut other = Self { unbalance: [part(18), part(20)], ..self.clone() };
+                    other.lambda.copy_from_slice(&x[10..18]);
+                    other.load.copy_from_slice(&x[22..]);
+                    let q = std::array::from_fn(|j| x[j] + h / 2.0 * x[5 + j]);
+                    other.acceleration(&q, &std::array::from_fn(|j| x[5 + j]), &current, theta)
+                };
                 let mut transition = SMatrix::<f64, S, S>::identity();
                 let mut noise = SMatrix::<f64, S, 8>::zeros();
-                for a in 0..5 {
-                    transition[(a, 5 + a)] += h * units[5 + a] / units[a];
-                    for b in 0..S {
-                        transition[(a, b)] += h * h / 2.0 * jacobian[(a, b)] * units[b] / units[a];
-                        transition[(5 + a, b)] += h * jacobian[(a, b)] * units[b] / units[5 + a];
-                    }
-                    for k in 0..8 {
-                        noise[(a, k)] = h * h / 2.0 * forces[(a, k)] / units[a];
-                        noise[(5 + a, k)] = h * forces[(a, k)] / units[5 + a];
+                (0..5).for_each(|a| transition[(a, 5 + a)] = h * units[5 + a] / units[a]);
+                for number in 0..S + 8 {
+                    let [less, more] = [-1.0, 1.0].map(|by| moved(number, by));
+                    for (a, by) in (0..5).flat_map(|a| [(a, h * h / 2.0), (5 + a, h)]) {
+                        let effect = by * (more[a % 5] - less[a % 5]) / 2.0 / units[a];
+                        if number < S { transition[(a, number)] += effect } else { noise[(a, number - S)] = effect }
                     }
                 }
                 p = transition * p * transition.transpose() + noise * noise.transpose();
             }
+            let by_coordinate: [Five; 5] =
+                std::array::from_fn(|j| self.readings(&std::array::from_fn(|n| if n == j { units[j] } else { 0.0 })));
             for r in 0..5 {
-                let mut unit = [0.0; 5];
-                let column: [f64; 5] = std::array::from_fn(|j| {
-                    unit = [0.0; 5];
-                    unit[j] = 1.0;
-                    self.readings(&unit)[r] * units[j] / self.noise.0
-                });
                 let mut row = SVector::<f64, S>::zeros();
-                (0..5).for_each(|j| row[j] = column[j]);
+                (0..5).for_each(|j| row[j] = by_coordinate[j][r] / self.noise.0);
                 let along = p * row;
                 p -= along * along.transpose() / (1.0 + along.dot(&row));
                 p = (p + p.transpose()) * 0.5;
             }
-            if at.contains(&n) {
-                found.push(std::array::from_fn(|j| p[(10 + j, 10 + j)].max(0.0).sqrt() * units[10 + j]));
-            }
         }
-        found
+        std::array::from_fn(|k| p[(10 + k, 10 + k)].max(0.0).sqrt() * units[10 + k])
     }
+}
+
+/// Coordinates and rates of a state.
+fn halves(x: &[f64; 10]) -> [Five; 2] {
+    std::array::from_fn(|d| std::array::from_fn(|j| x[5 * d + j]))
+}
+
+fn joined(halves: [Five; 2]) -> [f64; 10] {
+    std::array::from_fn(|n| halves[n / 5][n % 5])
 }

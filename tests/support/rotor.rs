@@ -208,16 +208,8 @@ impl Rotor {
                 Currents::Ramping => std::array::from_fn(|k| before[k] + part * (after[k] - before[k])),
             };
             for sub in 0..SUBSTEPS {
-                let rate = |steps: f64, x: &State| {
-                    let (part, t) = ((sub as f64 + steps) / SUBSTEPS as f64, t + (sub as f64 + steps) * h);
-                    self.rate(t, x, current(part, t, x))
-                };
-                let plus = |d: &State, h: f64| -> State { std::array::from_fn(|n| x[n] + h * d[n]) };
-                let k1 = rate(0.0, &x);
-                let k2 = rate(0.5, &plus(&k1, h / 2.0));
-                let k3 = rate(0.5, &plus(&k2, h / 2.0));
-                let k4 = rate(1.0, &plus(&k3, h));
-                x = std::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]));
+                let begin = t + sub as f64 * h;
+                x = runge_kutta(&x, begin, h, |now, x| self.rate(now, x, current((now - t) / ts, now, x)));
             }
             for axis in 0..2 {
                 let error = measured[axis] - observed[axis];
@@ -277,6 +269,21 @@ impl Rotor {
     pub fn error_percent(&self, lambda: &[f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| 100.0 * (lambda[k] / self.lambda[k] - 1.0))
     }
+}
+
+/// A step of the method of Runge and Kutta of order 4.
+pub fn runge_kutta<const N: usize>(
+    x: &[f64; N],
+    t: f64,
+    h: f64,
+    rate: impl Fn(f64, &[f64; N]) -> [f64; N],
+) -> [f64; N] {
+    let plus = |d: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|n| x[n] + h * d[n]) };
+    let k1 = rate(t, x);
+    let k2 = rate(t + h / 2.0, &plus(&k1, h / 2.0));
+    let k3 = rate(t + h / 2.0, &plus(&k2, h / 2.0));
+    let k4 = rate(t + h, &plus(&k3, h));
+    std::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]))
 }
 
 pub fn largest(errors: [f64; 3]) -> f64 {
