@@ -119,43 +119,29 @@ fn the_energy_of_coils_and_rotor_balances() {
         };
         let plant = Plant::new(config.clone()).expect("plant");
         let mut state = plant.start(0.0);
-        let seen = |state: &PlantState, input: &PlantInput| {
-            let out = plant.outputs(state, input, state.time_s);
-            let power: f64 = (0..3).map(|k| input.voltage_v[k] * out.current_a[k]).sum();
-            let loss: f64 = out.current_a.iter().map(|i| config.coil.resistance_ohm * i * i).sum();
-            let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.velocity_m_s[a]).sum();
-            ([power, loss, work], out.energy_j.iter().sum::<f64>())
-        };
         let kinetic =
             |state: &PlantState| 0.5 * config.rotor.shaft.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
         let kinetic_at_start = kinetic(&state);
-        let mut sums = [0.0; 3];
-        let mut transferred = 0.0;
-        let parts = 10;
-        let h = STEP_S / f64::from(parts);
-        let mut field = 0.0;
+        let (mut sums, mut field) = ([0.0; 4], 0.0);
+        let h = STEP_S / 10.0;
         for sample in 0..1000 {
             let input = voltages(sample);
-            for part in 0..parts / 2 {
-                let [mut powers, mut last] = [[0.0; 3]; 2];
-                for (node, weight) in [1.0, 4.0, 1.0].into_iter().enumerate() {
-                    let (rates, energy) = seen(&state, &input);
-                    for (sum, rate) in powers.iter_mut().zip(rates) {
-                        *sum += weight * h / 3.0 * rate;
-                    }
-                    (last, field) = (rates, energy);
-                    if node < 2 {
-                        let t = sample as f64 * STEP_S + f64::from(2 * part + node as i32) * h;
-                        plant.advance(&mut state, &input, t, h).expect("advance");
-                    }
+            for node in 0..=10 {
+                let out = plant.outputs(&state, &input, state.time_s);
+                let power: f64 = (0..3).map(|k| input.voltage_v[k] * out.current_a[k]).sum();
+                let loss: f64 = out.current_a.iter().map(|i| config.coil.resistance_ohm * i * i).sum();
+                let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.velocity_m_s[a]).sum();
+                let weight = if node % 10 == 0 { 1.0 } else { [2.0, 4.0][node % 2] };
+                for (sum, rate) in sums.iter_mut().zip([power, power.abs(), loss, work]) {
+                    *sum += weight * h / 3.0 * rate;
                 }
-                for (sum, power) in sums.iter_mut().zip(powers) {
-                    *sum += power;
+                field = out.energy_j.iter().sum();
+                if node < 10 {
+                    plant.advance(&mut state, &input, (10 * sample + node) as f64 * h, h).expect("advance");
                 }
-                transferred += last[0].abs() * 2.0 * h;
             }
         }
-        let [input, loss, work] = sums;
+        let [input, transferred, loss, work] = sums;
         let rest = input - loss - work - field;
         assert!(field > 1e-4 && loss > 1e-3, "{coil:?}: field {field} J, loss {loss} J: the test shows nothing");
         below(&format!("{coil:?}: electric balance"), rest.abs() / transferred, BALANCE);

@@ -43,12 +43,11 @@ fn distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     a.into_iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The closed form of method section 2, for the paper's angles; `printed` takes the signs as P(5) prints them.
-fn closed_form([f_y, f_z]: [f64; 2], f0: f64, printed: bool) -> [f64; 3] {
+/// The closed form of method section 2, for the paper's angles.
+fn closed_form([f_y, f_z]: [f64; 2], f0: f64) -> [f64; 3] {
     let side = f_y.abs() / 3f64.sqrt();
-    let sign = if printed { -1.0 } else { 1.0 };
-    let f_1 = if f_z >= side { f0 } else { f0 + sign * (side - f_z) };
-    let y = sign * f_y / 3f64.sqrt();
+    let f_1 = if f_z >= side { f0 } else { f0 + side - f_z };
+    let y = f_y / 3f64.sqrt();
     [f_1, f_1 - y + f_z, f_1 + y + f_z]
 }
 
@@ -89,24 +88,10 @@ fn the_allocation_agrees_with_the_corrected_closed_form() {
         let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
         for f0 in [0.0, 20.0] {
             let forces = magnets.allocate(wanted, &[f0]);
-            let expected = closed_form(wanted, f0, false);
+            let expected = closed_form(wanted, f0);
             below(&format!("forces for {wanted:?} N"), distance(forces, expected), 1e3 * ROUNDING);
         }
     }
-}
-
-#[test]
-fn the_printed_formulas_pull_the_wrong_way() {
-    let magnets = paper();
-    // To the side: the rotor is pulled the other way.
-    let [f_y, _] = magnets.1.resultant(closed_form([30.0, 100.0], 20.0, true));
-    below("F_y of the printed formulas for 30 N", (f_y + 30.0).abs(), 1e3 * ROUNDING);
-    // Down: the lower magnet would have to push.
-    let printed = closed_form([0.0, -50.0], 20.0, true);
-    assert!(printed[0] < 0.0, "F_1 of the printed formulas is {} N", printed[0]);
-    // The forces used instead give the commanded resultant.
-    let [f_y, f_z] = magnets.1.resultant(magnets.allocate([30.0, -50.0], &[20.0]));
-    below("F in N", distance([f_y, f_z], [30.0, -50.0]), 1e3 * ROUNDING);
 }
 
 #[test]

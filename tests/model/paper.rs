@@ -13,15 +13,6 @@ const PAPER_SCENARIO_PERCENT: f64 = 5.0;
 /// Least error, %, that a wrong hold must cause with the paper's method to show that the hold matters.
 const WRONG_HOLD_PERCENT: f64 = 5.0;
 
-/// Errors of λ̂ after the last sample, %.
-fn errors_percent(rotor: &Rotor, method: Method, hold: Hold) -> [f64; 3] {
-    let outputs = rotor.identify(rotor.config(method, hold));
-    let last = outputs.last().expect("samples");
-    let errors = rotor.error_percent(&last.lambda_hat);
-    println!("{method:?} {hold:?}: {errors:.4?} %, residual {:.2e}, {:?}", last.residual, last.verdict);
-    errors
-}
-
 fn assert_below(what: &str, errors: [f64; 3], limit: f64) {
     assert!(largest(errors) < limit, "{what}: errors {errors:?} %, limit {limit} %");
 }
@@ -56,24 +47,19 @@ fn every_method_is_exact_without_perturbation_and_with_a_constant_load() {
 #[test]
 fn wrong_hold_costs_and_the_residual_shows_it() {
     let quiet = Rotor::default();
-    let errors = errors_percent(&quiet, Method::Paper, Hold::Linear);
-    assert!(largest(errors) > WRONG_HOLD_PERCENT, "held currents read as continuous: {errors:?} %");
-
-    let data = quiet.run();
-    let read = |hold: Hold, method: Method| {
-        let estimator = Estimator::new(quiet.config(method, hold)).expect("a good configuration");
+    let continuous = quiet.identify(quiet.config(Method::Paper, Hold::Linear)).pop().expect("samples");
+    // The samples are those of `HeldBefore`, whatever the estimator believes.
+    let inputs = quiet.inputs(Hold::HeldBefore);
+    let [right, half, full] = [Hold::HeldBefore, Hold::Linear, Hold::HeldAfter].map(|hold| {
+        let estimator = Estimator::new(quiet.config(Method::Paper, hold)).expect("a good configuration");
         let mut state = estimator.start();
-        for sample in &data {
-            // The samples are those of `HeldBefore`, whatever the estimator believes.
-            estimator.sample(&mut state, &quiet.input(sample, Hold::HeldBefore));
-        }
-        state.output().clone()
-    };
-    let late = quiet.error_percent(&read(Hold::HeldAfter, Method::Paper).lambda_hat);
-    assert!(largest(late) > WRONG_HOLD_PERCENT, "a sample late: {late:?} %");
-    let [right, half, full] =
-        [Hold::HeldBefore, Hold::Linear, Hold::HeldAfter].map(|hold| read(hold, Method::Paper).residual);
-    println!("residual {right:.1e} with the right hold, {half:.1e} half a sample off, {full:.1e} a sample off");
+        inputs.iter().map(|input| estimator.sample(&mut state, input)).last().expect("samples")
+    });
+    for (what, output) in [("held currents read as continuous", &continuous), ("a sample late", &full)] {
+        let errors = quiet.error_percent(&output.lambda_hat);
+        assert!(largest(errors) > WRONG_HOLD_PERCENT, "{what}: {errors:?} %");
+    }
+    let [right, half, full] = [right, half, full].map(|output| output.residual);
     assert!(right < 1e-5 && half > 1e-2 && full > 1.5 * half, "{right:e}, {half:e}, {full:e}");
 }
 
@@ -81,12 +67,12 @@ fn wrong_hold_costs_and_the_residual_shows_it() {
 #[test]
 fn paper_scenario() {
     let paper = Rotor { load_n: [0.0, 10.0], sine_n: 2.0, lambda_controller: [4e-6; 3], ..Rotor::default() };
-    assert_below("paper", errors_percent(&paper, Method::Paper, Hold::HeldBefore), PAPER_SCENARIO_PERCENT);
+    let last = paper.identify(paper.config(Method::Paper, Hold::HeldBefore)).pop().expect("samples");
+    assert_below("paper", paper.error_percent(&last.lambda_hat), PAPER_SCENARIO_PERCENT);
 
     let long = Rotor { samples: 4001, ..paper };
     let outputs = long.identify(long.config(Method::PaperLiteral, Hold::HeldBefore));
     let worst = outputs.iter().skip(1000).map(|o| largest(long.error_percent(&o.lambda_hat))).fold(0.0, f64::max);
-    println!("to the letter: {worst:.0} %");
     assert!(worst > 100.0, "P(20) to the letter leaves the truth by {worst} % within 0.4 s, more than 100 % is known");
     let revolutions = outputs[2000..4000].windows(2);
     let changes = revolutions.filter(|pair| pair[0].determinant * pair[1].determinant < 0.0).count();

@@ -13,42 +13,23 @@ use nalgebra::{Complex, ComplexField};
 /// A rotor at rest in the centre, under a load large enough for the same magnets always to pull with the least force: where another takes
 /// over, the gain has a kink while λ is wrong.
 fn open(machine: &str, changes: &[(&str, &str)]) -> Scenario {
-    let still: &[(&str, &str)] = match machine {
-        "planar" => &[
-            ("reference.rY", "0"),
-            ("reference.rZ", "0"),
-            ("reference.lobeAmplitude", "0"),
-            ("unbalance.magnitude", "0"),
-            ("Y0", "0"),
-            ("Z0", "0"),
-            ("vY0", "0"),
-            ("vZ0", "0"),
-            ("pY", "10"),
-            ("pZ", "-20"),
-        ],
-        "spindle4" => &[
-            ("A.reference.rY", "0"),
-            ("A.reference.rZ", "0"),
-            ("B.reference.rY", "0"),
-            ("B.reference.rZ", "0"),
-            ("X.reference.amplitude", "0"),
-            ("unbalance[1].magnitude", "0"),
-            ("unbalance[2].magnitude", "0"),
-            ("pX", "30"),
-            ("pY", "60"),
-            ("pZ", "-80"),
-        ],
-        _ => &[("reference.rX", "0")],
+    let (zeros, load): (&str, &[(&str, &str)]) = match machine {
+        "planar" => (
+            "reference.rY reference.rZ reference.lobeAmplitude unbalance.magnitude Y0 Z0 vY0 vZ0",
+            &[("pY", "10"), ("pZ", "-20")],
+        ),
+        "spindle4" => (
+            "A.reference.rY A.reference.rZ B.reference.rY B.reference.rZ X.reference.amplitude \
+             unbalance[1].magnitude unbalance[2].magnitude",
+            &[("pX", "30"), ("pY", "60"), ("pZ", "-80")],
+        ),
+        _ => ("reference.rX", &[]),
     };
-    let common = [
-        ("update.mode", "never"),
-        ("controller.F0.modulation", "0"),
-        ("plant.sensor.positionNoise", "0"),
-        ("plant.sensor.currentNoise", "0"),
-        ("duration", "0.4 s"),
-    ];
-    let all = still.iter().chain(&common).chain(changes);
-    let all: Vec<_> = all.map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
+    let common = "controller.F0.modulation plant.sensor.positionNoise plant.sensor.currentNoise";
+    let zeros = zeros.split(' ').chain(common.split(' ')).map(|name| (name, "0"));
+    let all = zeros.chain(load.iter().copied()).chain([("update.mode", "never"), ("duration", "0.4 s")]);
+    let all = all.chain(changes.iter().copied()).map(|(name, value)| (name.to_owned(), value.to_owned()));
+    let all: Vec<_> = all.collect();
     let built_in = if machine == "planar" { "unbalanced" } else { machine };
     Scenario::open_with(Path::new(built_in), &all).unwrap_or_else(|error| panic!("{error}"))
 }

@@ -1,6 +1,7 @@
 //! Sensor errors: each alone, and none at all.
 
-use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, SensorConfig};
+use crate::support::below;
+use magnetic_bearing::plant::{Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
 const STEP_S: f64 = 1e-4;
 
@@ -22,21 +23,56 @@ fn readings(sensor: SensorConfig, step_s: f64, steps: usize) -> Vec<([f64; 2], [
     all
 }
 
+/// Each sensor has its own gain, offset and noise, and reads at its own place.
 #[test]
-fn gain_offset_and_resolution_are_what_they_say() {
-    let sensor = SensorConfig {
-        position_gain_error: [0.01, -0.02],
-        position_offset_m: [1e-6, -2e-6],
-        current_gain_error: [0.1, 0.0, 0.0],
-        current_offset_a: [0.0, 0.05, 0.0],
-        ..SensorConfig::default()
-    };
-    for (position, current, truth) in &readings(sensor, STEP_S, 20)[1..] {
-        assert!((position[0] - (1.01 * truth[0] + 1e-6)).abs() < 1e-18);
-        assert!((position[1] - (0.98 * truth[1] - 2e-6)).abs() < 1e-18);
-        assert!((current[0] / current[2] - 1.1).abs() < 1e-12);
-        assert!((current[1] - current[2] - 0.05).abs() < 1e-12);
+fn gain_and_offset_of_every_sensor_are_what_they_say() {
+    fn holds<const N: usize, const K: usize, const B: usize>(position_m: [f64; N], velocity_m_s: [f64; N]) {
+        let part = |of: f64, n: usize| of * (n + 1) as f64;
+        let sensor = SensorConfig {
+            position_gain_error: std::array::from_fn(|n| part(0.01, n)),
+            position_offset_m: std::array::from_fn(|n| part(1e-6, n)),
+            current_gain_error: std::array::from_fn(|k| part(-0.02, k)),
+            current_offset_a: std::array::from_fn(|k| part(0.05, k)),
+            ..SensorConfig::default()
+        };
+        let plant_of = |sensor| {
+            let config = PlantConfigOf::<f64, N, K, B> { position_m, velocity_m_s, sensor, ..PlantConfigOf::default() };
+            Plant::new(config).expect("plant")
+        };
+        let plant = plant_of(sensor);
+        let mut state = plant.start(0.0);
+        let current_a = std::array::from_fn(|k| 1.0 + 0.1 * k as f64);
+        let input = PlantInput { current_a, omega_rad_s: 300.0, ..PlantInput::default() };
+        for step in 0..5 {
+            plant.advance(&mut state, &input, f64::from(step) * STEP_S, STEP_S).expect("advance");
+            let readings = plant.config().rotor.readings(state.position_m);
+            for n in 0..N {
+                let wanted = (1.0 + part(0.01, n)) * readings[n] + part(1e-6, n);
+                below("reading, m", (state.measured.position_m[n] - wanted).abs(), 1e-18);
+            }
+            for k in 0..K {
+                let wanted = (1.0 + part(-0.02, k)) * current_a[k] + part(0.05, k);
+                below("current, A", (state.measured.current_a[k] - wanted).abs(), 1e-15);
+            }
+        }
+        let noise = |seed| {
+            let noisy = plant_of(SensorConfig { position_noise_m: 1e-7, seed, ..SensorConfig::default() }).start(0.0);
+            let readings = plant.config().rotor.readings(position_m);
+            std::array::from_fn::<f64, N, _>(|n| noisy.measured.position_m[n] - readings[n])
+        };
+        assert_eq!(noise(1), noise(1));
+        let mut drawn = [noise(1), noise(2)].concat();
+        drawn.sort_by(f64::total_cmp);
+        drawn.dedup();
+        assert_eq!(drawn.len(), 2 * N, "every sensor and every seed has its own noise");
     }
+    holds::<2, 3, 1>([3e-5, 0.0], [0.0, 5e-3]);
+    holds::<1, 2, 1>([2e-5], [1e-3]);
+    holds::<5, 8, 3>([1e-5, 2e-5, -3e-5, 1e-4, 2e-4], [1e-3, 2e-3, -1e-3, 0.01, -0.02]);
+}
+
+#[test]
+fn a_resolution_rounds() {
     let sensor = SensorConfig { position_resolution_m: 2e-7, current_resolution_a: 0.025, ..SensorConfig::default() };
     let mut rounded = false;
     for (position, current, truth) in readings(sensor, STEP_S, 20) {

@@ -1,4 +1,4 @@
-//! The spindle: whirl, unbalance response and precession in closed form, geometry, sensors and backup bearings.
+//! The spindle: whirl, unbalance response and precession in closed form, geometry and backup bearings.
 
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE};
 use std::f64::consts::PI;
@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::Shaft;
 use magnetic_bearing::machine::SPINDLE;
-use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantInput, PlantState, SensorConfig};
+use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantInput, PlantState};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 
 use crate::support::{SpindleConfig, below};
@@ -181,46 +181,6 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     let [a, b, x] = plant.equations().at_bearings(&plant.start(0.0).motion(), 0.0, [false; 3], output.force_n);
     below("force at B, N", (b.z_n + b_1).abs() + a.z_n.abs(), 1e-12);
     below("axial force, N", (x.y_n + x_2).abs(), 1e-12);
-}
-
-/// Each sensor has its own gain, offset and noise, and reads at its own position.
-#[test]
-fn samples_are_taken_where_the_sensors_are() {
-    let sensor = SensorConfig {
-        position_offset_m: [1e-6, 2e-6, 3e-6, 4e-6, 5e-6],
-        position_gain_error: [0.01, 0.02, 0.03, 0.04, 0.05],
-        current_offset_a: std::array::from_fn(|k| 0.01 * k as f64),
-        ..SensorConfig::default()
-    };
-    let config = SpindleConfig {
-        position_m: [1e-5, 2e-5, -3e-5, 1e-4, 2e-4],
-        velocity_m_s: [1e-3, 2e-3, -1e-3, 0.01, -0.02],
-        sensor,
-        ..SpindleConfig::default()
-    };
-    let plant = plant(config.clone());
-    let mut state = plant.start(0.0);
-    let current_a = std::array::from_fn(|k| 1.0 + 0.1 * k as f64);
-    let input = SpindleInput { current_a, omega_rad_s: 300.0, ..SpindleInput::default() };
-    plant.advance(&mut state, &input, 0.0, STEP_S).expect("a step");
-    let readings = config.rotor.readings(state.position_m);
-    for (n, (measured, reading)) in state.measured.position_m.into_iter().zip(readings).enumerate() {
-        let wanted = (1.0 + 0.01 * (n + 1) as f64) * reading + 1e-6 * (n + 1) as f64;
-        below("reading, m", (measured - wanted).abs(), 1e-18);
-    }
-    for k in 0..8 {
-        below("current, A", (state.measured.current_a[k] - 1.0 - 0.11 * k as f64).abs(), 1e-15);
-    }
-    let noisy = |seed| {
-        let sensor = SensorConfig { position_noise_m: 1e-7, seed, ..SensorConfig::default() };
-        Plant::new(SpindleConfig { sensor, ..SpindleConfig::default() }).expect("a plant").start(0.0).measured
-    };
-    let [first, again, other] = [noisy(1), noisy(1), noisy(2)].map(|measured| measured.position_m);
-    assert_eq!(first, again);
-    for n in 0..5 {
-        assert_ne!(first[n], other[n]);
-        assert!((0..n).all(|m| first[m] != first[n]), "{first:?}");
-    }
 }
 
 /// The weight of a horizontal shaft comes to rest in the rings, that of a vertical one on the axial stop.

@@ -74,9 +74,6 @@ fn a_stuck_sensor_is_named() {
     let named = outputs[1000..].iter().position(|output| output.verdict == Verdict::Stuck);
     assert_eq!(named, Some(STUCK_SAMPLES as usize), "samples until it is named");
     assert!(outputs[1000 + STUCK_SAMPLES as usize..1400].iter().all(|output| output.verdict == Verdict::Stuck));
-    for j in (990..outputs.len()).step_by(100) {
-        println!("{j} {:?} {:.3e}", outputs[j].verdict, outputs[j].residual);
-    }
     assert!(outputs[3400..].iter().all(|output| output.valid), "it comes back by itself within 0.2 s");
     assert_never_wrong("stuck", &rotor, &outputs);
 }
@@ -110,13 +107,7 @@ fn the_angle_may_be_wrapped() {
 
 #[test]
 fn the_rotor_may_turn_backward() {
-    let rotor = Rotor { omega_rad_s: -100.0 * PI, samples: 2001, ..unbalanced() };
-    let outputs = rotor.identify(config(&rotor));
-    assert_right("backward", &rotor, &outputs, 2.0 * EXACT_PERCENT);
-    let last = outputs.last().expect("samples");
-    assert!((last.unbalance_kg_m[0] / rotor.unbalance.0 - 1.0).abs() < 1e-4, "{}", last.unbalance_kg_m[0]);
-    assert!((last.unbalance_phase_rad[0] - rotor.unbalance.1).abs() < 1e-4, "{}", last.unbalance_phase_rad[0]);
-    let rotor = Rotor { noise: NOISE, ..rotor };
+    let rotor = Rotor { omega_rad_s: -100.0 * PI, ..noisy(1, 2001) };
     assert!(assert_never_wrong("backward with noise", &rotor, &rotor.identify(config(&rotor))) > 1000);
 }
 
@@ -141,8 +132,8 @@ fn a_balanced_rotor_needs_no_unbalance() {
     // An unbalance that is told not to be there is seen, or the estimate is not valid.
     let rotor = noisy(9, 5001);
     let outputs = rotor.identify(EstimatorConfig { identify_unbalance: false, ..config(&rotor) });
-    println!("{:?}", outputs.last().expect("samples"));
-    assert!(!outputs.last().expect("samples").valid, "an unbalance of 20 N that is denied");
+    let last = outputs.last().expect("samples");
+    assert!(!last.valid, "an unbalance of 20 N that is denied: {last:?}");
 }
 
 /// Without an angle the unbalance cannot be told: what comes out is right, or not valid.
@@ -153,7 +144,6 @@ fn no_angle_is_connected() {
     inputs.iter_mut().for_each(|input| input.theta_rad = 0.0);
     for noise in [(0.0, 0.0), NOISE] {
         let outputs = run(&estimator(told(config(&rotor), noise)), &inputs).0;
-        println!("{:?}", outputs.last().expect("samples"));
         assert_never_wrong(&format!("no angle, told {noise:?}"), &rotor, &outputs);
     }
 }
@@ -165,7 +155,6 @@ fn a_rotor_at_rest_is_right_or_not_valid() {
             let rest = Rotor { radius_m: [0.0; 2], omega_rad_s: 0.0, noise, samples: 5001, ..unbalanced() };
             let outputs = rest.identify(told(config(&rest), told_noise));
             let last = outputs.last().expect("samples");
-            println!("{noise:?} told {told_noise:?}: {:?}, condition {:.1e}", last.verdict, last.condition);
             // Noise that the controller feeds back excites a little.
             if noise == (0.0, 0.0) {
                 assert!(outputs.iter().all(|output| !output.valid), "noise {noise:?}, told {told_noise:?}");
@@ -198,7 +187,6 @@ fn currents_that_are_zero_or_limited() {
             assert!(!output.valid, "{current_a:?}: {output:?}");
             assert_eq!(output.lambda_hat, [4e-6; 3]);
         }
-        println!("{current_a:?}: {:?}, condition {:.1e}", state.output().verdict, state.output().condition);
     }
     // One magnet without current: its λ stays unknown.
     let rotor = noisy(11, 2001);
@@ -221,7 +209,6 @@ fn the_first_samples_are_not_lost() {
     for k in 0..3 {
         // The noise that is found is still 15 % too large.
         let ratio = found.lambda_std[k] / told.lambda_std[k];
-        println!("lambda[{}]: {ratio:.3} times the standard deviation with the noise told", k + 1);
         assert!((0.9..1.25).contains(&ratio), "lambda[{}]: {ratio}", k + 1);
     }
 }
