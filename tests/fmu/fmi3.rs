@@ -1,6 +1,5 @@
 //! The models through FMI 3.0: the same run as through FMI 2.0, to the last bit.
 
-use fmu_export::fmi3::bindings::fmi3Status;
 use fmu_export::variable::{Causality, Type};
 use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu;
@@ -8,7 +7,7 @@ use magnetic_bearing::fmu;
 use crate::support::MODELS;
 use crate::support::Random;
 use crate::support::ffi::{Expect, Fmu};
-use crate::support::ffi3::{Fmu3, Request3, no_state};
+use crate::support::ffi3::{Fmu3, Request3};
 use crate::support::is_plant;
 
 const TS: f64 = 1e-4;
@@ -147,33 +146,5 @@ fn derivatives_are_those_of_fmi_2_bit_for_bit() {
             assert!(wanted.iter().any(|value| *value != 0.0));
             assert_eq!(new.output_derivatives(&unknowns, &orders, unknowns.len()), Ok(wanted), "{name}");
         }
-    }
-}
-
-/// Fails if something is left out of a snapshot.
-#[test]
-fn snapshots_restore_every_bit() {
-    for name in MODELS {
-        let fmu = Fmu3::started(name, &[]);
-        let advance = |fmu: &Fmu3, steps: std::ops::Range<u32>| {
-            steps.for_each(|step| fmu.ok(fmu.step(f64::from(step) * TS, TS)));
-            fmu.all_bits()
-        };
-        advance(&fmu, 0..100);
-        let (mut state, mut read) = (no_state(), no_state());
-        fmu.ok(fmu.get_state(&mut state));
-        let wanted = advance(&fmu, 100..200);
-        fmu.ok(fmu.set_state(state));
-        assert_eq!(advance(&fmu, 100..200), wanted, "{name}");
-        let other = Fmu3::new(name, true);
-        let bytes = fmu.serialize(state).expect("bytes");
-        other.ok(other.deserialize(&bytes, &mut read));
-        let third = Fmu3::new(name, false);
-        third.ok(third.set_state(read));
-        assert_eq!(advance(&third, 100..200), wanted, "{name}");
-        let damaged = [&[bytes[0] ^ 1], &bytes[1..]].concat();
-        assert_eq!(third.deserialize(&damaged, &mut state), fmi3Status::fmi3Error);
-        fmu.ok(fmu.free_state(&mut state));
-        fmu.ok(fmu.free_state(&mut read));
     }
 }

@@ -90,7 +90,12 @@ fn a_refused_change_changes_nothing() {
     assert!(bearing.try_set("Y", 1.0).is_err());
     let error = bearing.try_set("lambda[2]", -1e-6).expect_err("a negative force constant").to_string();
     says(&error, &["lambda[2]", "-0.000001 N.m2/A2", "a finite number above 0"]);
-    for (name, value) in [("unbalance.magnitude", f64::NAN), ("unbalance.phase", f64::INFINITY), ("lambda[1]", 0.0)] {
+    for (name, value) in [
+        ("unbalance.magnitude", f64::NAN),
+        ("unbalance.phase", f64::INFINITY),
+        ("perturbation.amplitudeY", f64::NAN),
+        ("lambda[1]", 0.0),
+    ] {
         let error = bearing.try_set(name, value).expect_err(name).to_string();
         says(&error, &[name, "is refused"]);
     }

@@ -149,24 +149,6 @@ fn a_snapshot_from_before_an_error_recovers() {
     freed(&fmu, failed);
 }
 
-/// Fails if an existing snapshot is left as it was, or replaced by a new one that nobody frees.
-#[test]
-fn taking_a_snapshot_into_an_existing_one_uses_it_again() {
-    for model in MODELS {
-        let fmu = running(model, 30);
-        let mut state = saved(&fmu);
-        let address = state;
-        drive(&fmu, 30..31);
-        let wanted = fmu.all_bits();
-        fmu.get_state(&mut state).ok(&fmu);
-        assert_eq!(state, address);
-        drive(&fmu, 31..32);
-        fmu.set_state(state).ok(&fmu);
-        assert_eq!(fmu.all_bits(), wanted);
-        freed(&fmu, state);
-    }
-}
-
 #[test]
 fn null_and_foreign_snapshots_are_refused() {
     let plant = Fmu::started("MagneticBearing", &[]);

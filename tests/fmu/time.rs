@@ -40,7 +40,7 @@ fn sampled(model: &str, start_s: f64, samples: u32, mut cut: impl FnMut() -> f64
     fmu.all_bits()
 }
 
-/// Fails if a sample is lost or doubled: when the clock compares without a tolerance.
+/// The last step of a run is often 1.1e-16 s long. Fails if a sample is lost or doubled: when the clock compares without a tolerance.
 #[test]
 fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
     for model in [CONTROLLER, ESTIMATOR] {
@@ -54,7 +54,7 @@ fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
             let mut count = 0;
             let tiny = || {
                 count += 1;
-                if count % 2 == 0 { 1.1e-16 / TS } else { 1.0 }
+                [1.0, 1.1e-16 / TS, 0.0][count % 3]
             };
             assert_eq!(sampled(model, start_s, 60, tiny), wanted, "{model}: tiny ones between, from {start_s}");
         }
@@ -71,30 +71,6 @@ fn a_long_step_takes_all_its_samples() {
             many.step(f64::from(step) * TS, TS).ok(&many);
         }
         assert_eq!(one.all_bits(), many.all_bits(), "{model}");
-    }
-}
-
-/// The last step of a run is often 1.1e-16 s long. Fails if such a step takes a sample, or is done as one of a microsecond.
-#[test]
-fn the_tiniest_steps_change_nothing_that_is_sampled() {
-    for model in [PLANT, CONTROLLER, ESTIMATOR] {
-        let fmu = Fmu::started(model, &[]);
-        let mut time = 0.0;
-        for step in 1..=30 {
-            fmu.step(time, f64::from(step) * TS - time).ok(&fmu);
-            time = f64::from(step) * TS;
-        }
-        let samples: Vec<_> = fmu.variables().iter().filter(|variable| !variable.is_continuous()).collect();
-        let read = || samples.iter().map(|variable| fmu.get(&variable.name).to_bits()).collect::<Vec<_>>();
-        let wanted = read();
-        for _ in 0..1000 {
-            fmu.step(time, 1.1e-16).ok(&fmu);
-            assert_eq!(read(), wanted, "{model}");
-        }
-        for _ in 0..10 {
-            fmu.step(time, 0.0).ok(&fmu);
-        }
-        assert_eq!(read(), wanted, "{model}");
     }
 }
 

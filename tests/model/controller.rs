@@ -59,16 +59,7 @@ impl Loop<2, 3, 1, 1> {
             harmonic: Harmonic { amplitude_n: [2.0, 2.0], ..Harmonic::default() },
             ..PlantConfig::default()
         };
-        Self {
-            lambda_hat: plant.lambda_nm2_a2,
-            plant,
-            controller: ControllerConfig::default(),
-            load_n: [10.0, 10.0],
-            lambda_at: |lambda, _| lambda,
-            valid_s: 0.0,
-            reference_m: |_| [0.0; 2],
-            duration_s: 0.4,
-        }
+        Self::of(plant, ControllerConfig::default(), [10.0, 10.0])
     }
 
     /// Another rotor, other gaps, angles, magnets and speed.
@@ -125,16 +116,7 @@ impl Loop<5, 8, 3, 3> {
             PathConfig { r_y_m: 60e-6, r_z_m: 25e-6, phase_rad: 1.2, ..PathConfig::default() };
         controller.reference.paths[2].amplitude_m = 20e-6;
         controller.reference.omega_rad_s = rpm * TAU / 60.0;
-        Self {
-            lambda_hat: plant.lambda_nm2_a2,
-            plant,
-            controller,
-            load_n: [8.0, 15.0, -20.0, 0.6, -0.9],
-            lambda_at: |lambda, _| lambda,
-            valid_s: 0.0,
-            reference_m: |_| [0.0; 5],
-            duration_s: 0.4,
-        }
+        Self::of(plant, controller, [8.0, 15.0, -20.0, 0.6, -0.9])
     }
 
     /// Without noise, load and unbalance.
@@ -163,6 +145,20 @@ impl Loop<5, 8, 3, 3> {
 }
 
 impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, B, G> {
+    /// With the true λ as estimate, for 0.4 s.
+    fn of(plant: PlantConfigOf<f64, N, K, B>, controller: ControllerConfigOf<N, K, B, G>, load_n: [f64; N]) -> Self {
+        Self {
+            lambda_hat: plant.lambda_nm2_a2,
+            plant,
+            controller,
+            load_n,
+            lambda_at: |lambda, _| lambda,
+            valid_s: 0.0,
+            reference_m: |_| [0.0; N],
+            duration_s: 0.4,
+        }
+    }
+
     fn with_voltage(mut self) -> Self {
         self.plant.coil.drive = Drive::Voltage;
         self.controller.law.coil.drive = Drive::Voltage;

@@ -5,8 +5,8 @@ mod state;
 
 use std::f64::consts::PI;
 
-use crate::rotor::{Currents, Path, Rotor, Wild, largest, unbalanced};
-use crate::support::{below, between, says};
+use crate::rotor::{Currents, Path, Rotor, largest, unbalanced};
+use crate::support::{Random, below, between, says};
 use magnetic_bearing::estimation::{
     CONDITION_CAP, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
     STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,
@@ -32,16 +32,12 @@ fn told(config: EstimatorConfig, (position_noise_m, current_noise_a): (f64, f64)
     EstimatorConfig { position_noise_m, current_noise_a, ..config }
 }
 
-fn truth_at(rotor: &Rotor, sample: usize) -> [f64; 3] {
-    let changed = rotor.change.filter(|(from_s, _)| sample as f64 * rotor.step_s > from_s + 1e-9);
-    changed.map_or(rotor.lambda, |(_, lambda)| lambda)
-}
-
 /// Greatest |error|/standard deviation of the valid estimates from a sample on, where, and how many are valid.
 fn confidence(rotor: &Rotor, outputs: &[EstimatorOutput], from: usize) -> (f64, usize, usize) {
     let (mut worst, mut at, mut valid) = (0.0, 0, 0);
     for (j, output) in outputs.iter().enumerate().skip(from).filter(|(_, output)| output.valid) {
-        let truth = truth_at(rotor, j);
+        let changed = rotor.change.filter(|(from_s, _)| j as f64 * rotor.step_s > from_s + 1e-9);
+        let truth = changed.map_or(rotor.lambda, |(_, lambda)| lambda);
         valid += 1;
         for ((hat, truth), std) in output.lambda_hat.iter().zip(truth).zip(output.lambda_std_total) {
             let ratio = ((hat - truth) / std).abs();

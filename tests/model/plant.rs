@@ -426,30 +426,3 @@ fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
         ("MY", |input, bad| input.perturbation_n[3] = bad),
     ]);
 }
-
-#[test]
-fn some_parameters_may_change_while_running() {
-    let mut plant = plant(PlantConfig::default());
-    let state = plant.start(0.0);
-    let before = plant.outputs(&state, &held(), 0.0);
-    let config = plant.config().clone();
-    let fixed = PlantConfig { lambda_nm2_a2: [3.6e-6, 4e-6, 4.4e-6], max_step_s: 1.0, ..config.clone() };
-    plant.retune(&fixed).expect("retuned");
-    assert_eq!(plant.config().max_step_s, config.max_step_s, "a fixed parameter");
-    let after = plant.outputs(&state, &held(), 0.0);
-    for k in 0..3 {
-        below("force, N", (after.force_n[k] - 2.0 * before.force_n[k]).abs(), 1e-12);
-    }
-    let config = plant.config().clone();
-    let bad = PlantConfig {
-        lambda_nm2_a2: [1e-6, 0.0, 1e-6],
-        unbalance_kgm: [-1.0, 0.0],
-        unbalance_phase_rad: [f64::NAN, 0.0],
-        harmonic: Harmonic { amplitude_n: [f64::NAN, 0.0], ..Harmonic::default() },
-        ..config.clone()
-    };
-    let found = plant.retune(&bad).expect_err("a refusal");
-    let found: Vec<_> = found.iter().map(|finding| finding.name.as_ref()).collect();
-    assert_eq!(found, ["lambda[2]", "unbalance.magnitude", "unbalance.phase", "perturbation.amplitudeY"]);
-    assert_eq!(*plant.config(), config, "nothing is changed by a refusal");
-}

@@ -295,31 +295,3 @@ pub fn unbalanced() -> Rotor {
     let newton_at_50_hz = 1.0 / (100.0 * PI).powi(2);
     Rotor { load_n: [10.0, -20.0], unbalance: (20.0 * newton_at_50_hz, 0.7), ..Rotor::default() }
 }
-
-/// Impossible inputs of an estimator: outside the gap, or many orders of magnitude too large.
-pub struct Wild(Random);
-
-impl Wild {
-    pub fn new(seed: u64) -> Self {
-        Self(Random::new(seed))
-    }
-
-    /// A number that is seldom many orders of magnitude from the usual one.
-    fn number(&mut self, usual: f64, rare: f64) -> f64 {
-        let exponent = if self.0.normal() > 2.5 { (self.0.normal() * rare) as i32 } else { 0 };
-        usual * self.0.normal() * 10.0_f64.powi(exponent)
-    }
-
-    /// The input at a sample; every sample whose number is a multiple of `reset_every` is a reset.
-    pub fn input(&mut self, sample: usize, reset_every: usize) -> EstimatorInput {
-        EstimatorInput {
-            position_m: [self.number(1e-4, 1.0), self.number(1e-4, 1.0)],
-            current_a: [self.number(3.0, 60.0), self.number(3.0, 20.0), self.number(3.0, 20.0)],
-            theta_rad: self.number(10.0, 100.0),
-            omega_rad_s: self.number(300.0, 30.0),
-            enable: !sample.is_multiple_of(97),
-            contact: false,
-            reset: sample.is_multiple_of(reset_every),
-        }
-    }
-}
