@@ -37,7 +37,6 @@ struct Loop<const N: usize, const K: usize, const B: usize, const G: usize> {
     valid_s: f64,
     /// Reference from outside at a time.
     reference_m: fn(f64) -> [f64; N],
-    duration_s: f64,
 }
 
 /// Results of one sample of the loop.
@@ -145,7 +144,7 @@ impl Loop<5, 8, 3, 3> {
 }
 
 impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, B, G> {
-    /// With the true λ as estimate, for 0.4 s.
+    /// With the true λ as estimate.
     fn of(plant: PlantConfigOf<f64, N, K, B>, controller: ControllerConfigOf<N, K, B, G>, load_n: [f64; N]) -> Self {
         Self {
             lambda_hat: plant.lambda_nm2_a2,
@@ -155,7 +154,6 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
             lambda_at: |lambda, _| lambda,
             valid_s: 0.0,
             reference_m: |_| [0.0; N],
-            duration_s: 0.4,
         }
     }
 
@@ -170,6 +168,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
         [("current", self.clone()), ("voltage", self.clone().with_voltage())]
     }
 
+    /// The samples of 0.4 s.
     fn run(&self) -> Vec<Record<N, K>> {
         let ControllerConfigOf { rotor, law, reference, .. } = &self.controller;
         let (step_s, omega_rad_s) = (law.step_s, reference.omega_rad_s);
@@ -207,7 +206,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
             plant.advance(&mut x, &input, t_s, step_s).expect("advance");
             record
         };
-        (0..(self.duration_s / step_s).round() as usize).map(sample).collect()
+        (0..(0.4 / step_s).round() as usize).map(sample).collect()
     }
 }
 
