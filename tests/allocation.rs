@@ -7,8 +7,10 @@ use std::path::Path;
 use fmu_export::Instance;
 use fmu_export::Step;
 use fmu_export::log::Silent;
-use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
+use support::named::Named;
+
+mod support;
 
 /// Steps of every instance; fewer without optimisation, to keep the test short.
 const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };
@@ -138,10 +140,7 @@ fn a_step_allocates_nothing() {
 /// Without a controller it falls into its backup bearings: sensors, coils, contact and friction take part.
 #[test]
 fn a_step_of_a_spindle_allocates_nothing() {
-    let kind = magnetic_bearing::fmu::find("MagneticSpindle").expect("it");
-    let mut instance = kind.instantiate();
-    let index = |name: &str| kind.variables().iter().position(|variable| variable.name == name).expect("a variable");
-    for (name, value) in [
+    let settings = [
         ("gravity.X", 1.0),
         ("gravity.Z", -9.81),
         ("A.touchdown.friction", 0.05),
@@ -149,52 +148,38 @@ fn a_step_of_a_spindle_allocates_nothing() {
         ("A.u[1]", 0.5),
         ("sensor.positionNoise", 1e-7),
         ("sensor.delay", 1.5e-4),
-    ] {
-        instance.set(index(name), Value::Real(value)).expect("a value");
-    }
-    instance.set(index("drive"), Value::Integer(2)).expect("a drive");
-    instance.start().expect("parameters that are in order");
+        ("drive", 2.0),
+    ];
+    let mut spindle = Named::started("MagneticSpindle", &settings);
     let before = CALLS.get();
     for step in 0..STEPS / 50 {
-        let step = Step { time_s: step as f64 * STEP_S, length_s: STEP_S };
-        assert!(instance.step(step, &mut Silent).is_ok(), "{} s", step.time_s);
+        spindle.step(step as f64 * STEP_S, STEP_S);
     }
     assert_eq!(CALLS.get() - before, 0, "calls of the allocator");
     for name in ["A.contact", "B.contact", "X.contact"] {
-        assert_eq!(instance.get(index(name)), Ok(Value::Boolean(true)), "{name}: the test shows nothing");
+        assert_eq!(spindle.get(name), 1.0, "{name}: the test shows nothing");
     }
 }
 
 /// Every sample takes another estimate of λ over.
 #[test]
 fn a_step_of_the_controller_of_a_spindle_allocates_nothing() {
-    let kind = magnetic_bearing::fmu::find("SpindleController").expect("it");
-    let mut instance = kind.instantiate();
-    let index = |name: &str| kind.variables().iter().position(|variable| variable.name == name).expect("a variable");
-    for name in ["drive", "update.mode"] {
-        let value = if name == "drive" { 2 } else { 3 };
-        instance.set(index(name), Value::Integer(value)).expect("an item");
-    }
-    for (name, value) in [("F0.modulation", 0.5), ("X.reference.amplitude", 2e-5), ("reference.rampTime", 0.1)] {
-        instance.set(index(name), Value::Real(value)).expect("a value");
-    }
-    instance.start().expect("parameters that are in order");
-    instance.set(index("lambdaValid"), Value::Boolean(true)).expect("an input");
-    let hats =
-        ["A.lambdaHat[1]", "A.lambdaHat[2]", "A.lambdaHat[3]", "B.lambdaHat[1]", "B.lambdaHat[2]", "B.lambdaHat[3]"];
-    let hats = hats.into_iter().chain(["X.lambdaHat[1]", "X.lambdaHat[2]"]).map(index).collect::<Vec<_>>();
-    let reading = index("B.Zm");
+    let modes = [("drive", 2.0), ("update.mode", 3.0), ("lambdaValid", 1.0)];
+    let moving = [("F0.modulation", 0.5), ("X.reference.amplitude", 2e-5), ("reference.rampTime", 0.1)];
+    let mut controller = Named::started("SpindleController", &[modes, moving].concat());
+    let names: Vec<_> = controller.variables.iter().map(|variable| variable.name.to_string()).collect();
+    let hats: Vec<_> = names.iter().filter(|name| name.contains("lambdaHat")).collect();
+    assert_eq!(hats.len(), 8, "magnets");
     let before = CALLS.get();
     for step in 0..STEPS / 50 {
         for hat in &hats {
-            instance.set(*hat, Value::Real(2e-6 + 1e-9 * (step % 7) as f64)).expect("an input");
+            controller.set(hat, 2e-6 + 1e-9 * (step % 7) as f64);
         }
-        instance.set(reading, Value::Real(1e-6 * (step % 5) as f64)).expect("an input");
-        let step = Step { time_s: step as f64 * STEP_S, length_s: STEP_S };
-        assert!(instance.step(step, &mut Silent).is_ok(), "{} s", step.time_s);
+        controller.set("B.Zm", 1e-6 * (step % 5) as f64);
+        controller.step(step as f64 * STEP_S, STEP_S);
     }
     assert_eq!(CALLS.get() - before, 0, "calls of the allocator");
-    let used = instance.get(index("X.lambdaUsed[2]")).expect("an output").as_f64();
+    let used = controller.get("X.lambdaUsed[2]");
     assert!((used - 2e-6).abs() < 1e-8, "{used}: the test shows nothing");
 }
 
@@ -202,29 +187,24 @@ fn a_step_of_the_controller_of_a_spindle_allocates_nothing() {
 /// Fails if a copy of an estimation copies the estimator.
 #[test]
 fn a_snapshot_copies_the_state_alone() {
-    let kind = magnetic_bearing::fmu::find("AlgebraicEstimator").expect("it");
-    let mut instance = kind.instantiate();
-    let variables = kind.variables();
-    let index = |name: &str| variables.iter().position(|variable| variable.name == name).expect("a variable");
+    let mut estimator = Named::new("AlgebraicEstimator");
     // The paper's method has kernels as long as its window; the other one has no large constant data.
-    instance.set(index("method"), Value::Integer(2)).expect("a method");
-    for name in ["Tf", "epsilon"] {
-        instance.set(index(name), Value::Real(0.1)).expect("a time");
+    for (name, value) in [("method", 2.0), ("Tf", 0.1), ("epsilon", 0.1)] {
+        estimator.set(name, value);
     }
     let before = BYTES.get();
-    instance.start().expect("the start values are in order");
+    estimator.start().expect("the start values are in order");
     let start = BYTES.get() - before;
     for step in 0..400 {
-        instance.step(Step { time_s: f64::from(step) * STEP_S, length_s: STEP_S }, &mut Silent).expect("a step");
+        estimator.step(f64::from(step) * STEP_S, STEP_S);
     }
     let before = BYTES.get();
-    let mut snapshot = instance.duplicate().expect("a copy");
+    let mut snapshot = estimator.instance.duplicate().expect("a copy");
     let saved = BYTES.get() - before;
     let before = BYTES.get();
-    assert!(snapshot.copy_from(instance.as_ref()));
+    assert!(snapshot.copy_from(estimator.instance.as_ref()));
     let again = BYTES.get() - before;
-    println!("bytes for a start {start}, for a snapshot {saved}, into an existing one {again}");
-    assert!(2 * saved < start && again <= saved, "{start} {saved} {again}");
+    assert!(2 * saved < start && again <= saved, "{start} bytes for a start, {saved} for a snapshot, {again} into one");
 }
 
 #[test]

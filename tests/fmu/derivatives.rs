@@ -19,6 +19,8 @@ const RUNNING: [(&str, f64); 8] = [
     ("unbalance.magnitude", 1e-4),
     ("perturbation.amplitudeY", 2.0),
 ];
+/// Current and voltage.
+const DRIVES: [f64; 2] = [1.0, 2.0];
 const SPINDLE: &str = "MagneticSpindle";
 const SPINDLE_RUNNING: [(&str, f64); 14] = [
     ("A.i[1]", 1.5),
@@ -75,14 +77,10 @@ fn agree(fmu: &Fmu, unknowns: &[&str], knowns: &[&str], h: impl Fn(f64) -> f64) 
     }
 }
 
-fn drives() -> [f64; 2] {
-    [1.0, 2.0]
-}
-
 /// Fails if the directional derivative with respect to an input is that with its neighbour: the reference is off by one.
 #[test]
 fn derivatives_by_inputs_are_those_that_setting_them_shows() {
-    for drive in drives() {
+    for drive in DRIVES {
         let mut settings = RUNNING.to_vec();
         settings.push(("drive", drive));
         let fmu = Fmu::started(PLANT, &settings);
@@ -102,7 +100,7 @@ fn derivatives_by_parameters_are_those_that_setting_them_shows() {
     const SPINDLE_KNOWNS: &str = "Y0 beta0 gamma0 vX0 betaRate0 gammaRate0 X0 theta0 Jt Jp A.position B.position \
         B.sensorPosition B.sensor.offsetY B.sensor.gainErrorY sensor.positionNoise unbalance[2].position A.alpha[2] \
         A.lambda[2] X.s A.i[2] B.u[2] MY pZ omega";
-    for drive in drives() {
+    for drive in DRIVES {
         for (model, settings, more, unknowns, knowns) in [
             (PLANT, &RUNNING[..], ("coil.fluxSaturation", 0.01), UNKNOWNS, PLANAR_KNOWNS),
             (SPINDLE, &SPINDLE_RUNNING, ("sensor.positionNoise", 1e-7), SPINDLE_UNKNOWNS, SPINDLE_KNOWNS),
@@ -125,7 +123,7 @@ fn dependencies_are_honest() {
     let planar = RUNNING.iter().chain(&[("touchdown.friction", 0.2)]).copied().collect::<Vec<_>>();
     let spindle = SPINDLE_RUNNING.iter().chain(&[("A.touchdown.friction", 0.2)]).copied().collect();
     let cases =
-        [(PLANT, planar), (SPINDLE, spindle)].into_iter().flat_map(|case| drives().map(|drive| (case.clone(), drive)));
+        [(PLANT, planar), (SPINDLE, spindle)].into_iter().flat_map(|case| DRIVES.map(|drive| (case.clone(), drive)));
     for ((model, mut settings), drive) in cases {
         settings.extend([("drive", drive), ("coil.Lleak", 1e-3)]);
         let fmu = Fmu::started(model, &settings);
@@ -193,7 +191,7 @@ fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
 /// Fails if the Runge–Kutta stages see the input at the begin of the step.
 #[test]
 fn the_plant_follows_polynomials_within_a_step() {
-    for drive in drives() {
+    for drive in DRIVES {
         let polynomial = |t: f64| 1.3 + 40.0 * t - 0.5 * 3e4 * t * t + 2e6 / 6.0 * t * t * t;
         let speed = |t: f64| 100.0 * PI + 2000.0 * t;
         let driven = if drive == 1.0 { "i[2]" } else { "u[2]" };
@@ -302,7 +300,7 @@ fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
 #[test]
 fn output_derivatives_are_those_of_the_motion() {
     let names = ["Y", "Z", "F[1]", "F[2]", "F[3]", "FY", "FZ", "gap[1]", "gap[2]", "perturbation.Y", "perturbation.Z"];
-    for drive in drives() {
+    for drive in DRIVES {
         let mut settings = RUNNING.to_vec();
         settings.push(("drive", drive));
         let fmu = Fmu::started(PLANT, &settings);

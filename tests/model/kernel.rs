@@ -108,7 +108,6 @@ fn weights_converge_to_the_kernels() {
         ("current", 2.0, coarse[2], fine[2]),
     ] {
         let order = (coarse / fine).log2();
-        println!("{name}: error {coarse:.3e} at N = 200, {fine:.3e} at 400, order {order:.3}");
         assert!((order - wanted).abs() < 0.1, "{name}: order {order}, wanted {wanted}");
     }
 }
@@ -139,15 +138,4 @@ fn weak_form_is_exact_for_held_forces() {
             );
         }
     }
-}
-
-/// A load of one unit of acceleration per T_f² is measured as one.
-#[test]
-fn load_weights_measure_a_constant_acceleration() {
-    let intervals = 200;
-    let w = Weights::static_load(intervals);
-    let z: f64 = w.position.iter().enumerate().map(|(j, w)| 0.5 * w * (j as f64 / intervals as f64).powi(2)).sum();
-    let u: f64 = w.node.iter().sum();
-    assert!((z - u).abs() < 1e-12, "{z} and {u}");
-    assert!((z - 1.0).abs() < 1e-6, "{z}, wanted 1");
 }

@@ -212,24 +212,22 @@ fn the_same_samples_to_the_bit_however_time_is_counted() {
         let plain = samples_of(config.clone(), start_s, (0..number).map(|k| (instant(k), STEP_S)));
         assert_eq!(plain.len(), number as usize + 1);
 
-        // Time added up step by step.
-        let mut t = start_s;
-        let sums = (0..number).map(|_| {
-            let begin = t;
-            t += STEP_S;
-            (begin, STEP_S)
-        });
-        assert_eq!(samples_of(config.clone(), start_s, sums), plain, "time added up");
-
-        // Steps that are differences of instants.
-        let differences = (0..number).map(|k| (instant(k), instant(k + 1) - instant(k)));
-        assert_eq!(samples_of(config.clone(), start_s, differences), plain, "differences of instants");
-
-        // Jitter in the last bits of both.
+        let mut now = start_s;
+        let mut sums = Vec::new();
+        for _ in 0..number {
+            sums.push((now, STEP_S));
+            now += STEP_S;
+        }
+        let differences = (0..number).map(|k| (instant(k), instant(k + 1) - instant(k))).collect();
+        // In the last bits of both.
         let jitter = |k: i32| if k == 0 { 0.0 } else { f64::from(k * 7919 % 13 - 6) * 1e-17 };
-        let jittered =
-            (0..number).map(|k| (instant(k) + jitter(k), STEP_S * (1.0 + f64::from(k * 31 % 7 - 3) * 1e-15)));
-        assert_eq!(samples_of(config.clone(), start_s, jittered), plain, "jitter");
+        let length = |k: i32| STEP_S * (1.0 + f64::from(k * 31 % 7 - 3) * 1e-15);
+        let jittered = (0..number).map(|k| (instant(k) + jitter(k), length(k))).collect();
+        let cases: [(&str, Vec<_>); 3] =
+            [("time added up", sums), ("differences of instants", differences), ("jitter", jittered)];
+        for (what, steps) in cases {
+            assert_eq!(samples_of(config.clone(), start_s, steps.into_iter()), plain, "{what}, from {start_s} s");
+        }
 
         // Seven samples in one step: the last of each seven.
         let long = samples_of(config, start_s, (0..number / 7).map(|k| (instant(7 * k), 7.0 * STEP_S)));

@@ -88,7 +88,6 @@ fn a_sine_in_time_confirms_the_response() {
                     // Whole periods of half of the run.
                     let omega = TAU * f64::from(periods) / (0.5 * scenario.duration_s);
                     let difference = (injected(&used, *reading, omega) - found.at(*reading, omega)).modulus();
-                    println!("{machine} {drive:?} {from:?} reading {reading}, {omega:.0} rad/s: {difference:.1e}");
                     assert!(difference < DIFFERENCE, "{machine} {drive:?} {from:?}: {difference:e} at {omega} rad/s");
                 }
             }
@@ -110,7 +109,6 @@ fn the_mean_of_the_logarithm_is_that_of_the_unstable_pole() {
         let least = value("controller", "F0");
         let stiffness = 2.0 * (2.0 * least + f64::abs(load)) / value("plant", "s");
         let pole = (stiffness / value("plant", "m")).sqrt() * scenario.step_s;
-        println!("load {load} N: mean {mean:.6}, pole {pole:.6}");
         // The logarithm has no bound at frequency 0, which so many frequencies sum to 1 %.
         assert!((mean / pole - 1.0).abs() < 0.02, "load {load} N: {mean} for {pole}");
     }
