@@ -93,10 +93,6 @@ fn saturation_takes_current_and_gives_less_force() {
     }
 }
 
-fn plant(coil: CoilConfig) -> Plant {
-    Plant::new(PlantConfig { coil: voltage(coil), ..PlantConfig::default() }).expect("plant")
-}
-
 /// Voltages that bring currents of some amperes and change from sample to sample.
 fn voltages(sample: usize) -> PlantInput {
     let at = |k: usize| 1.5 + 6.0 * ((sample * (7 + 4 * k)) % 13) as f64 / 13.0 - 3.0;
@@ -222,7 +218,8 @@ fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
 
 #[test]
 fn an_open_circuit_carries_no_current() {
-    let plant = plant(CoilConfig::default());
+    let coil = voltage(CoilConfig::default());
+    let plant = Plant::new(PlantConfig { coil, ..PlantConfig::default() }).expect("plant");
     let mut state = plant.start(0.0);
     let input = PlantInput { voltage_v: [20.0; 3], ..PlantInput::default() };
     plant.advance(&mut state, &input, 0.0, STEP_S).expect("advance");

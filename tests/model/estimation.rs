@@ -335,20 +335,14 @@ fn a_circle_with_unbalance_is_valid_only_when_it_is_known() {
             for seed in 1..=3 {
                 let rotor = Rotor { radius_m: [50e-6; 2], unbalance, noise, ..noisy(70 + seed, 10_001) };
                 let outputs = rotor.identify(if is_told { told(config(&rotor), noise) } else { config(&rotor) });
-                let valid = assert_never_wrong(&format!("{noise:?}, told {is_told}"), &rotor, &outputs);
+                assert_never_wrong(&format!("{noise:?}, told {is_told}"), &rotor, &outputs);
                 for output in outputs.iter().filter(|output| output.valid) {
                     let std = (0..3).map(|k| output.lambda_std[k] / output.lambda_hat[k]).fold(0.0, f64::max);
                     assert!(std < 2.0 * STD_LIMIT, "valid with a standard deviation of {std}");
                 }
                 let last = outputs.last().expect("samples");
-                println!("  valid {valid}, std {:.3?}, {:?}", last.lambda_std, last.verdict);
-                if !last.valid {
-                    assert!(
-                        [Verdict::Uncertain, Verdict::Singular, Verdict::Collecting].contains(&last.verdict),
-                        "{:?}",
-                        last.verdict
-                    );
-                }
+                let honest = [Verdict::Valid, Verdict::Uncertain, Verdict::Singular, Verdict::Collecting];
+                assert!(honest.contains(&last.verdict), "{last:?}");
             }
         }
     }
@@ -417,7 +411,6 @@ fn tolerances_enter_the_total_alone() {
         let last = outputs.last().expect("samples").clone();
         let total = [0, 1, 2].map(|k| last.lambda_std_total[k] / last.lambda_hat[k]);
         let part = [0, 1, 2].map(|k| (total[k] * total[k] - models[k] * models[k]).max(0.0).sqrt());
-        println!("models {models:.5?}, tolerance {part:.5?}, {:?}", last.verdict);
         (part, last)
     };
     let none = || config(&rotor).tolerance;
