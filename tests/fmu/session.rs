@@ -57,7 +57,7 @@ pub fn session(model: &str, steps: u32) {
         fmu.directional_derivative(&[unknown], &[known], &[1.0]).expect("a derivative");
         fmu.output_derivatives(&[unknown], &[1]).expect("a derivative");
     }
-    assert_eq!(fmu.real_status(fmi2StatusKind::fmi2LastSuccessfulTime), Ok(now + 2.5 * TS));
+    assert_eq!(fmu.real_status(fmi2StatusKind::fmi2LastSuccessfulTime), Ok(now + 2.5 * TS), "{model}");
     assert!(fmu.real_status(fmi2StatusKind::fmi2Terminated).is_err());
     fmu.terminate().ok(&fmu);
     fmu.reset().ok(&fmu);

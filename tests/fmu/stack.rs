@@ -13,6 +13,6 @@ fn every_fmu_lives_in_a_thread_with_a_small_stack() {
     for model in MODELS {
         let size = std::env::var("STACK_KIB").map_or(STACK_BYTES, |kib| kib.parse::<usize>().expect("a number") << 10);
         let thread = std::thread::Builder::new().stack_size(size).spawn(move || session(model, 300)).expect("a thread");
-        thread.join().expect("it ends well");
+        thread.join().unwrap_or_else(|_| panic!("{model}: the session does not end well"));
     }
 }

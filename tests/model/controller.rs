@@ -252,15 +252,19 @@ fn the_gains_have_their_poles_where_they_are_wanted() {
     {
         let rho = f64::exp(-bandwidth * step);
         let [k_0, k_1] = tracking_gains(bandwidth, step);
-        poles_are_at("current drive", [rho; 2], |[error, rate]| {
+        poles_are_at(&format!("current drive, {bandwidth} rad/s, {step} s"), [rho; 2], |[error, rate]| {
             let held = -k_0 * step * step * error - k_1 * step * rate;
             [error + rate + held / 2.0, rate + held]
         });
         let [k_0, k_1, k_2] = ramp_gains(bandwidth, step);
-        poles_are_at("voltage drive", [rho, rho, 0.0], |[error, rate, begin]| {
-            let end = -k_0 * step * step * error - k_1 * step * rate - k_2 * begin;
-            [error + rate + begin / 3.0 + end / 6.0, rate + (begin + end) / 2.0, end]
-        });
+        poles_are_at(
+            &format!("voltage drive, {bandwidth} rad/s, {step} s"),
+            [rho, rho, 0.0],
+            |[error, rate, begin]| {
+                let end = -k_0 * step * step * error - k_1 * step * rate - k_2 * begin;
+                [error + rate + begin / 3.0 + end / 6.0, rate + (begin + end) / 2.0, end]
+            },
+        );
     }
 }
 

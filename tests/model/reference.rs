@@ -148,9 +148,11 @@ fn the_observers_have_their_poles_where_they_are_wanted() {
         let rho = (-bandwidth).exp();
         // The map of the error: predict, then update against a measurement of 0.
         let three = PerturbationObserver::new(bandwidth, 1.0);
-        poles_are_at("observer of three", [rho; 3], |error| three.update(three.predict(error, 0.0), 0.0));
+        poles_are_at(&format!("observer of three, {bandwidth}"), [rho; 3], |error| {
+            three.update(three.predict(error, 0.0), 0.0)
+        });
         let four = SignalObserver::new(bandwidth, 1.0);
-        poles_are_at("observer of four", [rho; 4], |error| four.update(Signal(error), 0.0).0);
+        poles_are_at(&format!("observer of four, {bandwidth}"), [rho; 4], |error| four.update(Signal(error), 0.0).0);
     }
     let [l_1, l_2, l_3] = gains_of_three(4000.0, 1e-4);
     let scaled = gains_of_three(0.4, 1.0);
@@ -206,9 +208,13 @@ fn assert_derivatives<const N: usize, const B: usize>(
     let [before, here, after] = [-h, 0.0, h].map(|beside_s| reference.ahead(state, ahead_s + beside_s));
     for a in 0..N {
         let velocity = (after[a].position_m - before[a].position_m) / (2.0 * h);
-        below("velocity", (velocity - here[a].velocity_m_s).abs(), velocity_limit);
+        below(&format!("velocity {a} of {N}"), (velocity - here[a].velocity_m_s).abs(), velocity_limit);
         let acceleration = (after[a].velocity_m_s - before[a].velocity_m_s) / (2.0 * h);
-        below("acceleration", (acceleration - here[a].acceleration_m_s2).abs(), acceleration_limit);
+        below(
+            &format!("acceleration {a} of {N}"),
+            (acceleration - here[a].acceleration_m_s2).abs(),
+            acceleration_limit,
+        );
     }
 }
 

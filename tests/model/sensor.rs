@@ -46,13 +46,13 @@ fn gain_and_offset_of_every_sensor_are_what_they_say() {
         for step in 0..5 {
             plant.advance(&mut state, &input, f64::from(step) * STEP_S, STEP_S).expect("advance");
             let readings = plant.config().rotor.readings(state.position_m);
-            for n in 0..N {
-                let wanted = (1.0 + part(0.01, n)) * readings[n] + part(1e-6, n);
-                below("reading, m", (state.measured.position_m[n] - wanted).abs(), 1e-18);
+            for (n, reading) in readings.into_iter().enumerate() {
+                let wanted = (1.0 + part(0.01, n)) * reading + part(1e-6, n);
+                below(&format!("reading {n} of {N}, m"), (state.measured.position_m[n] - wanted).abs(), 1e-18);
             }
-            for k in 0..K {
-                let wanted = (1.0 + part(-0.02, k)) * current_a[k] + part(0.05, k);
-                below("current, A", (state.measured.current_a[k] - wanted).abs(), 1e-15);
+            for (k, current) in current_a.into_iter().enumerate() {
+                let wanted = (1.0 + part(-0.02, k)) * current + part(0.05, k);
+                below(&format!("current {k} of {K}, A"), (state.measured.current_a[k] - wanted).abs(), 1e-15);
             }
         }
         let noise = |seed| {

@@ -278,11 +278,13 @@ impl FiveAxes {
                 }
                 p = transition * p * transition.transpose() + noise * noise.transpose();
             }
-            let by_coordinate: [Five; 5] =
-                std::array::from_fn(|j| self.readings(&std::array::from_fn(|n| if n == j { units[j] } else { 0.0 })));
-            for r in 0..5 {
-                let mut row = SVector::<f64, S>::zeros();
-                (0..5).for_each(|j| row[j] = by_coordinate[j][r] / self.noise.0);
+            let mut rows = SMatrix::<f64, 5, S>::zeros();
+            for (j, unit) in units[..5].iter().enumerate() {
+                let readings = self.readings(&std::array::from_fn(|n| if n == j { *unit } else { 0.0 }));
+                rows.set_column(j, &SVector::from(readings.map(|reading| reading / self.noise.0)));
+            }
+            for row in rows.row_iter() {
+                let row = row.transpose();
                 let along = p * row;
                 p -= along * along.transpose() / (1.0 + along.dot(&row));
                 p = (p + p.transpose()) * 0.5;
