@@ -25,21 +25,26 @@ fn inputs(model: &ModelType, random: &mut Random) -> Vec<(u32, f64)> {
     inputs.collect()
 }
 
-/// Elements `x[1]`, `x[2]`, … are found by the name of the array. Every array is read in one piece.
-fn read(fmu: &Fmu3, model: &ModelType) -> Vec<u64> {
-    let document = &model.description(Standard::Fmi3 { arrays: fmu.arrays() }).xml;
+/// The Real variables that the description for FMI 3.0 lists, but for the time: each reference with the number of its elements.
+fn reals(model: &ModelType, arrays: bool) -> Vec<(u32, usize)> {
+    let document = &model.description(Standard::Fmi3 { arrays }).xml;
     let document = roxmltree::Document::parse(document).expect("well-formed XML");
     let floats = document.descendants().filter(|node| node.tag_name().name() == "Float64");
-    let mut bits = Vec::new();
-    for variable in floats.filter(|variable| variable.attribute("name") != Some("time")) {
+    let reals = floats.filter(|variable| variable.attribute("name") != Some("time")).map(|variable| {
         let reference = variable.attribute("valueReference").and_then(|text| text.parse().ok()).expect("a number");
         let size = variable.first_element_child().and_then(|dimension| dimension.attribute("start"));
-        let count = size.map_or(1, |size| size.parse().expect("a number"));
-        let values = fmu.get_floats(&[reference], count);
-        let values = values.unwrap_or_else(|_| panic!("{reference}: {:?}", fmu.take_messages()));
-        bits.extend(values.into_iter().map(f64::to_bits));
-    }
-    bits
+        (reference, size.map_or(1, |size| size.parse().expect("a number")))
+    });
+    reals.collect()
+}
+
+/// Every array is read in one piece.
+fn read(fmu: &Fmu3, reals: &[(u32, usize)]) -> Vec<u64> {
+    let read = |(reference, size): &(u32, usize)| {
+        let values = fmu.get_floats(&[*reference], *size);
+        values.unwrap_or_else(|_| panic!("{reference}: {:?}", fmu.take_messages()))
+    };
+    reals.iter().flat_map(read).map(f64::to_bits).collect()
 }
 
 /// With and without arrays and event mode. Fails if one of the interfaces leaves an input out, or sets it later.
@@ -57,10 +62,9 @@ fn the_run_is_that_of_fmi_2_bit_for_bit() {
                     fmu.ok(fmu.update_discrete_states());
                     fmu.ok(fmu.enter_step_mode());
                 }
-                (fmu, event_mode)
+                (fmu, event_mode, reals(&model, arrays))
             })
             .into();
-        let elements = array_sizes(&model);
         let mut random = Random::new(7);
         let mut compared = 0;
         for step in 0..STEPS {
@@ -72,14 +76,14 @@ fn the_run_is_that_of_fmi_2_bit_for_bit() {
             old.step(time, TS).ok(&old);
             let floats = model.variables().iter().filter(|variable| matches!(variable.data_type, Type::Real { .. }));
             let wanted: Vec<_> = floats.map(|variable| old.get(&variable.name).to_bits()).collect();
-            for (fmu, event_mode) in &new {
+            for (fmu, event_mode, reals) in &new {
                 if *event_mode {
                     fmu.ok(fmu.enter_event_mode());
                 }
                 let mut rest = &settings[..];
                 while let Some((reference, _)) = rest.first() {
-                    let size = if fmu.arrays() { elements[*reference as usize] } else { 1 };
-                    let (array, others) = rest.split_at(size);
+                    let (_, size) = reals.iter().find(|(known, _)| known == reference).expect("an array or a scalar");
+                    let (array, others) = rest.split_at(*size);
                     let values: Vec<_> = array.iter().map(|(_, value)| *value).collect();
                     fmu.ok(fmu.set_floats(&[*reference], &values));
                     rest = others;
@@ -89,7 +93,7 @@ fn the_run_is_that_of_fmi_2_bit_for_bit() {
                     fmu.ok(fmu.enter_step_mode());
                 }
                 fmu.ok(fmu.step(time, TS));
-                assert!(read(fmu, &model) == wanted, "{name} at {time} s");
+                assert!(read(fmu, reals) == wanted, "{name} at {time} s");
                 compared += wanted.len();
             }
         }
@@ -97,20 +101,6 @@ fn the_run_is_that_of_fmi_2_bit_for_bit() {
         // Of all types, by name.
         assert_eq!(new[0].0.all_bits(), old.all_bits(), "{name}");
     }
-}
-
-/// The number of elements that begin at each row.
-fn array_sizes(model: &ModelType) -> Vec<usize> {
-    let document = &model.description(Standard::Fmi3 { arrays: true }).xml;
-    let document = roxmltree::Document::parse(document).expect("well-formed XML");
-    let mut sizes = vec![0; model.variables().len() + 1];
-    for variable in document.descendants().filter(|node| node.attribute("causality").is_some()) {
-        let reference: usize = variable.attribute("valueReference").and_then(|text| text.parse().ok()).expect("it");
-        let dimension = variable.children().find(|child| child.tag_name().name() == "Dimension");
-        let size = dimension.and_then(|dimension| dimension.attribute("start")).unwrap_or("1");
-        sizes[reference] = size.parse().expect("a number");
-    }
-    sizes
 }
 
 /// Fails if a derivative is that of another variable.
