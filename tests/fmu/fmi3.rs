@@ -80,13 +80,12 @@ fn the_run_is_that_of_fmi_2_bit_for_bit() {
                 if *event_mode {
                     fmu.ok(fmu.enter_event_mode());
                 }
-                let mut rest = &settings[..];
-                while let Some((reference, _)) = rest.first() {
-                    let (_, size) = reals.iter().find(|(known, _)| known == reference).expect("an array or a scalar");
-                    let (array, others) = rest.split_at(*size);
-                    let values: Vec<_> = array.iter().map(|(_, value)| *value).collect();
-                    fmu.ok(fmu.set_floats(&[*reference], &values));
-                    rest = others;
+                for (first, size) in reals {
+                    let elements = settings.iter().filter(|(at, _)| (*first..*first + *size as u32).contains(at));
+                    let values: Vec<_> = elements.map(|(_, value)| *value).collect();
+                    if !values.is_empty() {
+                        fmu.ok(fmu.set_floats(&[*first], &values));
+                    }
                 }
                 if *event_mode {
                     fmu.ok(fmu.update_discrete_states());
