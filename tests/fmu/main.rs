@@ -27,8 +27,9 @@ fn drive(fmu: &Fmu, steps: std::ops::Range<u32>) {
     for step in steps {
         for input in inputs(fmu) {
             let Type::Real { start, nominal, .. } = fmu.variables()[input as usize].data_type else { unreachable!() };
+            // Strong enough for every part of a state to move, and too weak for a rotor to reach a magnet.
             let wave = f64::sin(0.7 * f64::from(step) + f64::from(input));
-            fmu.set_reals(&[input], &[start + 1e-3 * nominal * wave]).ok(fmu);
+            fmu.set_reals(&[input], &[start + 0.1 * nominal * wave]).ok(fmu);
         }
         fmu.step(f64::from(step) * 1e-4, 1e-4).ok(fmu);
     }
