@@ -2,10 +2,8 @@
 
 mod faults;
 
-use std::path::Path;
-
 use crate::bench::Bench;
-use crate::program::{self, folder};
+use crate::program::{self, csv, folder, identified, number, open, ran, refuses};
 use crate::support::{library, says};
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
@@ -13,13 +11,12 @@ use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification::{self, Results};
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::{Element, Scenario, Setting};
-use magnetic_bearing::simulation::simulate;
+
 use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
 use magnetic_bearing::studies::montecarlo;
 use magnetic_bearing::studies::parallel::in_order;
 use magnetic_bearing::variables::Choice;
-use serde_json::Value as Json;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 
@@ -28,23 +25,37 @@ const CONFIDENT: f64 = 5.0;
 
 /// A run of the unbalanced rotor.
 fn run(noise: [f64; 2], duration_s: f64) -> (Scenario, Recording) {
-    let base = Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program");
-    let mut scenario = montecarlo::study("", &base, noise, false, 1).scenario;
+    let mut scenario = montecarlo::study("", &open("unbalanced", &[]), noise, false, 1).scenario;
     scenario.set("plant", "sensor.seed", Value::Integer(11));
     scenario.duration_s = duration_s;
-    let recording = simulate::run(&scenario).expect("a good scenario").recording;
+    let recording = ran(&scenario).recording;
     (scenario, recording)
-}
-
-fn csv(recording: &Recording) -> String {
-    let mut bytes = Vec::new();
-    recording.write_csv(&mut bytes).expect("a vector takes everything");
-    String::from_utf8(bytes).expect("text")
 }
 
 fn config(samples: &Samples) -> EstimatorConfig {
     let window_s = identify::one_revolution(samples);
     EstimatorConfig { step_s: samples.step_s, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
+}
+
+/// The samples of a table that needs no arguments.
+#[track_caller]
+fn read(text: &str) -> Samples {
+    Samples::read(text, &Reading::default()).expect("a usable recording")
+}
+
+/// The samples of a run.
+fn samples_of(recording: &Recording) -> Samples {
+    read(&csv(recording))
+}
+
+/// The samples of a run of a scenario.
+fn simulated(scenario: &Scenario) -> Samples {
+    samples_of(&ran(scenario).recording)
+}
+
+/// Columns by signal, as they are told.
+fn columns<const N: usize>(columns: [(&str, &str); N]) -> Vec<(String, String)> {
+    columns.map(|(signal, column)| (signal.to_owned(), column.to_owned())).into()
 }
 
 /// The estimator of the planar rotor with this configuration.
@@ -77,15 +88,16 @@ fn is_within(track: &Track, row: usize) {
     }
 }
 
-/// Errors of the last valid estimate, relative; it must be within its standard deviations.
-fn errors(samples: &Samples, config: &EstimatorConfig) -> [f64; 3] {
+/// The last valid estimate is within its standard deviations, and within this part of the truth.
+#[track_caller]
+fn is_near(what: &str, samples: &Samples, config: &EstimatorConfig, limit: f64) {
     let track = track(samples, config);
-    let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
+    let last = track.last_valid().unwrap_or_else(|| panic!("{what}: {}", track.verdict()));
     is_within(&track, last);
     let [hat, std] = estimate(&track, last);
     let errors = [0, 1, 2].map(|k| hat[k] / TRUTH[k] - 1.0);
-    println!("{errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| std[k] / TRUTH[k]), track.verdict());
-    errors
+    println!("{what}: {errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| std[k] / TRUTH[k]), track.verdict());
+    assert!(errors.iter().all(|error| error.abs() < limit), "{what}: {errors:?}, limit {limit}");
 }
 
 /// The answer is valid, and λ are right within four of their deviations. Returns the estimates.
@@ -108,15 +120,11 @@ fn is_refused(answer: &identify::Answer, words: &str) {
     assert!(!answer.valid && answer.verdict.contains(words), "{words}: {} {:?}", answer.verdict, answer.findings);
 }
 
-fn largest(errors: [f64; 3]) -> f64 {
-    errors.iter().fold(0.0, |largest, error| largest.max(error.abs()))
-}
-
 /// The estimator of the loop and the one over the recording of its run are the same.
 #[test]
 fn a_recording_says_what_the_loop_said() {
     let (_, recording) = run(montecarlo::NOISE, 0.15);
-    let samples = Samples::read(&csv(&recording), &Reading::default()).expect("a good recording");
+    let samples = samples_of(&recording);
     assert_eq!(samples.len(), recording.time_s.len());
     let track = track(&samples, &config(&samples));
     let in_loop = recording.get("estimator.lambdaHat[2]").expect("an estimator");
@@ -129,32 +137,26 @@ fn a_recording_says_what_the_loop_said() {
 
 #[test]
 fn the_hold_is_found() {
-    let (_, recording) = run(montecarlo::NOISE, 0.1);
-    let text = csv(&recording);
-    let measured = Samples::read(&text, &Reading::default()).expect("a good recording");
+    let text = csv(&run(montecarlo::NOISE, 0.1).1);
+    let measured = read(&text);
     let stated = stated(&config(&measured));
     let Holds(residuals) = Holds::of(&measured, &stated);
-    println!("{residuals:?}");
     assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
-    let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("controller.i[{k}]"))).to_vec();
+    let columns = columns([("im[1]", "controller.i[1]"), ("im[2]", "controller.i[2]"), ("im[3]", "controller.i[3]")]);
     let issued = Samples::read(&text, &Reading { columns, ..Reading::default() }).expect("a good recording");
     let holds @ Holds(residuals) = Holds::of(&issued, &stated);
     assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
     // Commands that are stated to be measured are no answer, whatever else fits.
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
-    let answer = identify::answer(std::slice::from_ref(&issued), stated);
-    is_refused(&answer, "--hold heldAfter");
+    is_refused(&identify::answer(std::slice::from_ref(&issued), stated), "--hold heldAfter");
     // Commands have no noise: the error is a good deal smaller.
-    let errors = errors(&issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) });
-    assert!(largest(errors) < 4e-3, "{errors:?}, limit 0.4 %");
+    is_near("commands", &issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) }, 4e-3);
 }
 
 /// The recording that the documents offer to try needs no arguments.
 #[test]
 fn the_recording_to_try_is_read_as_it_stands() {
-    let samples =
-        Samples::read(include_str!("../../docs/recording.csv"), &Reading::default()).expect("a good recording");
-    is_right("docs/recording.csv", &ask(&[samples], &[]));
+    is_right("docs/recording.csv", &ask(&[read(include_str!("../../docs/recording.csv"))], &[]));
 }
 
 /// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, remarks before the header, a clock
@@ -162,77 +164,65 @@ fn the_recording_to_try_is_read_as_it_stands() {
 #[test]
 fn a_recording_with_all_imperfections() {
     let text = include_str!("../data/bench.csv");
-    let columns = [("time", "Zeit"), ("Ym", "Weg y"), ("Zm", "Weg z"), ("theta", "Winkel")];
-    let mut columns: Vec<_> = columns.map(|(signal, column)| (signal.to_owned(), column.to_owned())).to_vec();
-    columns.extend([1, 2, 3].map(|k| (format!("im[{k}]"), format!("Strom {k}"))));
+    let [y, z, angle] = [("Ym", "Weg y"), ("Zm", "Weg z"), ("theta", "Winkel")];
+    let currents = [("im[1]", "Strom 1"), ("im[2]", "Strom 2"), ("im[3]", "Strom 3")];
+    let columns = columns([("time", "Zeit"), y, z, angle, currents[0], currents[1], currents[2]]);
     let reading = Reading { columns, units: vec![("theta".into(), "deg".into())], ..Reading::default() };
     let samples = Samples::read(text, &reading).expect("a usable recording");
-    println!("{:#?}", samples.notes);
     assert!((samples.step_s - 1e-4).abs() < 1e-9, "{} s", samples.step_s);
-    assert!(samples.notes.iter().any(|note| note.contains("gaps")), "{:?}", samples.notes);
-    let config = EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) };
-    let track = track(&samples, &config);
-    println!("{}", track.verdict());
+    says(&samples.notes.join(" "), &["gaps"]);
+    let track = track(&samples, &EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) });
     (0..samples.len()).filter(|row| track.of("valid")[*row] == 1.0).for_each(|row| is_within(&track, row));
     assert!(track.last_valid().is_some(), "{}", track.verdict());
 }
 
 #[test]
 fn missing_samples_and_other_rates() {
-    let (_, recording) = run(montecarlo::NOISE, 0.2);
-    let spoilt = |spoil: &dyn Fn(usize, &str) -> bool| {
-        let text = csv(&recording);
-        let mut lines = text.lines();
-        let header: Vec<&str> = lines.next().expect("a header").split(',').collect();
-        let rows = lines.enumerate().map(|(row, line)| {
-            let cells = line.split(',').zip(&header);
-            cells.map(|(cell, name)| if spoil(row, name) { "" } else { cell }).collect::<Vec<_>>().join(",")
-        });
-        std::iter::once(header.join(",")).chain(rows).collect::<Vec<_>>().join("\n")
+    let text = csv(&run(montecarlo::NOISE, 0.2).1);
+    let emptied = |is_empty: &dyn Fn(usize, &str) -> bool| {
+        let names = faults::names(&text);
+        read(&faults::spoilt(&text, |row, _, cells| {
+            (0..cells.len()).filter(|at| is_empty(row, names[*at])).for_each(|at| cells[at].clear());
+        }))
     };
-    let dropped = spoilt(&|row, name| row % 97 == 50 && name.starts_with("plant.Ym"));
-    let samples = Samples::read(&dropped, &Reading::default()).expect("a usable recording");
-    let errors_of = errors(&samples, &config(&samples));
-    assert!(largest(errors_of) < 0.01, "{errors_of:?}, limit 1 %");
     // A hole of a hundred samples interrupts, and is left behind.
-    let hole = spoilt(&|row, name| (600..700).contains(&row) && name.starts_with("plant."));
-    let samples = Samples::read(&hole, &Reading::default()).expect("a usable recording");
-    assert!(largest(errors(&samples, &config(&samples))) < 0.01);
+    for (what, samples) in [
+        ("single cells", emptied(&|row, name| row % 97 == 50 && name.starts_with("plant.Ym"))),
+        ("a hole", emptied(&|row, name| (600..700).contains(&row) && name.starts_with("plant."))),
+    ] {
+        is_near(what, &samples, &config(&samples), 0.01);
+    }
     // Without angle and speed there is no unbalance to be identified: the estimate does not pretend, or the speed is told.
-    let blind = spoilt(&|_, name| name.starts_with("plant.theta") || name.starts_with("plant.omegam"));
-    let blind = blind.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
-    let samples = Samples::read(&blind, &Reading::default()).expect("a usable recording");
+    let blind = text.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
+    let samples = read(&blind);
     let track = track(&samples, &config(&samples));
     assert!(track.last_valid().is_none(), "unbalance without an angle: {}", track.verdict());
     let told = Reading { omega_rad_s: Some(100.0 * std::f64::consts::PI), ..Reading::default() };
     let samples = Samples::read(&blind, &told).expect("a usable recording");
-    assert!(largest(errors(&samples, &config(&samples))) < 0.01);
+    is_near("a speed that is told", &samples, &config(&samples), 0.01);
 }
 
 #[test]
 fn what_cannot_be_used_is_said() {
-    let refused = |text: &str, reading: &Reading| Samples::read(text, reading).expect_err("refused").to_string();
-    let plain = Reading::default();
     let header = "time,Ym,Zm,im[1],im[2],im[3]\n";
-    let cell = |cell: &str| format!("{header}0,{cell},0,1,1,1\n");
+    let with_times = |time: &dyn Fn(f64) -> f64| {
+        let rows = (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time(f64::from(j))));
+        header.to_owned() + &rows.collect::<String>()
+    };
+    let uneven = with_times(&|j| 1e-4 * (j + 0.4 * j.sin()));
     // A comma parts the columns here, and so is no decimal one.
-    let cases = [
-        (String::new(), "no header"),
-        ("time,Ym\n0,0\n".into(), "--column Zm="),
-        (cell("here"), "is no number"),
-        (cell("1x"), "is no number"),
-    ];
-    for (text, words) in cases {
-        says(&refused(&text, &plain), &[words]);
+    for (text, words) in [
+        ("", "no header"),
+        ("time,Ym\n0,0\n", "--column Zm="),
+        (&format!("{header}0,here,0,1,1,1\n"), "is no number"),
+        (&format!("{header}0,1x,0,1,1,1\n"), "is no number"),
+        (&with_times(&|j| (j - 25.0).abs()), "time goes back at 25 places, the first in line 3, from 25 s to 24 s"),
+        (&uneven, "contradict an even pace"),
+    ] {
+        let said = Samples::read(text, &Reading::default()).expect_err(words).to_string();
+        // Nothing is proposed that does not fit.
+        assert!(said.contains(words) && !said.contains("--resample"), "{words}: {said}");
     }
-    let rows =
-        |time: &dyn Fn(usize) -> f64| (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time(j))).collect::<String>();
-    let back = refused(&format!("{header}{}", rows(&|j| (j as f64 - 25.0).abs())), &plain);
-    says(&back, &["time goes back at 25 places, the first in line 3, from 25 s to 24 s"]);
-    let uneven = format!("{header}{}", rows(&|j| 1e-4 * (j as f64 + 0.4 * (j as f64).sin())));
-    // Nothing is proposed that does not fit.
-    let words = refused(&uneven, &plain);
-    assert!(words.contains("contradict an even pace") && !words.contains("--resample"), "{words}");
     let told = Reading { resample_s: Some(1e-4), ..Reading::default() };
     assert!(Samples::read(&uneven, &told).is_ok());
 }
@@ -240,7 +230,7 @@ fn what_cannot_be_used_is_said() {
 #[test]
 fn results_can_be_read_back() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
-    let samples = Samples::read(&csv(&recording), &Reading::default()).expect("a good recording");
+    let samples = samples_of(&recording);
     let tracks = vec![track(&samples, &config(&samples))];
     let said = vec![identify::said(&samples, &tracks)];
     let json = &said[0].json;
@@ -264,10 +254,6 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
     identify::answer(samples, question(&samples[0], tolerances))
-}
-
-fn samples_of(recording: &Recording) -> Samples {
-    Samples::read(&csv(recording), &Reading::default()).expect("a good recording")
 }
 
 /// A level of noise that is not stated is found beside one that is.
@@ -346,58 +332,32 @@ fn tolerances_have_units() {
     }
 }
 
-/// The exit code is 3 and the verdict in words; standard output is one JSON document.
-#[test]
-fn the_command_refuses_in_json_and_by_its_exit_code() {
-    let folder = folder("identify/refuses");
-    let command = |name: &str, text: &str| {
-        std::fs::write(folder.join(name), text).expect("a file");
-        let (code, out, _) = program::run(&folder, &["identify", name, "--json", "-"]);
-        (code, serde_json::from_str::<Json>(&out).unwrap_or_else(|why| panic!("{why}: {out}")))
-    };
-    let good = csv(&run(montecarlo::NOISE, 0.2).1);
-    let short: String = good.lines().take(200).map(|line| format!("{line}\n")).collect();
-    let (code, json) = command("short.csv", &short);
-    assert!(code == 3 && json["verdict"].as_str().is_some_and(|words| words.contains("too short")), "{json}");
-    let (code, json) = command("good.csv", &good);
-    assert!(code == 0 && json["valid"] == true && json["lambdaHat"][0].is_f64(), "{json}");
-    let swapped =
-        good.replacen("plant.Ym", "other", 1).replacen("plant.Zm", "plant.Ym", 1).replacen("other", "plant.Zm", 1);
-    let (code, json) = command("swapped.csv", &swapped);
-    let proposal = json["findings"][0].as_str().unwrap_or_default();
-    assert!(code == 3 && proposal.contains("exchange Ym and Zm (--column)"), "{json}");
-}
-
 /// A table `[tolerance]` of the scenario says the same as `--tolerance`, which goes before it.
 #[test]
 fn a_scenario_tells_tolerances() {
     let folder = folder("identify/tolerance");
-    std::fs::write(folder.join("good.csv"), csv(&run(montecarlo::NOISE, 0.2).1)).expect("a file");
-    let command = |table: &str, more: &[&str]| {
-        let text = format!("title = \"Mine\"\nduration = \"1 s\"\nstep = \"100 µs\"\n\n{table}");
-        std::fs::write(folder.join("mine.toml"), text).expect("a file");
-        let all = ["identify", "--json", "-", "--scenario", "mine.toml", "good.csv"];
-        let (_, out, error) = program::run(&folder, &[&all, more].concat());
-        (out, error)
+    program::write(&folder, "good.csv", csv(&run(montecarlo::NOISE, 0.2).1));
+    let tell = |table: &str| program::write(&folder, "mine.toml", format!("[tolerance]\n{table}"));
+    // What the budget says to be told of these parameters, unless nothing is.
+    let is_told = |more: &[&str], wanted: &[(&str, Option<f64>)]| {
+        let json = identified(&folder, &[&["--scenario", "mine.toml", "good.csv"], more].concat());
+        for (name, wanted) in wanted {
+            let mut lines = json["budget"].as_array().expect("a budget").iter();
+            let line = lines.find(|line| line["parameter"] == *name && line["told"] == true);
+            let found = line.map(|line| number(&line["tolerance"]));
+            let ratio = found.unwrap_or(f64::NAN) / wanted.unwrap_or(f64::NAN);
+            assert!((found, *wanted) == (None, None) || (ratio - 1.0).abs() < 1e-9, "{name}: {found:?}, {wanted:?}");
+        }
     };
-    let told = |json: &str, name: &str| {
-        let json: Json = serde_json::from_str(json).unwrap_or_else(|why| panic!("{why}: {json}"));
-        let budget = json["budget"].as_array().expect("a budget").clone();
-        let line = budget.iter().find(|line| line["parameter"] == name && line["told"] == true);
-        line.map(|line| line["tolerance"].as_f64().expect("a number"))
-    };
-    let table = "[tolerance]\ns = \"10 µm\"\nalpha = \"0.5 deg\"\nsensor.offset = 5e-6\n";
-    let (json, _) = command(table, &[]);
-    let close = |found: Option<f64>, wanted: f64| found.is_some_and(|found| (found / wanted - 1.0).abs() < 1e-9);
-    assert!(close(told(&json, "s"), 0.02) && close(told(&json, "alpha[3]"), 0.5_f64.to_radians()), "{json}");
-    assert!(close(told(&json, "sensor.offset[z]"), 5e-6) && told(&json, "m").is_none(), "{json}");
-    let (json, _) = command(table, &["--tolerance", "s=1%"]);
-    assert!(close(told(&json, "s"), 0.01), "{json}");
-    for (table, words) in [
-        ("[tolerance]\ngap = \"1 %\"\n", "gap is no parameter of a bench"),
-        ("[tolerance]\ns = \"wide\"\n", "a number above 0 is wanted"),
-    ] {
-        says(&command(table, &[]).1, &[words]);
+    tell("s = \"10 µm\"\nalpha = \"0.5 deg\"\nsensor.offset = 5e-6\n");
+    let alpha_rad = 0.5_f64.to_radians();
+    is_told(&[], &[("s", Some(0.02)), ("alpha[3]", Some(alpha_rad)), ("sensor.offset[z]", Some(5e-6)), ("m", None)]);
+    is_told(&["--tolerance", "s=1%"], &[("s", Some(0.01))]);
+    for (table, words) in
+        [("gap = \"1 %\"\n", "gap is no parameter of a bench"), ("s = \"wide\"\n", "a number above 0 is wanted")]
+    {
+        tell(table);
+        refuses(&folder, &["identify", "--scenario", "mine.toml", "good.csv"], &[words]);
     }
 }
 
@@ -419,41 +379,24 @@ fn tolerances_of_the_estimator_are_those_of_the_bench() {
     assert!((mean.hypot(half) - 0.01).abs() < 1e-12);
 }
 
-/// The scenario that an answer saves is the bearing: its simulation says the same.
-#[test]
-fn an_answer_becomes_a_scenario() {
-    let samples = samples_of(&run(montecarlo::NOISE, 0.3).1);
-    let answer = ask(std::slice::from_ref(&samples), &[]);
-    let base = Scenario::open(Path::new("unbalanced")).expect("a scenario that comes with the program");
-    let text = answer.twin(&base, &samples).expect("a valid answer").scenario.to_toml();
-    let scenario = Scenario::parse("the answer", &text).unwrap_or_else(|why| panic!("{why}\n{text}"));
-    let again = ask(&[samples_of(&simulate::run(&scenario).expect("a good scenario").recording)], &[]);
-    let [before, after] = [&answer, &again].map(|answer| is_right("a twin", answer).lambda);
-    for (before, after) in before.iter().zip(after) {
-        let ratio = (after.value - before.value) / after.total_std;
-        assert!(ratio.abs() < 4.0, "{before:?} became {after:?}");
-    }
-}
-
 /// Currents in a table of their own: held ones at four times the rate, and points of a continuous current at another rate.
 #[test]
 fn currents_may_have_a_table_of_their_own() {
     let (_, recording) = run(montecarlo::NOISE, 0.15);
     let whole = csv(&recording);
-    let together = Samples::read(&whole, &Reading::default()).expect("a good recording");
-    let column = |name: &str| recording.get(name).expect("a column");
+    let with =
+        |currents: String, reading: &Reading| Samples::read_apart_from(whole.as_bytes(), currents.as_bytes(), reading);
+    let held = [1, 2, 3].map(|k| recording.get(&format!("plant.im[{k}]")).expect("a column"));
     let mut currents = String::from("Time [ms];Coil A [mA];Coil B [mA];Coil C [mA]\n");
     for n in 0..4 * (recording.time_s.len() - 1) {
         // Held before: the sample at the end of an interval and those within it are the same.
-        let at = n.div_ceil(4);
-        let cells = [1, 2, 3].map(|k| format!("{:.9}", 1e3 * column(&format!("plant.im[{k}]"))[at]).replace('.', ","));
-        currents += &format!("{};{}\n", format!("{:.4}", 0.025 * n as f64).replace('.', ","), cells.join(";"));
+        let [a, b, c] = held.map(|column| 1e3 * column[n.div_ceil(4)]);
+        currents += &format!("{:.4};{a:.9};{b:.9};{c:.9}\n", 0.025 * n as f64).replace('.', ",");
     }
-    let columns = [1, 2, 3].map(|k| (format!("im[{k}]"), format!("Coil {}", ["A", "B", "C"][k - 1]))).to_vec();
-    let reading = Reading { columns, ..Reading::default() };
-    let apart = Samples::read_apart_from(whole.as_bytes(), currents.as_bytes(), &reading).expect("usable recordings");
-    assert!(apart.notes.iter().any(|note| note.contains("of their own")), "{:?}", apart.notes);
-    let [one, other] = [&together, &apart].map(|samples| {
+    let columns = columns([("im[1]", "Coil A"), ("im[2]", "Coil B"), ("im[3]", "Coil C")]);
+    let apart = with(currents, &Reading { columns, ..Reading::default() }).expect("usable recordings");
+    says(&apart.notes.join(" "), &["of their own"]);
+    let [one, other] = [&read(&whole), &apart].map(|samples| {
         let track = track(samples, &config(samples));
         estimate(&track, track.last_valid().expect("an estimate"))[0]
     });
@@ -466,28 +409,22 @@ fn currents_may_have_a_table_of_their_own() {
     let mut currents = String::from("time,im[1],im[2],im[3]\n");
     for n in (0..1000).filter(|n| !(400..450).contains(n)) {
         let time_s = 1e-5 + f64::from(n) / 7000.0;
-        let cells = [0, 1, 2].map(|k| format!("{:.9}", sine(time_s, k)));
-        currents += &format!("{time_s:.9},{}\n", cells.join(","));
+        let [a, b, c] = [0, 1, 2].map(|k| sine(time_s, k));
+        currents += &format!("{time_s:.9},{a:.9},{b:.9},{c:.9}\n");
     }
-    let apart = Samples::read_apart_from(whole.as_bytes(), currents.as_bytes(), &Reading::default())
-        .expect("usable recordings");
+    let apart = with(currents, &Reading::default()).expect("usable recordings");
     for (k, values) in apart.currents(Hold::Linear).iter().enumerate() {
-        let mut missing = 0;
-        for (j, value) in values.iter().enumerate() {
+        for (j, value) in values.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
             let time_s = apart.start_s + j as f64 * apart.step_s;
-            if value.is_nan() {
-                missing += 1;
-            } else {
-                // A chord of a seventh of a millisecond is off by at most 0.13 mA here.
-                assert!((value - sine(time_s, k)).abs() < 2e-4, "{value} A at {time_s} s, wanted {}", sine(time_s, k));
-            }
+            // A chord of a seventh of a millisecond is off by at most 0.13 mA here.
+            assert!((value - sine(time_s, k)).abs() < 2e-4, "{value} A at {time_s} s, wanted {}", sine(time_s, k));
         }
         // The hole of 7.1 ms, and the end after 142.9 ms.
+        let missing = values.iter().filter(|value| value.is_nan()).count();
         assert!((100..160).contains(&missing), "{missing} samples without a current");
     }
-    let refused = Samples::read_apart_from(whole.as_bytes(), "time,im[1]\n0,1\n".as_bytes(), &Reading::default())
-        .expect_err("two are missing");
-    assert!(refused.to_string().contains("im[2]"), "{refused}");
+    let refused = with("time,im[1]\n0,1\n".into(), &Reading::default()).expect_err("two are missing").to_string();
+    says(&refused, &["im[2]"]);
 }
 
 /// A recording of a bench.
@@ -499,7 +436,7 @@ fn recorded(bench: &Bench) -> Samples {
         let cells: Vec<String> = numbers.map(|number| format!("{number:e}")).collect();
         text += &format!("{},{}\n", row as f64 * bench.step, cells.join(","));
     }
-    Samples::read(&text, &Reading::default()).expect("a good recording")
+    read(&text)
 }
 
 /// The question to it, with its geometry as it is.

@@ -6,36 +6,41 @@ use std::path::Path;
 use fmu_export::variable::Value;
 use magnetic_bearing::machine::{Machine, PLANAR4, SPINDLE, SPINDLE4};
 use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
 use serde_json::Value as Json;
 
-use crate::program::{self, ends, estimate, folder, number};
+use crate::program::{self, csv, ends, estimate, folder, number, open, ran, read, refuses, write};
 use crate::support::{below, says};
 
 /// Errors above this many of their own standard deviations contradict them.
 const MOST_STD: f64 = 5.0;
 
-/// Simulates the built-in scenario of a machine and writes its recording as `simulate` does, with changes to the text.
-fn record(folder: &Path, machine: &Machine, change: impl Fn(String) -> String) -> Scenario {
-    record_with(folder, machine, &[], change)
-}
-
-/// The same with other values of the plant.
+/// Simulates the built-in scenario of a machine, with these values of the plant, and writes its recording, with changes to the text.
 fn record_with(
     folder: &Path,
     machine: &Machine,
     values: &[(&str, f64)],
     change: impl Fn(String) -> String,
 ) -> Scenario {
-    let mut scenario = Scenario::open(Path::new(machine.name)).expect("a scenario that comes with the program");
-    values.iter().for_each(|(name, value)| scenario.set("plant", name, Value::Real(*value)));
+    let mut scenario = open(machine.name, &[]);
     scenario.set("plant", "sensor.seed", Value::Integer(2718));
-    let run = simulate::run(&scenario).expect("a good scenario");
-    assert_eq!(run.error, None);
-    let mut bytes = Vec::new();
-    run.recording.write_csv(&mut bytes).expect("a vector takes everything");
-    fs::write(folder.join("run.csv"), change(String::from_utf8(bytes).expect("text"))).expect("a file");
+    values.iter().for_each(|(name, value)| scenario.set("plant", name, Value::Real(*value)));
+    write(folder, "run.csv", change(csv(&ran(&scenario).recording)));
     scenario
+}
+
+/// The same with the values of the scenario.
+fn record(folder: &Path, machine: &Machine, change: impl Fn(String) -> String) -> Scenario {
+    record_with(folder, machine, &[], change)
+}
+
+/// The first lines of a table.
+fn first(count: usize) -> impl Fn(String) -> String {
+    move |text| text.lines().take(count).map(|line| line.to_owned() + "\n").collect()
+}
+
+/// The plant's value of that name.
+fn of_plant(scenario: &Scenario, name: &str) -> f64 {
+    scenario.value("plant", name).unwrap_or_else(|| panic!("there is no {name}")).as_f64()
 }
 
 /// Identifies the recording of the folder.
@@ -51,28 +56,33 @@ fn is_right(what: &str, of: &Json, truth: f64) {
     below(&format!("{what}, deviations"), (value - truth).abs() / std, MOST_STD);
 }
 
+/// The force constants are right that are to be known from the motion of a rotor across its axis, or all.
+fn finds_lambda(document: &Json, scenario: &Scenario, is_wanted: impl Fn(&str) -> bool) {
+    let names = scenario.machine.of_magnets("lambda");
+    for (k, name) in names.iter().enumerate().filter(|(_, name)| is_wanted(name)) {
+        assert_eq!(document["magnets"][k], **name);
+        let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| number(&document[of][k]));
+        let what = format!("{} {name}", scenario.machine.name);
+        below(&format!("{what}, deviations"), (hat - of_plant(scenario, name)).abs() / std, MOST_STD);
+        below(&format!("{what} ±"), std / hat, 0.05);
+    }
+}
+
 /// The answer is valid, and all force constants, loads and unbalances are those of the plant.
 fn agrees(document: &Json, scenario: &Scenario) {
     let machine = scenario.machine;
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
-    let truth = |name: &str| scenario.value("plant", name).unwrap_or_else(|| panic!("{name}")).as_f64();
-    for (k, name) in machine.of_magnets("lambda").iter().enumerate() {
-        assert_eq!(document["magnets"][k], **name);
-        let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| number(&document[of][k]));
-        below(&format!("{} {name}, deviations", machine.name), (hat - truth(name)).abs() / std, MOST_STD);
-        below(&format!("{} {name} ±", machine.name), std / hat, 0.05);
-    }
+    finds_lambda(document, scenario, |_| true);
     for name in machine.of_coordinates(|coordinate| coordinate.load) {
-        is_right(&format!("{} {name}", machine.name), &document["recordings"][0][&name], truth(&name));
+        let what = format!("{} {name}", machine.name);
+        is_right(&what, &document["recordings"][0][&name], of_plant(scenario, &name));
     }
-    let planes = match &document["unbalance"] {
-        Json::Array(planes) => planes.clone(),
-        one => vec![one.clone()],
-    };
+    let planes = document["unbalance"].as_array().cloned().unwrap_or_else(|| vec![document["unbalance"].clone()]);
     assert_eq!(planes.len(), machine.planes);
     for (name, plane) in machine.of_planes("magnitude").iter().zip(&planes) {
         let [magnitude, std] = ["magnitude", "magnitudeStdTotal"].map(|of| number(&plane[of]));
-        below(&format!("{} {name}, deviations", machine.name), (magnitude - truth(name)).abs() / std, MOST_STD);
+        let off = (magnitude - of_plant(scenario, name)).abs() / std;
+        below(&format!("{} {name}, deviations", machine.name), off, MOST_STD);
     }
 }
 
@@ -87,12 +97,12 @@ fn every_machine_is_identified_from_its_recording() {
         agrees(&document, &scenario);
         assert_eq!(document["told"]["hold"], "heldBefore");
         assert!(document["told"][&machine.of_bearings("s")[0]].as_f64().is_some_and(|gap_m| gap_m > 0.0));
-        let estimates = fs::read_to_string(folder.join("estimates.csv")).expect("a table");
+        let estimates = read(&folder, "estimates.csv");
         for name in machine.of_magnets("lambdaHat") {
             says(&estimates, &[&format!("predictionError.{name} [N.m2/A2]")]);
         }
-        let page = fs::read_to_string(folder.join("page/index.html")).expect("a page");
-        says(&page, &["verdict good", "Force constants", "Budget", "Taken as known"]);
+        let words = ["verdict good", "Force constants", "Budget", "Taken as known"];
+        says(&read(&folder, "page/index.html"), &words);
         let with_scenario = identified(&folder, &["--scenario", machine.name]);
         assert_eq!(document["lambdaHat"], with_scenario["lambdaHat"]);
     }
@@ -112,7 +122,7 @@ fn a_spindle_is_recorded_with_all_imperfections() {
     let scenario = record(&folder, &SPINDLE, change);
     let bench = "machine = \"spindle\"\n[estimator]\n\"unbalance[1].position\" = -0.08\n\"unbalance[2].position\" = 0.1\n[columns]\n\
                  \"B.Zm\" = \"Weg\"\n[tolerance]\nm = \"50 g\"\n";
-    fs::write(folder.join("bench.toml"), bench).expect("a file");
+    write(&folder, "bench.toml", bench);
     let document = identified(&folder, &["--scenario", "bench.toml", "--unit", "B.Zm=m", "--tolerance", "s=5um"]);
     agrees(&document, &scenario);
     for (name, part) in [("m", 0.05 / 12.0), ("X.m", 0.05 / 12.0), ("A.s", 0.01), ("B.s", 0.01), ("X.s", 5.0 / 600.0)] {
@@ -176,7 +186,7 @@ fn what_is_off_on_the_bench_of_a_shaft_is_found() {
 #[test]
 fn exchanged_magnets_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");
-    record(&folder, &SPINDLE, |text| text.lines().take(800).map(|line| line.to_owned() + "\n").collect());
+    record(&folder, &SPINDLE, first(800));
     let exchanged = ["--column", "B.im[1]=plant.B.im[2]", "--column", "B.im[2]=plant.B.im[1]"];
     let (out, _) = ends(3, &folder, &[&["identify", "run.csv", "--machine", "spindle"], &exchanged[..]].concat());
     says(&out.replace('\n', " "), &["magnets 1 and 2 are exchanged at B: exchange the currents"]);
@@ -195,7 +205,7 @@ fn two_speeds_of_a_shaft_are_identified_together() {
     let recordings = document["recordings"].as_array().expect("recordings");
     for (recording, scenario) in recordings.iter().zip([&fast, &scenario]) {
         for name in ["pX", "pY", "pZ", "MY", "MZ"] {
-            is_right(name, &recording[name], scenario.value("plant", name).expect("a load").as_f64());
+            is_right(name, &recording[name], of_plant(scenario, name));
         }
     }
 }
@@ -204,44 +214,43 @@ fn two_speeds_of_a_shaft_are_identified_together() {
 #[test]
 fn wrong_columns_and_options_are_named() {
     let folder = folder("machines-identified/refused");
-    let change = |text: String| text.replace("plant.B.im[2]", "none").replace("plant.A.Ym [m]", "plant.A.Ym [furlong]");
-    record(&folder, &SPINDLE, change);
-    let refused = |arguments: &[&str], words: &[&str]| {
-        let (_, errors) = ends(2, &folder, &[&["identify", "run.csv"], arguments].concat());
-        says(&errors, words);
-    };
-    let spindle = ["--machine", "spindle"];
-    refused(
-        &spindle,
-        &["A.Ym (column plant.A.Ym): the unit furlong is none of m, mm", "B.im[2]: no column of this name"],
-    );
-    refused(&[&spindle[..], &["--column", "Ym=plant.A.Ym"]].concat(), &["--column Ym: Ym is no signal", "A.Ym, A.Zm"]);
-
+    let furlongs =
+        |text: String| text.replace("plant.B.im[2]", "none").replace("plant.A.Ym [m]", "plant.A.Ym [furlong]");
+    record(&folder, &SPINDLE, furlongs);
+    fs::rename(folder.join("run.csv"), folder.join("furlongs.csv")).expect("a file");
     record(&folder, &SPINDLE, |text| text);
-    for machine in ["planar", "planar4", "spindle4", "axial"] {
-        let mass = ["--set", "m=1"];
-        refused(&[&["--machine", machine], &mass[..]].concat(), &["columns of the machine spindle: --machine spindle"]);
+    let of_spindle = &["columns of the machine spindle: --machine spindle"][..];
+    for (arguments, words) in [
+        (
+            "furlongs.csv --machine spindle",
+            &["A.Ym (column plant.A.Ym): the unit furlong is none of m, mm", "B.im[2]: no column of this name"][..],
+        ),
+        ("furlongs.csv --machine spindle --column Ym=plant.A.Ym", &["--column Ym: Ym is no signal", "A.Ym, A.Zm"]),
+        ("run.csv --machine planar --set m=1", of_spindle),
+        ("run.csv --machine planar4 --set m=1", of_spindle),
+        ("run.csv --machine spindle4 --set m=1", of_spindle),
+        ("run.csv --machine axial --set m=1", of_spindle),
+        ("run.csv --machine planar4 --scenario spindle", &["spindle describes the machine spindle"]),
+        ("run.csv --set force.slow=1", &["--set force.slow=1: 0 is wanted, or --estimate force.slow"]),
+        ("run.csv --set force.slow=0 --estimate force.slow", &["force.slow is both set and estimated"]),
+        (
+            "run.csv --machine spindle --window 1 --method paper",
+            &["spindle has no --window", "no --method but likelihood and predictionError"],
+        ),
+        ("run.csv --machine spindle --hold none", &["--hold none: expected one of heldBefore"]),
+        ("run.csv --machine spindle --set s=1mm", &["--set s: the estimator of the machine"]),
+        ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),
+        (
+            "run.csv --machine spindle --tolerance s=2% --tolerance foo=1",
+            &["foo is no parameter of a bench; there are m, A.s, B.s"],
+        ),
+    ] {
+        refuses(&folder, &["identify"].into_iter().chain(arguments.split(' ')).collect::<Vec<_>>(), words);
     }
     // All columns of the planar rotor are there as well.
     record(&folder, &PLANAR4, |text| text);
     let (out, _) = ends(3, &folder, &["identify", "run.csv"]);
     says(&out, &["There are also columns of the machine planar4: --machine planar4?"]);
-
-    record(&folder, &SPINDLE, |text| text);
-    let slow = ["--set", "force.slow=0"];
-    refused(&["--set", "force.slow=1"], &["--set force.slow=1: 0 is wanted, or --estimate force.slow"]);
-    refused(&[&slow[..], &["--estimate", "force.slow"]].concat(), &["force.slow is both set and estimated"]);
-    let options = ["--window", "1", "--method", "paper"];
-    let words = ["spindle has no --window", "no --method but likelihood and predictionError"];
-    refused(&[&spindle[..], &options].concat(), &words);
-    refused(&[&spindle[..], &["--hold", "none"]].concat(), &["--hold none: expected one of heldBefore"]);
-    refused(&[&spindle[..], &["--set", "s=1mm"]].concat(), &["--set s: the estimator of the machine"]);
-    refused(&[&spindle[..], &["--set", "A.s=-1mm", "--set", "Jp=-1"]].concat(), &["A.s = -0.001 m", "Jp = -1 kg.m2"]);
-    refused(
-        &[&spindle[..], &["--tolerance", "s=2%", "--tolerance", "foo=1"]].concat(),
-        &["foo is no parameter of a bench; there are m, A.s, B.s"],
-    );
-    refused(&["--machine", "planar4", "--scenario", "spindle"], &["spindle describes the machine spindle"]);
 
     record(&folder, &SPINDLE, |text| text.replace("plant.theta", "none").replace("plant.omegam", "nothing"));
     let (_, errors) = ends(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);
@@ -254,7 +263,7 @@ fn wrong_columns_and_options_are_named() {
 #[test]
 fn too_short_a_recording_is_not_valid() {
     let folder = folder("machines-identified/short");
-    record(&folder, &SPINDLE4, |text| text.lines().take(150).map(|line| line.to_owned() + "\n").collect());
+    record(&folder, &SPINDLE4, first(150));
     let arguments = ["identify", "run.csv", "--machine", "spindle4", "--json", "-", "--save", "twin.toml"];
     let (out, errors) = ends(3, &folder, &arguments);
     says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
@@ -267,43 +276,32 @@ fn too_short_a_recording_is_not_valid() {
 #[test]
 fn a_known_load_tells_the_dynamics() {
     let kappa = 1.08;
-    for machine in [PLANAR4, SPINDLE] {
+    for (machine, inertia) in [(PLANAR4, &["m"][..]), (SPINDLE, &["m", "Jt", "Jp"])] {
         let folder = folder(&format!("machines-identified/dynamics-{}", machine.name));
-        let stated = Scenario::open(Path::new(machine.name)).expect("a scenario that comes with the program");
-        let of = |name: &str| stated.value("plant", name).map(Value::as_f64);
-        let inertia = ["m", "Jt", "Jp"].into_iter().filter_map(|name| Some((name, kappa * of(name)?)));
-        let scenario = record_with(&folder, &machine, &inertia.collect::<Vec<_>>(), |text| text);
-        let loads: Vec<String> =
-            ["pY", "pZ"].map(|name| format!("{name}={}", of(name).expect("a load"))).into_iter().collect();
+        let stated = open(machine.name, &[]);
+        let heavier: Vec<_> = inertia.iter().map(|name| (*name, kappa * of_plant(&stated, name))).collect();
+        let scenario = record_with(&folder, &machine, &heavier, |text| text);
         let asked = ["--machine", machine.name, "--estimate", "dynamics"];
         let (_, error) = ends(2, &folder, &[&["identify", "run.csv"], &asked[..]].concat());
         says(&error, &["dynamics: ", "known load", "--set pY=… or --set pZ=…"]);
 
+        let loads = ["pY", "pZ"].map(|name| format!("{name}={}", of_plant(&stated, name)));
         let known = ["--set", &loads[0], "--set", &loads[1], "--estimate", "noise.exponent", "--save", "twin.toml"];
         let document = identified(&folder, &[&asked[..], &known].concat());
         let found = &document["bench"]["dynamics"];
         let [value, std] = estimate(found);
         is_right("κ", found, kappa - 1.0);
         below("κ ±", std, 0.01);
-        says(
-            &document["findings"].to_string(),
-            &["% weaker than the law (κ = 1.0", "use ki/κ and ks/κ", "to the power of"],
-        );
-        assert!(
-            document["budget"].as_array().is_some_and(|lines| lines.iter().any(|of| of["parameter"] == "dynamics"))
-        );
+        let words = ["% weaker than the law (κ = 1.0", "use ki/κ and ks/κ", "to the power of"];
+        says(&document["findings"].to_string(), &words);
+        says(&document["budget"].to_string(), &["\"parameter\":\"dynamics\""]);
         assert_eq!(number(&document["told"]["pY"]), number(&document["recordings"][0]["pY"]["value"]));
-        let magnets = machine.of_magnets("lambda").into_iter().enumerate().filter(|(_, name)| !name.starts_with("X."));
-        for (k, name) in magnets {
-            let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| number(&document[of][k]));
-            let truth = scenario.value("plant", &name).expect("a force constant").as_f64();
-            below(&format!("{} {name}, deviations", machine.name), (hat - truth).abs() / std, MOST_STD);
-        }
+        finds_lambda(&document, &scenario, |name| !name.starts_with("X."));
         let noise = if machine.is_planar() { &document["noise"] } else { &document["noise"][0] };
         is_right("power of the gap", &noise["exponent"], 0.0);
         let twin = Scenario::open(&folder.join("twin.toml")).unwrap_or_else(|why| panic!("{why}"));
-        let twin = twin.value("plant", "m").expect("a mass").as_f64();
-        below("mass of the twin", (twin / (of("m").expect("a mass") * (1.0 + value)) - 1.0).abs(), 1e-9);
+        let wanted = of_plant(&stated, "m") * (1.0 + value);
+        below("mass of the twin", (of_plant(&twin, "m") / wanted - 1.0).abs(), 1e-9);
     }
 }
 
@@ -314,15 +312,11 @@ fn the_deviation_of_the_dynamics_is_honest() {
     let mut square = 0.0;
     for run in 0..12 {
         let kappa = 0.92 + 0.02 * f64::from(run);
-        let mut scenario = Scenario::open(Path::new(PLANAR4.name)).expect("a scenario that comes with the program");
-        let of = |name: &str| scenario.value("plant", name).expect("a value").as_f64();
-        let (m_kg, loads) = (kappa * of("m"), ["pY", "pZ"].map(|name| format!("{name}={}", of(name))));
-        scenario.set("plant", "m", Value::Real(m_kg));
+        let mut scenario = open(PLANAR4.name, &[]);
+        let loads = ["pY", "pZ"].map(|name| format!("{name}={}", of_plant(&scenario, name)));
+        scenario.set("plant", "m", Value::Real(kappa * of_plant(&scenario, "m")));
         scenario.set("plant", "sensor.seed", Value::Integer(86_001 + run));
-        let run = simulate::run(&scenario).expect("a good scenario");
-        let mut bytes = Vec::new();
-        run.recording.write_csv(&mut bytes).expect("a vector takes everything");
-        fs::write(folder.join("run.csv"), bytes).expect("a file");
+        write(&folder, "run.csv", csv(&ran(&scenario).recording));
         let asked = ["--machine", "planar4", "--estimate", "dynamics", "--hold", "heldBefore"];
         let document = identified(&folder, &[&asked[..], &["--set", &loads[0], "--set", &loads[1]]].concat());
         let [value, std] = estimate(&document["bench"]["dynamics"]);

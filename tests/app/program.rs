@@ -1,5 +1,6 @@
 //! The built program and the folders in which tests run it, its scenarios and their runs.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -7,6 +8,7 @@ use std::process::{Command, Output};
 use serde_json::Value as Json;
 
 use crate::support::says;
+use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::{self, Run};
 
@@ -23,6 +25,37 @@ pub fn fresh(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_file(&path);
     path
+}
+
+/// Writes a file of a folder.
+#[track_caller]
+pub fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {
+    fs::write(folder.join(name), content).unwrap_or_else(|why| panic!("{name}: {why}"));
+}
+
+/// The text of a file of a folder.
+#[track_caller]
+pub fn read(folder: &Path, name: &str) -> String {
+    fs::read_to_string(folder.join(name)).unwrap_or_else(|why| panic!("{name}: {why}"))
+}
+
+/// A recording as `simulate` writes it.
+pub fn csv(recording: &Recording) -> String {
+    let mut bytes = Vec::new();
+    recording.write_csv(&mut bytes).expect("a vector takes everything");
+    String::from_utf8(bytes).expect("text")
+}
+
+/// The rows of a table: cells by the names of their columns.
+pub fn rows(text: &str) -> Vec<BTreeMap<String, String>> {
+    csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.expect("a row")).collect()
+}
+
+/// A number of a row.
+#[track_caller]
+pub fn cell(row: &BTreeMap<String, String>, column: &str) -> f64 {
+    let text = row.get(column).unwrap_or_else(|| panic!("there is no column {column}"));
+    text.parse().unwrap_or_else(|_| panic!("{column}: {text} is no number"))
 }
 
 /// The program with arguments, in a folder.

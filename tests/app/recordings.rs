@@ -4,7 +4,7 @@ use std::io::Write;
 
 use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
 
-use crate::support::Random;
+use crate::support::{Random, says};
 
 /// Speed of the rotor in the recordings below, in rad/s.
 const OMEGA: f64 = 100.0 * std::f64::consts::PI;
@@ -91,6 +91,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
     let hole = "3500 rows are missing at 1 places, the first after line 501";
     let from = "counts from 2026-11-21T14:38:14.000000";
     let ms_9600 = |j: usize| j as f64 / 9.6;
+    let stray = |j: usize| if j % 1000 == 7 { 99.0 } else { at(j) };
     // Description, header, stamps, sample time, samples, words among the notes.
     let cases: [(&str, &str, Stamp, f64, usize, &str); 25] = [
         ("exact", "time [s]", &|j| text(4, at(j)), 1e-4, rows, ""),
@@ -115,14 +116,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
         ("3 % lost", "time [s]", &|j| text(4, at(j)).filter(|_| lost[j] > -0.94), 1e-4, rows, missing),
         ("40 % lost, jitter", "time [s]", &|j| jittered(j).filter(|_| lost[j] > -0.2), 1e-4, rows, missing),
         ("bursts", "time [s]", &|j| text(5, 1.0417 * at(j)).filter(|_| lost[j / 7] > -0.5), 1.0417e-4, rows, missing),
-        (
-            "outliers",
-            "time [s]",
-            &|j| text(4, if j % 1000 == 7 { 99.0 } else { at(j) }),
-            1e-4,
-            rows,
-            "in lines 9, 1009",
-        ),
+        ("outliers", "time [s]", &|j| text(4, stray(j)), 1e-4, rows, "in lines 9, 1009"),
         ("stuck", "time [s]", &|j| text(4, at(if j == 70 { 69 } else { j })), 1e-4, rows, "line 72 replaced"),
         ("from 12 s on", "time [s]", &|j| text(4, 12.0 + at(j)), 1e-4, rows, ""),
     ];
@@ -152,54 +146,52 @@ fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
     let slower = |j: usize| at(j) + 2e-6 * (j as f64 - 5000.0).max(0.0);
     let jump = "time jumps from 900 ms in line 9002 to 1000.9 s in line 9003";
     let soon = |j: usize| if j == 40 { Some("soon".into()) } else { text(4, at(j)) };
-    let cases: [(&str, Stamp, &[&str]); 9] = [
+    let uneven = "no even pace explains them as rounding";
+    let of_unix = ["a Unix time in ms?", "--unit time=ms"];
+    let cases: [(&str, Stamp, &[&str]); 10] = [
         ("twice", &|j| text(4, at(j - usize::from(j > 70))), &["line 73: the stamp of the row before", "7 ms"]),
         ("back", &|j| text(4, at(if j > 6000 { j - 6000 } else { j })), &[back]),
         ("one row back", &|j| text(4, one_back(j)), &["line 82: time goes back"]),
         ("two paces", &|j| text(7, slower(j)), &["contradict", "100 µs in the first tenth, 102 µs in the last"]),
         ("wild", &|j| text(7, at(j) + wild[j]), &["contradict an even pace", "straight line"]),
-        (
-            "rounded and lost",
-            &|j| text(3, at(j)).filter(|_| lost[j] < 0.8),
-            &["no even pace explains them as rounding"],
-        ),
+        ("rounded and lost", &|j| text(3, at(j)).filter(|_| lost[j] < 0.8), &[uneven]),
         ("not rising", &|_| text(0, 1.0), &["time does not rise"]),
         ("a jump", &|j| text(4, at(j) + if j > 9000 { 1000.0 } else { 0.0 }), &[jump]),
         ("no stamp", &soon, &["line 42, time: \"soon\" is no time"]),
+        ("ms are no s", &|j| Some(format!("{}", 1_763_735_894_000 + j / 10)), &of_unix),
     ];
     for (name, stamp, words) in cases {
         let text = BENCH.with_times("time [s]", stamp);
         let error = Samples::read(&text, &Reading::default()).expect_err(name).to_string();
         println!("{name}: {error}");
-        for word in words {
-            assert!(error.contains(word), "{name}: {word} in {error}");
-        }
+        says(&error, words);
         assert!(!error.contains("--resample"), "{name}: {error}");
     }
-    let text = BENCH.with_times("time [s]", |j| Some(format!("{}", 1_763_735_894_000 + j / 10)));
-    let error = Samples::read(&text, &Reading::default()).expect_err("ms are no s").to_string();
-    assert!(error.contains("a Unix time in ms?") && error.contains("--unit time=ms"), "{error}");
 }
 
 #[test]
 fn a_rate_may_be_told() {
-    let rate = |text: &str| Reading { rate_s: Some(rate_s(text).expect("a rate")), ..Reading::default() };
+    let read = |text: &str, rate: &str| {
+        let rate_s = (!rate.is_empty()).then(|| rate_s(rate).expect("a rate"));
+        Samples::read(text, &Reading { rate_s, ..Reading::default() })
+    };
+    let refused = |text: &str, rate: &str| read(text, rate).expect_err("refused").to_string();
     let none = BENCH.with_times("Nr", |j| Some(j.to_string()));
-    let error = Samples::read(&none, &Reading::default()).expect_err("no time").to_string();
-    assert!(error.contains("--rate"), "{error}");
-    let samples = Samples::read(&none, &rate("10kHz")).expect("a usable recording");
+    says(&refused(&none, ""), &["--rate"]);
+    let samples = read(&none, "10kHz").expect("a usable recording");
     assert_eq!((samples.step_s, samples.len(), samples.start_s), (1e-4, BENCH.rows, 0.0));
-    let stamps = BENCH.with_times("time [s]", |j| Some(format!("{:.7}", 1.0001e-4 * j as f64)));
-    assert_eq!(Samples::read(&stamps, &rate("10 kHz")).expect("clocks may differ").step_s, 1e-4);
-    let error = Samples::read(&stamps, &rate("9600 Hz")).expect_err("another rate").to_string();
-    assert!(error.contains("104.1667 µs apart, the time stamps 100.01 µs"), "{error}");
+    let stamps = BENCH.with_times("time [s]", |j| text(7, 1.0001 * at(j)));
+    assert_eq!(read(&stamps, "10 kHz").expect("clocks may differ").step_s, 1e-4);
+    says(&refused(&stamps, "9600 Hz"), &["104.1667 µs apart, the time stamps 100.01 µs"]);
 
-    let rates =
-        [("10kHz", 1e-4), ("9600 Hz", 1.0 / 9600.0), ("1e4Hz", 1e-4), ("51.2 kHz", 1.0 / 51_200.0), ("1MHz", 1e-6)];
-    assert!(rates.iter().all(|(text, step_s)| rate_s(text) == Ok(*step_s)));
-    let steps =
-        [("100us", 1e-4), ("100 µs", 1e-4), ("0.1ms", 1e-4), ("1e-4", 1e-4), ("1e-4 s", 1e-4), ("50000ns", 5e-5)];
-    for (text, step_s) in steps {
+    for (text, step_s) in
+        [("10kHz", 1e-4), ("9600 Hz", 1.0 / 9600.0), ("1e4Hz", 1e-4), ("51.2 kHz", 1.0 / 51_200.0), ("1MHz", 1e-6)]
+    {
+        assert_eq!(rate_s(text), Ok(step_s), "{text}");
+    }
+    for (text, step_s) in
+        [("100us", 1e-4), ("100 µs", 1e-4), ("0.1ms", 1e-4), ("1e-4", 1e-4), ("1e-4 s", 1e-4), ("50000ns", 5e-5)]
+    {
         assert_eq!(duration_s(text), Ok(step_s), "{text}");
     }
     for text in ["10", "10 MHz 3", "kHz", "-1kHz", "0Hz", "infHz", "10mHz"] {
@@ -214,9 +206,7 @@ fn a_rate_may_be_told() {
 fn encodings_separators_and_decimal_commas() {
     let plain = BENCH.values();
     let header = "Zeit [ms];Weg y [µm];Weg z [µm];im1 [A];im2 [A];im3 [A];Winkel [°]";
-    let mut text = String::from("# Prüfstand, Maß 7\nAbtastrate;10 kHz\n\n");
-    text += header;
-    text += "\r\n";
+    let mut text = format!("# Prüfstand, Maß 7\nAbtastrate;10 kHz\n\n{header}\r\n");
     for [time, y, z, a, b, c, theta, _] in plain.iter().take(2000) {
         let cells = [time * 1e3, y * 1e6, z * 1e6, *a, *b, *c, theta.to_degrees() % 360.0];
         let cells = cells.map(|cell| format!("{cell:.4}").replace('.', ","));
@@ -229,31 +219,23 @@ fn encodings_separators_and_decimal_commas() {
         let mark = mark.then_some(0xfeff);
         mark.into_iter().chain(text.encode_utf16()).flat_map(order).collect()
     };
-    let latin = text.chars().map(|c| u8::try_from(u32::from(c)).expect("Latin-1")).collect::<Vec<u8>>();
-    let tabs = text.replace(';', "\t");
-    let points = text.replace(',', ".").replace(';', ",");
-    let row = text.replace(
-        header,
-        "Zeit;Weg y;Weg z;im1;im2;im3;Winkel\nms;[µm];µm;(A);A;A;Grad".replace("Grad", "deg").as_str(),
-    );
-    let cases: Vec<(&str, Vec<u8>)> = vec![
+    let below = "Zeit;Weg y;Weg z;im1;im2;im3;Winkel\nms;[µm];µm;(A);A;A;deg";
+    for (name, bytes) in [
         ("UTF-8", text.clone().into_bytes()),
         ("UTF-8 with mark", [b"\xef\xbb\xbf", text.as_bytes()].concat()),
         ("UTF-16 LE with mark", sixteen(u16::to_le_bytes, true)),
         ("UTF-16 BE with mark", sixteen(u16::to_be_bytes, true)),
         ("UTF-16 LE", sixteen(u16::to_le_bytes, false)),
         ("UTF-16 BE", sixteen(u16::to_be_bytes, false)),
-        ("Latin-1", latin),
-        ("tabs", tabs.into_bytes()),
-        ("commas", points.into_bytes()),
-        ("row of units", row.into_bytes()),
+        ("Latin-1", text.chars().map(|c| u8::try_from(c).expect("Latin-1")).collect()),
+        ("tabs", text.replace(';', "\t").into()),
+        ("commas", text.replace(',', ".").replace(';', ",").into()),
+        ("row of units", text.replace(header, below).into()),
         ("torn", text.as_bytes()[..text.len() - 25].to_vec()),
         ("gzip", zipped(text.as_bytes())),
         ("gzip, UTF-16 LE", zipped(&sixteen(u16::to_le_bytes, true))),
-    ];
-    for (name, bytes) in cases {
+    ] {
         let samples = Samples::read_from(bytes.as_slice(), &reading).unwrap_or_else(|error| panic!("{name}: {error}"));
-        println!("{name}: {:?}", samples.notes);
         let count = if name == "torn" { 1999 } else { 2000 };
         assert_eq!((samples.step_s, samples.len()), (1e-4, count), "{name}");
         let last = count - 1;
@@ -263,11 +245,20 @@ fn encodings_separators_and_decimal_commas() {
     }
     let whole = zipped(text.as_bytes());
     let error = Samples::read_from(&whole[..whole.len() / 2], &reading).expect_err("half a file").to_string();
-    assert!(error.contains("the text cannot be read"), "{error}");
+    says(&error, &["the text cannot be read"]);
     // Decimal commas in a table that is separated by commas would shift the columns.
-    let shifted = text.replace(';', ",");
-    let error = Samples::read(&shifted, &reading).expect_err("more cells than the header has").to_string();
-    assert!(error.contains("14 cells, the header has 7; decimal commas need another separator"), "{error}");
+    let error = Samples::read(&text.replace(';', ","), &reading).expect_err("more cells than the header has");
+    says(&error.to_string(), &["14 cells, the header has 7; decimal commas need another separator"]);
+}
+
+const NAMES: [&str; 8] = ["time", "Ym", "Zm", "im[1]", "im[2]", "im[3]", "theta", "omega"];
+const SI: [&str; 8] = ["s", "m", "m", "A", "A", "A", "rad", "rad/s"];
+
+/// Some of the signals of rows of values, as they are after a division by their factors.
+fn table(signals: &[usize], units: [&str; 8], factors: [f64; 8], values: &[[f64; 8]]) -> String {
+    let line = |cell: &dyn Fn(usize) -> String| signals.iter().map(|at| cell(*at)).collect::<Vec<_>>().join(";") + "\n";
+    let head = line(&|at| format!("{} [{}]", NAMES[at], units[at]));
+    head + &values.iter().map(|row| line(&|at| format!("{:e}", row[at] / factors[at]))).collect::<String>()
 }
 
 /// Every unit by every name, in the header, in capitals, told.
@@ -294,139 +285,108 @@ fn units_go_by_many_names() {
         (7, TAU, &["Hz", "rev/s", "rps"]),
         (7, PI / 180.0, &["deg/s", "°/s"]),
     ];
+    let values = Bench { rows: 400, ..BENCH }.values();
     let cases = cases.into_iter().flat_map(|(at, factor, names)| names.iter().map(move |unit| (at, *unit, factor)));
-    const NAMES: [&str; 8] = ["time", "Ym", "Zm", "im[1]", "im[2]", "im[3]", "theta", "omega"];
-    const SI: [&str; 8] = ["s", "m", "m", "A", "A", "A", "rad", "rad/s"];
-    let bench = Bench { rows: 400, ..BENCH };
-    let values = bench.values();
-    for (at, unit, factor) in cases {
-        for told in [false, true] {
-            let head = (0..8).map(|n| match n == at {
-                true if told => format!("{} [kg]", NAMES[n]),
-                true => format!("{} [{unit}]", NAMES[n]),
-                false => format!("{} [{}]", NAMES[n], SI[n]),
-            });
-            let mut text = head.collect::<Vec<_>>().join(";") + "\n";
-            for row in &values {
-                let cells = (0..8).map(|n| format!("{:.12}", row[n] / if n == at { factor } else { 1.0 }));
-                text += &(cells.collect::<Vec<_>>().join(";") + "\n");
-            }
-            let units = if told { vec![(NAMES[at].to_owned(), unit.to_owned())] } else { Vec::new() };
-            let samples = Samples::read(&text, &Reading { units, ..Reading::default() });
-            let samples = samples.unwrap_or_else(|error| panic!("{unit}: {error}"));
-            let last = values.len() - 1;
-            let read = [
-                samples.step_s * last as f64,
-                samples.position_m[0][last],
-                0.0,
-                samples.current_a[0][last],
-                0.0,
-                0.0,
-                samples.theta_rad[last],
-                samples.omega_rad_s[last],
-            ][at];
-            assert!((read / values[last][at] - 1.0).abs() < 1e-5, "{unit}: {read}, wanted {}", values[last][at]);
-            assert_eq!(samples.implausible(&[5e-4]), [""; 0], "{unit}");
-        }
+    for ((at, unit, factor), told) in cases.flat_map(|case| [(case, false), (case, true)]) {
+        let (mut header, mut factors) = (SI, [1.0; 8]);
+        (header[at], factors[at]) = (if told { "kg" } else { unit }, factor);
+        let units = if told { vec![(NAMES[at].to_owned(), unit.to_owned())] } else { Vec::new() };
+        let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], header, factors, &values);
+        let samples = Samples::read(&text, &Reading { units, ..Reading::default() });
+        let samples = samples.unwrap_or_else(|error| panic!("{unit}: {error}"));
+        let last = values.len() - 1;
+        let read = match at {
+            0 => samples.step_s * last as f64,
+            1 => samples.position_m[0][last],
+            3 => samples.current_a[0][last],
+            6 => samples.theta_rad[last],
+            _ => samples.omega_rad_s[last],
+        };
+        assert!((read / values[last][at] - 1.0).abs() < 1e-5, "{unit}: {read}, wanted {}", values[last][at]);
+        assert_eq!(samples.implausible(&[5e-4]), [""; 0], "{unit}");
     }
     let bare = "time/ms,Ym in µm,Zm (mm),im[1] [mA],im[2] <A>,im[3] {A},theta [-]\n".to_owned();
     let rows: String =
         (0..40).map(|j| format!("{},{},{},{},1,1,0.{j:02}\n", 0.1 * f64::from(j), j % 7, 0.01, 1200)).collect();
     let samples = Samples::read(&(bare + &rows), &Reading::default()).expect("a usable recording");
     assert_eq!((samples.step_s, samples.position_m[0][3], samples.current_a[0][3]), (1e-4, 3e-6, 1.2));
-    assert!(
-        samples.notes.iter().any(|note| note == "theta has no unit; it is taken to be in rad."),
-        "{:?}",
-        samples.notes
-    );
+    says(&samples.notes.join("\n"), &["theta has no unit; it is taken to be in rad."]);
 }
 
 #[test]
 fn all_that_is_wrong_with_a_header_is_said_at_once() {
-    let header = "Zeit [min];a.Ym [m];b.Ym [m];Zm [furlong];im1 [A];im1 [A];i2 [V];Strom [A]\n1;2;3;4;5;6;7;8\n";
     let reading = Reading {
         columns: vec![("theta".into(), "Winkel".into()), ("Xm".into(), "a".into())],
         units: vec![("im[2]".into(), "kA".into())],
         ..Reading::default()
     };
-    let error = Samples::read(header, &reading).expect_err("many problems").to_string();
-    for words in [
-        "time (column Zeit): the unit min is none of s, ms, µs, ns",
-        "Ym: several columns go by this name: a.Ym, b.Ym; one is wanted: --column Ym=…",
-        "Zm (column Zm): the unit furlong is none of m, mm, µm, nm, mil",
-        "im[1]: several columns go by this name: im1, im1",
-        "im[2] (column i2): the unit kA is none of A, mA",
-        "im[3]: no column of this name; the current of magnet 3 is wanted: --column im[3]=…",
-        "--column theta=Winkel: there is no column Winkel",
-        "--column Xm: Xm is no signal",
-        "the header has the columns Zeit, a.Ym, b.Ym, Zm, im1, im1, i2, Strom",
-    ] {
-        assert!(error.contains(words), "{words} in {error}");
-    }
-    let one = "time,y,im1,im2,im3\n";
     let columns = vec![("Ym".into(), "y".into()), ("Zm".into(), "y".into())];
-    let error =
-        Samples::read(one, &Reading { columns, ..Reading::default() }).expect_err("one column twice").to_string();
-    assert!(error.contains("Ym and Zm: both are column y"), "{error}");
-    let two = "time [s];Ym [m];Zm [m];im1;im2;im3\ns;µm;m;A;A;A\n";
-    let error = Samples::read(two, &Reading::default()).expect_err("two units").to_string();
-    assert!(error.contains("column Ym: the header says m, the row below it µm"), "{error}");
+    let twice = Reading { columns, ..Reading::default() };
+    for (text, reading, words) in [
+        (
+            "Zeit [min];a.Ym [m];b.Ym [m];Zm [furlong];im1 [A];im1 [A];i2 [V];Strom [A]\n1;2;3;4;5;6;7;8\n",
+            &reading,
+            &[
+                "time (column Zeit): the unit min is none of s, ms, µs, ns",
+                "Ym: several columns go by this name: a.Ym, b.Ym; one is wanted: --column Ym=…",
+                "Zm (column Zm): the unit furlong is none of m, mm, µm, nm, mil",
+                "im[1]: several columns go by this name: im1, im1",
+                "im[2] (column i2): the unit kA is none of A, mA",
+                "im[3]: no column of this name; the current of magnet 3 is wanted: --column im[3]=…",
+                "--column theta=Winkel: there is no column Winkel",
+                "--column Xm: Xm is no signal",
+                "the header has the columns Zeit, a.Ym, b.Ym, Zm, im1, im1, i2, Strom",
+            ][..],
+        ),
+        ("time,y,im1,im2,im3\n", &twice, &["Ym and Zm: both are column y"]),
+        (
+            "time [s];Ym [m];Zm [m];im1;im2;im3\ns;µm;m;A;A;A\n",
+            &Reading::default(),
+            &["column Ym: the header says m, the row below it µm"],
+        ),
+    ] {
+        says(&Samples::read(text, reading).expect_err(text).to_string(), words);
+    }
 }
 
-/// How a signal is read: with the unit it has, or with another one.
-struct Misread {
-    signal: usize,
-    /// Its values are in this unit, ...
-    is: (&'static str, f64),
-    /// ... and the header says this.
-    said: &'static str,
-}
+/// How a signal is misread: its place, the unit of its values, which is this factor, and the unit that the header says.
+type Misread = (usize, &'static str, f64, &'static str);
 
 const MISREAD: [Misread; 15] = [
-    Misread { signal: 0, is: ("ms", 1e-3), said: "s" },
-    Misread { signal: 0, is: ("µs", 1e-6), said: "s" },
-    Misread { signal: 0, is: ("s", 1.0), said: "ms" },
-    Misread { signal: 0, is: ("µs", 1e-6), said: "ms" },
-    Misread { signal: 1, is: ("µm", 1e-6), said: "m" },
-    Misread { signal: 1, is: ("µm", 1e-6), said: "mm" },
-    Misread { signal: 1, is: ("m", 1.0), said: "µm" },
-    Misread { signal: 1, is: ("mm", 1e-3), said: "µm" },
-    Misread { signal: 3, is: ("mA", 1e-3), said: "A" },
-    Misread { signal: 3, is: ("A", 1.0), said: "mA" },
-    Misread { signal: 6, is: ("deg", std::f64::consts::PI / 180.0), said: "rad" },
-    Misread { signal: 6, is: ("rev", std::f64::consts::TAU), said: "rad" },
-    Misread { signal: 6, is: ("rad", 1.0), said: "deg" },
-    Misread { signal: 7, is: ("rpm", std::f64::consts::PI / 30.0), said: "rad/s" },
-    Misread { signal: 7, is: ("Hz", std::f64::consts::TAU), said: "rad/s" },
+    (0, "ms", 1e-3, "s"),
+    (0, "µs", 1e-6, "s"),
+    (0, "s", 1.0, "ms"),
+    (0, "µs", 1e-6, "ms"),
+    (1, "µm", 1e-6, "m"),
+    (1, "µm", 1e-6, "mm"),
+    (1, "m", 1.0, "µm"),
+    (1, "mm", 1e-3, "µm"),
+    (3, "mA", 1e-3, "A"),
+    (3, "A", 1.0, "mA"),
+    (6, "deg", std::f64::consts::PI / 180.0, "rad"),
+    (6, "rev", std::f64::consts::TAU, "rad"),
+    (6, "rad", 1.0, "deg"),
+    (7, "rpm", std::f64::consts::PI / 30.0, "rad/s"),
+    (7, "Hz", std::f64::consts::TAU, "rad/s"),
 ];
 
 /// Findings on a recording of which some signals are misread, with angle and speed or one of them.
-fn suspected(bench: &Bench, misread: &[&Misread], rotation: &[usize], wrapped: bool) -> Vec<String> {
-    let names = ["time", "Ym", "Zm", "im[1]", "im[2]", "im[3]", "theta", "omega"];
-    let mut units = ["s", "m", "m", "A", "A", "A", "rad", "rad/s"];
-    let mut factors = [1.0; 8];
-    for Misread { signal, is, said } in misread {
-        let all = match signal {
-            1 => 1..3,
-            3 => 3..6,
-            one => *one..*one + 1,
-        };
-        for at in all {
-            (units[at], factors[at]) = (said, is.1);
+fn suspected(bench: &Bench, misread: &[Misread], rotation: &[usize], wrapped: bool) -> Vec<String> {
+    let (mut units, mut factors) = (SI, [1.0; 8]);
+    for (signal, _, factor, said) in misread {
+        // All positions, or all currents.
+        let end = [1, 3, 3, 6, 6, 6, 7, 8][*signal];
+        for at in *signal..end {
+            (units[at], factors[at]) = (said, *factor);
         }
     }
-    let signals: Vec<usize> = (0..6).chain(rotation.iter().copied()).collect();
-    let head: Vec<_> = signals.iter().map(|at| format!("{} [{}]", names[*at], units[*at])).collect();
-    let mut text = head.join(",") + "\n";
-    for mut row in bench.values() {
-        if wrapped {
-            row[6] %= std::f64::consts::TAU;
-        }
-        let cells: Vec<_> = signals.iter().map(|at| format!("{:e}", row[*at] / factors[*at])).collect();
-        text += &(cells.join(",") + "\n");
+    let mut values = bench.values();
+    if wrapped {
+        values.iter_mut().for_each(|row| row[6] %= std::f64::consts::TAU);
     }
-    let samples = Samples::read(&text, &Reading::default()).expect("a table of numbers");
-    samples.implausible(&[5e-4])
+    let signals = [&[0, 1, 2, 3, 4, 5], rotation].concat();
+    let text = table(&signals, units, factors, &values);
+    Samples::read(&text, &Reading::default()).expect("a table of numbers").implausible(&[5e-4])
 }
 
 /// Sample times, speeds and ways to know the angle under which a misread unit must be seen.
@@ -439,17 +399,13 @@ fn no_misread_unit_goes_unnoticed() {
         for (rotation, wrapped) in [(&[6, 7][..], false), (&[6, 7], true), (&[6], false), (&[6], true), (&[7], false)] {
             let what = format!("{step_s} s, {rpm} rpm, {rotation:?}, wrapped {wrapped}");
             assert_eq!(suspected(&bench, &[], rotation, wrapped), [""; 0], "{what}");
-            for misread in MISREAD.iter().filter(|misread| misread.signal < 6 || rotation.contains(&misread.signal)) {
+            for misread in MISREAD.into_iter().filter(|(signal, ..)| *signal < 6 || rotation.contains(signal)) {
                 let found = suspected(&bench, &[misread], rotation, wrapped);
-                let (is, said) = (misread.is.0, misread.said);
-                if rpm == 3000.0 {
-                    println!("{is} read as {said}, {what}: {found:?}");
-                }
-                assert!(!found.is_empty(), "{is} read as {said}: nothing was found; {what}");
+                let (signal, is, _, said) = misread;
                 // The right proposal is among them.
-                let name = ["time", "Ym", "", "im[1]", "", "", "theta", "omega"][misread.signal];
-                let proposal = format!("--unit {name}={is}");
-                assert!(found.iter().any(|finding| finding.contains(&proposal)), "{proposal} in {found:?}; {what}");
+                let proposal = format!("--unit {}={is}", NAMES[signal]);
+                let is_proposed = found.iter().any(|finding| finding.contains(&proposal));
+                assert!(is_proposed, "{is} read as {said}, {what}: {proposal} in {found:?}");
             }
         }
     }
@@ -459,19 +415,12 @@ fn no_misread_unit_goes_unnoticed() {
 #[test]
 fn misread_units_together_are_seen() {
     let bench = Bench { rows: 1000, ..BENCH };
-    for (n, one) in MISREAD.iter().enumerate() {
-        for other in MISREAD[n + 1..].iter().filter(|other| other.signal != one.signal) {
-            let mut three: Vec<Vec<&Misread>> = vec![vec![one, other]];
-            three.extend(
-                MISREAD[n + 1..]
-                    .iter()
-                    .filter(|third| third.signal > other.signal)
-                    .map(|third| vec![one, other, third]),
-            );
-            for misread in three {
-                let found = suspected(&bench, &misread, &[6, 7], n % 2 == 0);
-                let what: Vec<_> = misread.iter().map(|misread| (misread.is.0, misread.said)).collect();
-                assert!(!found.is_empty(), "{what:?}: nothing was found");
+    for (n, one) in MISREAD.into_iter().enumerate() {
+        for other in MISREAD[n + 1..].iter().filter(|other| other.0 != one.0) {
+            let third =
+                MISREAD[n + 1..].iter().filter(|third| third.0 > other.0).map(|third| vec![one, *other, *third]);
+            for misread in [vec![one, *other]].into_iter().chain(third) {
+                assert!(!suspected(&bench, &misread, &[6, 7], n % 2 == 0).is_empty(), "{misread:?}: nothing was found");
             }
         }
     }

@@ -211,15 +211,17 @@ fn foreign_files_are_not_overwritten() {
     says(&errors, &["--method likelihood"]);
 }
 
-/// An answer that is not valid has no twin.
+/// An answer that is not valid has no twin; the exit code is 3 and the verdict in words, in JSON as well.
 #[test]
 fn an_answer_that_is_not_valid_has_no_twin() {
     let folder = folder("twin/not-valid");
     let table = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/recording.csv")).expect("a table");
     let short: Vec<&str> = table.lines().take(200).collect();
     fs::write(folder.join("short.csv"), short.join("\n")).expect("a file");
-    let (_, errors) = ends(3, &folder, &[&["identify", "short.csv"], &FILES[..]].concat());
-    says(&errors, &["Not valid", "The twin was not written"]);
+    let (out, errors) = ends(3, &folder, &[&["identify", "short.csv", "--json", "-"], &FILES[..]].concat());
+    says(&errors, &["Not valid", "too short", "The twin was not written"]);
+    let document: Json = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
+    assert!(document["valid"] == false && document["lambdaHat"].is_null(), "{document}");
     for file in ["twin.toml", "twin.ssv", "twin.ssp"] {
         assert!(!folder.join(file).exists(), "{file}");
     }

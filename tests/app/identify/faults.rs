@@ -6,7 +6,7 @@ use super::*;
 type Wrong = (fn(&mut Samples, &mut Question), &'static str);
 
 const WRONG: &[Wrong] = &[
-    (|samples, _| samples.position_m.swap(0, 1), "y and z are exchanged: exchange Ym and Zm"),
+    (|samples, _| samples.position_m.swap(0, 1), "y and z are exchanged: exchange Ym and Zm (--column)"),
     (|samples, _| samples.position_m[0].iter_mut().for_each(|y| *y = -*y), "y is mirrored"),
     (|samples, _| samples.position_m[1].iter_mut().for_each(|z| *z = -*z), "z is mirrored"),
     (|samples, _| samples.current_a.rotate_left(1), "the magnets count from the third"),
@@ -79,7 +79,7 @@ fn a_recording_of_another_machine_is_not_valid() {
     for seed in [62_901, 62_902] {
         let mut scenario = montecarlo::cases::drawn(&base, seed, false);
         scenario.duration_s = 0.1;
-        let samples = samples_of(&simulate::run(&scenario).expect("a good scenario").recording);
+        let samples = simulated(&scenario);
         let question = question(&told, &[]);
         let answer = identify::answer(&[samples], question);
         is_refused(&answer, "Not valid: ");
@@ -93,10 +93,9 @@ fn what_says_nothing_is_not_valid() {
     montecarlo::cases::at_rest(&mut scenario);
     montecarlo::cases::unbalance(&mut scenario, 0.0, 0.0);
     scenario.duration_s = 0.5;
-    let of = |scenario: &Scenario| samples_of(&simulate::run(scenario).expect("a good scenario").recording);
-    is_refused(&ask(&[of(&scenario)], &[]), "at rest and nothing excites it");
+    is_refused(&ask(&[simulated(&scenario)], &[]), "at rest and nothing excites it");
     montecarlo::cases::modulation(&mut scenario, 0.5, 110.0);
-    is_right("modulated", &ask(&[of(&scenario)], &[]));
+    is_right("modulated", &ask(&[simulated(&scenario)], &[]));
 }
 
 /// Rows that are missing at random, alone and in bursts, and single cells: the answer has the stated standard deviation, which is small: 3.2 % on the noisy
@@ -144,19 +143,19 @@ fn faults_of_sensors_are_left_out_and_named() {
         let spoilt = spoilt(&text, |line, _, cells| {
             cells[at] = fault(line - 1, cells[at].parse().expect("a number")).to_string();
         });
-        let samples = Samples::read(&spoilt, &Reading::default()).expect("a usable recording");
+        let samples = read(&spoilt);
         says(&samples.notes.join(" "), &[words]);
         is_right(&format!("{name}, {words}"), &ask(&[samples], &[]));
     }
 }
 
 /// The names of the columns of a table.
-fn names(text: &str) -> Vec<&str> {
+pub fn names(text: &str) -> Vec<&str> {
     text.lines().next().expect("a header").split(',').collect()
 }
 
 /// The text of a recording with its cells changed: row, then the cells of the row before as they are now, and its own.
-fn spoilt(text: &str, change: impl Fn(usize, &[String], &mut [String])) -> String {
+pub fn spoilt(text: &str, change: impl Fn(usize, &[String], &mut [String])) -> String {
     let mut former: Vec<String> = Vec::new();
     let rows = text.lines().enumerate().map(|(row, line)| {
         let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
@@ -174,13 +173,13 @@ fn spoilt(text: &str, change: impl Fn(usize, &[String], &mut [String])) -> Strin
 fn repeated_rows_are_left_out() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     let names = names(&text);
-    let read = |name: &str| ["plant.Ym", "plant.Zm", "plant.im"].iter().any(|of| name.starts_with(of));
+    let is_read = |name: &str| ["plant.Ym", "plant.Zm", "plant.im"].iter().any(|of| name.starts_with(of));
     let late = spoilt(&text, |row, former, cells| {
         if row > 200 && row % 397 < 1 + row / 397 {
-            (0..cells.len()).filter(|at| read(names[*at])).for_each(|at| cells[at].clone_from(&former[at]));
+            (0..cells.len()).filter(|at| is_read(names[*at])).for_each(|at| cells[at].clone_from(&former[at]));
         }
     });
-    let samples = Samples::read(&late, &Reading::default()).expect("a usable recording");
+    let samples = read(&late);
     let notes = samples.notes.join(" ");
     let answer = ask(&[samples], &[]);
     assert!(notes.contains("repeat the one before"), "{notes}");
@@ -200,7 +199,7 @@ fn quantised_positions_are_named() {
             cells[at] = format!("{:e}", STEP_M * (value / STEP_M).round());
         }
     });
-    let samples = Samples::read(&coarse, &Reading::default()).expect("a usable recording");
+    let samples = read(&coarse);
     let answer = ask(&[samples], &[]);
     says(&answer.findings.join(" "), &["Ym is quantised in steps of 2 µm"]);
     let part = &is_right("quantised", &answer).conditions[0].parts[0];
@@ -214,7 +213,7 @@ fn recordings_that_differ_are_told_apart() {
     let first = samples_of(&recording);
     other.set("plant", "lambda[2]", Value::Real(1.05 * TRUTH[1]));
     other.set("plant", "sensor.seed", Value::Integer(12));
-    let second = samples_of(&simulate::run(&other).expect("a good scenario").recording);
+    let second = simulated(&other);
     is_refused(&ask(&[first, second], &[]), "the recordings differ: λ2");
 }
 
