@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{fresh, open};
+use crate::program::{cell, fresh, open, rows};
 use crate::support::says;
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
@@ -21,57 +21,38 @@ fn built_in(machine: &Machine) -> &'static str {
 fn a_sweep_of_every_machine_tells_of_all_its_magnets() {
     for machine in &MACHINES {
         let name = machine.name;
-        let (magnet, load) = (&machine.of_magnets("lambda")[1], machine.coordinates[0].load.0);
+        let scenario = open(built_in(machine), &[]);
+        let (magnets, load) = (machine.of_magnets("lambda"), machine.coordinates[0].load.0);
         let design = fresh(&format!("{name}-design.csv"));
-        fs::write(&design, format!("plant.{magnet},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n")).expect("a design");
+        fs::write(&design, format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1])).expect("a design");
         let sweep = Sweep::open(&design, Some(Path::new(built_in(machine)))).unwrap_or_else(|error| panic!("{error}"));
-        let rows = fresh(&format!("{name}-rows.csv"));
-        sweep.run(&rows).expect("rows");
-        let mut reader = csv::Reader::from_path(&rows).expect("rows");
-        let header = reader.headers().expect("a header").clone();
-        let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();
-        let cell = |row: usize, column: &str| {
-            let at = header.iter().position(|known| known == column).unwrap_or_else(|| panic!("{name}: no {column}"));
-            rows[row][at].to_owned()
-        };
-        let number = |row: usize, column: &str| {
-            cell(row, column).parse::<f64>().unwrap_or_else(|error| panic!("{name}, {column}: {error}"))
-        };
-        for row in [0, 1] {
-            assert_eq!((cell(row, "status").as_str(), number(row, "valid")), ("ok", 1.0), "{name}");
-            for (k, error) in machine.of_magnets("error").iter().enumerate() {
-                let of = |what: &str| number(row, &format!("{} [N.m2/A2]", machine.of_magnets(what)[k]));
-                let truth = of("lambdaHat") / (1.0 + number(row, error));
-                let told =
-                    open(built_in(machine), &[]).value("plant", &machine.of_magnets("lambda")[k]).expect("λ").as_f64();
-                let wanted = if k == 1 && row == 0 { 3e-6 } else { told };
+        let out = fresh(&format!("{name}-rows.csv"));
+        sweep.run(&out).expect("rows");
+        let rows = rows(&fs::read_to_string(&out).expect("rows"));
+        for (row, load_n, changed) in [(&rows[0], 5.0, Some(3e-6)), (&rows[1], -5.0, None)] {
+            assert_eq!((row["status"].as_str(), cell(row, "valid")), ("ok", 1.0), "{name}");
+            for (k, magnet) in magnets.iter().enumerate() {
+                let of = |what: &str| cell(row, &format!("{} [N.m2/A2]", machine.of_magnets(what)[k]));
+                let truth = of("lambdaHat") / (1.0 + cell(row, &machine.of_magnets("error")[k]));
+                let wanted = changed.filter(|_| k == 1);
+                let wanted = wanted.unwrap_or_else(|| scenario.value("plant", magnet).expect("λ").as_f64());
                 assert!((truth / wanted - 1.0).abs() < 1e-9, "{name}, magnet {k}: {truth}");
                 let deviations = (of("lambdaHat") - truth) / of("lambdaStd");
                 assert!(deviations.abs() < 6.0, "{name}, magnet {k}: {deviations} standard deviations");
             }
             // The load of the design is what the estimator sees.
-            let load_hat = format!("{} [N]", machine.of_loads("p", "Hat")[0]);
-            let wanted = if row == 0 { 5.0 } else { -5.0 };
-            assert!((number(row, &load_hat) - wanted).abs() < 1.0, "{name}: {}", number(row, &load_hat));
+            let load_hat = cell(row, &format!("{} [N]", machine.of_loads("p", "Hat")[0]));
+            assert!((load_hat - load_n).abs() < 1.0, "{name}: {load_hat}");
             for reference in machine.of_references() {
-                let error = number(row, &format!("{} [m]", reference.replace("reference.", "tracking.")));
+                let error = cell(row, &format!("{} [m]", reference.replace("reference.", "tracking.")));
                 assert!(error > 0.0 && error < 3e-6, "{name}, {reference}: off by {error}");
             }
             for plane in machine.of_planes("magnitude") {
-                assert!(number(row, &format!("{plane} [kg.m]")) > 0.0, "{name}: {plane}");
+                assert!(cell(row, &format!("{plane} [kg.m]")) > 0.0, "{name}: {plane}");
             }
         }
-        says(&cell(2, "status"), &[magnet]);
+        says(&rows[2]["status"], &[&magnets[1]]);
     }
-}
-
-#[test]
-fn a_sweep_names_the_nearest_variable_of_the_machine() {
-    let design = fresh("misspelt.csv");
-    fs::write(&design, "plant.B.lamda[1]\n1\n").expect("a design");
-    let open = |scenario| Sweep::open(&design, Some(Path::new(scenario))).err().expect("no such variable").to_string();
-    says(&open("spindle"), &["did you mean B.lambda[1]?"]);
-    says(&open("axial"), &["did you mean lambda[1]?"]);
 }
 
 /// Errors of all λ in standard deviations, and the bound below them.
@@ -134,34 +115,32 @@ fn names_of_another_machine_are_said_at_once() {
         let (_, text) = BUILT_IN.iter().find(|(built_in, _)| *built_in == name).expect("a built-in scenario");
         text.lines().filter(|line| !line.starts_with("machine")).collect::<Vec<_>>().join("\n")
     };
-    let findings = |text: &str| Scenario::parse("test.toml", text).err().expect("names of another machine").findings;
-    for (name, words) in [
-        ("spindle", "these are names of the machine spindle or spindle4: add machine = \"spindle\""),
-        ("axial", "these are names of the machine axial: add machine = \"axial\""),
+    let head = "title = \"t\"\nduration = 1\nstep = 1e-4\n";
+    for (text, words) in [
+        (without("spindle"), &["these are names of the machine spindle or spindle4: add machine = \"spindle\""][..]),
+        (without("axial"), &["these are names of the machine axial: add machine = \"axial\""]),
+        (
+            format!("{head}[controller]\nallocation = \"biasCurrent\"\nbias.current = 2\n"),
+            &["allocation, bias.current: these are names of the machine planar4 or axial: add machine = \"planar4\""],
+        ),
+        (
+            format!("{head}[plant]\n'lambda[4]' = 1e-6\n"),
+            &[
+                "lambda[4]: there is no variable of this name; it is one of the machine planar4: add machine = \"planar4\"",
+            ],
+        ),
+        (
+            format!("machine = \"axial\"\n{}", without("unbalanced")),
+            &["and ", " more: these are names of the machine planar", "say machine = \"planar", "instead of \"axial\""],
+        ),
+        // A misspelt name is one of no machine.
+        (
+            without("unbalanced").replace("unbalance.phase", "unbalance.phaze"),
+            &["[plant] unbalance.phaze: there is no variable of this name; did you mean unbalance.phase?"],
+        ),
     ] {
-        let found = findings(&without(name));
-        assert_eq!(found.len(), 1, "{found:?}");
-        says(&found[0], &[words]);
+        let findings = Scenario::parse("test.toml", &text).err().expect("names of another machine").findings;
+        assert_eq!(findings.len(), 1, "{findings:?}");
+        says(&findings[0], words);
     }
-    let found = findings(
-        "title = \"t\"\nduration = 1\nstep = 1e-4\n[controller]\nallocation = \"biasCurrent\"\nbias.current = 2\n",
-    );
-    assert_eq!(
-        found,
-        ["allocation, bias.current: these are names of the machine planar4 or axial: add machine = \"planar4\""]
-    );
-    let found = findings("title = \"t\"\nduration = 1\nstep = 1e-4\n[plant]\n'lambda[4]' = 1e-6\n");
-    let wanted =
-        "lambda[4]: there is no variable of this name; it is one of the machine planar4: add machine = \"planar4\"";
-    assert_eq!(found, [wanted]);
-    let found = findings(&format!("machine = \"axial\"\n{}", without("unbalanced")));
-    assert_eq!(found.len(), 1, "{found:?}");
-    says(
-        &found[0],
-        &["and ", " more: these are names of the machine planar", "say machine = \"planar", "instead of \"axial\""],
-    );
-    // A misspelt name is one of no machine.
-    let found = findings(&without("unbalanced").replace("unbalance.phase", "unbalance.phaze"));
-    assert_eq!(found.len(), 1, "{found:?}");
-    says(&found[0], &["[plant] unbalance.phaze: there is no variable of this name; did you mean unbalance.phase?"]);
 }

@@ -10,7 +10,7 @@ use std::sync::{Arc, LazyLock};
 use crate::program::folder;
 use crate::support::{MODELS, says};
 use fmu_export::package::{Written, platform};
-use fmu_export::variable::Type;
+use fmu_export::variable::{Type, Variable};
 use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu::catalogue;
 use magnetic_bearing::machine::{MACHINES, Machine};
@@ -82,9 +82,9 @@ fn text(members: &BTreeMap<String, Vec<u8>>, name: &str) -> String {
 /// Fails if a member holds the time.
 #[test]
 fn two_packagings_give_the_same_bytes() {
-    let names: Vec<_> = ARCHIVES.iter().map(|(name, _)| name.clone()).collect();
     let of = |ending: &'static str| MODELS.iter().map(move |model| format!("{model}{ending}"));
-    assert_eq!(names, of(".fmu").chain(of("_fmi3.fmu")).chain(systems()).collect::<Vec<_>>());
+    let wanted = of(".fmu").chain(of("_fmi3.fmu")).chain(systems());
+    assert!(ARCHIVES.iter().map(|(name, _)| name.clone()).eq(wanted), "FMUs, then those of FMI 3.0, then systems");
     for ((name, one), (_, other)) in ARCHIVES.iter().zip(packaged("again")) {
         assert!(*one == other, "{name} differs");
     }
@@ -115,11 +115,10 @@ fn archives_hold_no_traces_of_their_making() {
     }
 }
 
-/// Fails if there is a member more, or less.
+/// Fails if there is a member more, or less, or the names of the sensors are left out of the documentation.
 #[test]
 fn an_fmu_holds_what_it_should_and_nothing_else() {
     let platform = platform().expect("a platform that FMI 2.0 knows");
-    let (platform, ending) = (platform.name, platform.ending);
     // The library as it was built, but for the folders of this machine in it.
     let library =
         fmu_export::package::binaries_of(&package::built_library().expect("the library")).expect("the library");
@@ -129,53 +128,35 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
         // Streaming readers find it first.
         let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
         assert_eq!(archive.by_index(0).expect("a member").name().expect("a name"), "modelDescription.xml");
-        let members = members(bytes);
-        let binary = format!("binaries/{platform}/{name}.{ending}");
-        let wanted: HashSet<&str> = [
-            "modelDescription.xml",
-            "model.png",
-            &binary,
-            "documentation/index.html",
-            "documentation/licenses/LICENSE-MIT.txt",
-            "documentation/licenses/LICENSE-APACHE.txt",
-            "documentation/licenses/THIRD-PARTY.txt",
-        ]
-        .into();
-        assert_eq!(members.keys().map(String::as_str).collect::<HashSet<_>>(), wanted, "{name}");
-        assert!(members[&binary] == library, "{name}: the binary is the library that was built");
-
+        let mut members = members(bytes);
+        let binary = members.remove(&format!("binaries/{}/{name}.{}", platform.name, platform.ending));
+        assert!(binary.is_some_and(|binary| binary == library), "{name}: the binary is the library that was built");
         let reviewed = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("modelDescription/{name}.xml"));
-        let reviewed = fs::read(reviewed).expect("the model description under review");
-        assert!(members["modelDescription.xml"] == reviewed, "{name}: `cargo run -- describe` renews it");
+        let reviewed = fs::read_to_string(reviewed).expect("the model description under review");
+        let described = text(&members, "modelDescription.xml");
+        assert!(described == reviewed, "{name}: `cargo run -- describe` renews it");
         let identifier = format!("modelIdentifier=\"{name}\"");
-        says(&String::from_utf8_lossy(&reviewed), &[&identifier]);
-    }
-}
-
-/// Fails if the names of the sensors are left out.
-#[test]
-fn documentation_names_every_variable_and_loads_nothing() {
-    for (kind, bytes) in fmus() {
-        let page = text(&members(bytes), "documentation/index.html");
-        says(&page, &["<!DOCTYPE html>", kind.info.name]);
+        let wanted: [(&str, &[&str]); 6] = [
+            ("documentation/index.html", &["<!DOCTYPE html>", name]),
+            ("documentation/licenses/LICENSE-APACHE.txt", &["Apache License", "Version 2.0"]),
+            ("documentation/licenses/LICENSE-MIT.txt", &["Permission is hereby granted"]),
+            ("documentation/licenses/THIRD-PARTY.txt", &["nalgebra", "libm", "serde"]),
+            ("model.png", &[]),
+            ("modelDescription.xml", &[&identifier]),
+        ];
+        assert!(members.keys().eq(wanted.iter().map(|(file, _)| file)), "{name}: {:?}", members.keys());
+        for (file, words) in wanted.iter().filter(|(_, words)| !words.is_empty()) {
+            says(&text(&members, file), words);
+        }
+        let page = text(&members, "documentation/index.html");
         for variable in kind.variables() {
             let array = variable.name.split('[').next().expect("a name");
-            assert!(page.contains(array), "{}: {} is not in the documentation", kind.info.name, variable.name);
+            assert!(page.contains(array), "{name}: {} is not in the documentation", variable.name);
         }
         for loading in ["src=\"http", "<script src", "@import", "<link rel=\"stylesheet\" href=\"http"] {
-            assert!(!page.contains(loading), "{}: the page loads something: {loading}", kind.info.name);
+            assert!(!page.contains(loading), "{name}: the page loads something: {loading}");
         }
     }
-}
-
-/// Fails if they are not.
-#[test]
-fn the_licences_are_there() {
-    let members = archive("MagneticBearing.fmu");
-    let license = |name: &str| text(&members, &format!("documentation/licenses/{name}"));
-    says(&license("LICENSE-MIT.txt"), &["Permission is hereby granted"]);
-    says(&license("LICENSE-APACHE.txt"), &["Apache License", "Version 2.0"]);
-    says(&license("THIRD-PARTY.txt"), &["nalgebra", "libm", "serde"]);
 }
 
 /// The names and namespaces that all tools accept.
@@ -193,33 +174,38 @@ fn named<'a>(root: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Nod
 /// Fails if an FMU in the system has a byte more.
 #[test]
 fn the_systems_hold_the_fmus_as_they_are() {
-    for (system, others, fmus) in [
+    for (name, structures, sets, fmus) in [
         (
-            "MagneticBearing.ssp",
-            "PaperSimulation.ssd SystemStructure.ssd resources/paper-controller.ssv resources/paper-estimator.ssv \
-             resources/paper-plant.ssv resources/unbalanced-plant.ssv",
+            "MagneticBearing",
+            "PaperSimulation.ssd SystemStructure.ssd",
+            "paper-controller paper-estimator paper-plant unbalanced-plant",
             &MODELS[..3],
         ),
-        (
-            "MagneticSpindle.ssp",
-            "SystemStructure.ssd resources/spindle-controller.ssv resources/spindle-estimator.ssv resources/spindle-plant.ssv",
-            &MODELS[3..6],
-        ),
-        (
-            "AxialBearing.ssp",
-            "SystemStructure.ssd resources/axial-controller.ssv resources/axial-plant.ssv",
-            &MODELS[12..],
-        ),
+        ("MagneticSpindle", "SystemStructure.ssd", "spindle-controller spindle-estimator spindle-plant", &MODELS[3..6]),
+        ("AxialBearing", "SystemStructure.ssd", "axial-controller axial-plant", &MODELS[12..]),
     ] {
-        let system = archive(system);
+        let system = archive(&format!("{name}.ssp"));
         let inside = fmus.iter().map(|fmu| format!("resources/{fmu}.fmu"));
-        let mut wanted: Vec<_> = others.split(' ').map(String::from).chain(inside).collect();
-        wanted.sort();
-        assert_eq!(system.keys().cloned().collect::<Vec<_>>(), wanted);
+        let sets = sets.split(' ').map(|set| format!("resources/{set}.ssv"));
+        let wanted: BTreeSet<_> = structures.split(' ').map(String::from).chain(sets).chain(inside).collect();
+        assert_eq!(system.keys().cloned().collect::<BTreeSet<_>>(), wanted);
         for fmu in fmus.iter().map(|fmu| format!("{fmu}.fmu")) {
             assert!(system[&format!("resources/{fmu}")] == bytes_of(&fmu), "{fmu}");
         }
     }
+}
+
+/// The name of a component of a system, and its model.
+fn component<'a>(node: Node<'a, 'a>) -> (&'a str, Arc<ModelType>) {
+    let model = node.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
+    let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
+    (node.attribute("name").expect("a name"), kind)
+}
+
+/// The variable of that name.
+fn variable<'k>(kind: &'k ModelType, name: &str) -> &'k Variable {
+    let found = kind.variables().iter().find(|variable| variable.name == name);
+    found.unwrap_or_else(|| panic!("{}.{name} is no variable", kind.info.name))
 }
 
 /// libcosim and ecos ignore enumerations. Fails if the default structure takes its parameters from the paper's scenario.
@@ -228,17 +214,15 @@ fn the_default_system_is_the_same_without_its_enumerations() {
     for system in systems().map(|name| archive(&name)) {
         let structure = text(&system, "SystemStructure.ssd");
         let document = Document::parse(&structure).expect("XML");
-        for component in named(document.root_element(), "Component") {
-            let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
-            let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
-            for binding in named(component, "ParameterBinding") {
+        for node in named(document.root_element(), "Component") {
+            let (_, kind) = component(node);
+            for binding in named(node, "ParameterBinding") {
                 let set = text(&system, binding.attribute("source").expect("a source"));
                 let parameters = Document::parse(&set).expect("XML");
                 for parameter in named(parameters.root_element(), "Parameter") {
                     let name = parameter.attribute("name").expect("a name");
-                    let variables = kind.variables();
-                    let variable = variables.iter().find(|variable| variable.name == name).expect("a variable");
-                    assert!(!matches!(variable.data_type, Type::Enumeration { .. }), "{name} is an enumeration");
+                    let is_enumeration = matches!(variable(&kind, name).data_type, Type::Enumeration { .. });
+                    assert!(!is_enumeration, "{name} is an enumeration");
                 }
             }
         }
@@ -261,6 +245,13 @@ fn are_of(root: Node<'_, '_>, file: &str, prefixes: &[&str]) {
         let prefix = node.tag_name().namespace().and_then(|space| node.lookup_prefix(space));
         assert!(prefix.is_some_and(|prefix| prefixes.contains(&prefix)), "{file}: {:?}: {prefix:?}", node.tag_name());
     }
+}
+
+/// All of these units are declared.
+fn has_units<'a>(root: Node<'a, 'a>, file: &str, mut units: impl Iterator<Item = &'a str>) {
+    let declared: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
+    let missing = units.find(|unit| !unit.is_empty() && !declared.contains(unit));
+    assert_eq!(missing, None, "{file}: this unit is not declared");
 }
 
 /// Fails if a connection ends at `i[9]`.
@@ -294,10 +285,9 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         }
         // One set for every element that has settings, bound at the element: some tools look nowhere else.
         let scenario = Scenario::open(Path::new(set)).expect("a scenario of the program");
-        for component in named(root, "Component") {
-            let element = component.attribute("name").expect("a name");
-            let bound: Vec<_> =
-                named(component, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
+        for node in named(root, "Component") {
+            let (element, _) = component(node);
+            let bound: Vec<_> = named(node, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
             let wanted: Vec<_> =
                 (said(part) > 0).then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
@@ -306,35 +296,25 @@ fn systems_connect_what_exists_and_name_what_is_there() {
 
         // Connectors by element and name: kind, type, unit. They are those of the variables, and there are none at the root.
         let mut connectors = HashMap::new();
-        for component in named(root, "Component") {
-            let element = component.attribute("name").expect("a name");
-            let model = component.attribute("source").and_then(|source| Path::new(source).file_stem()?.to_str());
-            let kind = magnetic_bearing::fmu::find(model.expect("a file")).expect("a model");
-            let variables: HashMap<_, _> =
-                kind.variables().iter().map(|variable| (variable.name.to_string(), variable)).collect();
-            for connector in named(component, "Connector") {
+        for node in named(root, "Component") {
+            let (element, kind) = component(node);
+            for connector in named(node, "Connector") {
                 let name = connector.attribute("name").expect("a name");
-                let variable = variables.get(name).unwrap_or_else(|| panic!("{file}: {element}.{name} is no variable"));
                 let of_type = connector.first_element_child().expect("a type");
                 let unit = of_type.attribute("unit").unwrap_or_default();
-                assert_eq!(unit, variable.unit_name(), "{file}: {element}.{name}");
+                assert_eq!(unit, variable(&kind, name).unit_name(), "{file}: {element}.{name}");
                 let entry = (connector.attribute("kind").expect("a kind"), of_type.tag_name().name(), unit);
                 assert!(connectors.insert((element, name), entry).is_none(), "{file}: {element}.{name} twice");
             }
         }
         assert_eq!(named(root, "Connector").count(), connectors.len(), "{file}: connectors belong to components alone");
-        let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
-        for (_, _, unit) in connectors.values() {
-            assert!(unit.is_empty() || units.contains(unit), "{file}: the unit {unit} is not declared");
-        }
+        has_units(root, file, connectors.values().map(|(_, _, unit)| *unit));
 
         let mut fed = HashSet::new();
         for connection in named(root, "Connection") {
             let end = |element, connector| {
-                let path = (
-                    connection.attribute(element).expect("element to element"),
-                    connection.attribute(connector).expect("a connector"),
-                );
+                let path = [element, connector].map(|name| connection.attribute(name).expect("element to element"));
+                let path: (&str, &str) = path.into();
                 (path, *connectors.get(&path).unwrap_or_else(|| panic!("{file}: {path:?} is no connector")))
             };
             let (from, (from_kind, from_type, from_unit)) = end("startElement", "startConnector");
@@ -362,6 +342,21 @@ fn systems_connect_what_exists_and_name_what_is_there() {
     }
 }
 
+/// Values of a parameter set by name.
+pub fn parameters(text: &str) -> BTreeMap<String, f64> {
+    let value = |text: &str| match text {
+        "true" => 1.0,
+        "false" => 0.0,
+        number => number.parse().unwrap_or_else(|_| panic!("{number} is no number")),
+    };
+    let of = |node: Node<'_, '_>| {
+        let given = node.first_element_child()?.attribute("value")?;
+        Some((node.attribute("name")?.to_owned(), value(given)))
+    };
+    let document = Document::parse(text).expect("XML");
+    named(document.root_element(), "Parameter").map(|node| of(node).expect("a name and a value")).collect()
+}
+
 /// Fails if a value of a parameter set is another.
 #[test]
 fn parameter_sets_give_what_the_scenarios_say() {
@@ -369,10 +364,9 @@ fn parameter_sets_give_what_the_scenarios_say() {
     for name in ["paper", "unbalanced"] {
         let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
         for part in &scenario.elements[..3] {
-            let said = said(part);
             let file = format!("resources/{name}-{}.ssv", part.name);
-            assert_eq!(system.contains_key(&file), said > 0, "{file}");
-            if said == 0 {
+            assert_eq!(system.contains_key(&file), said(part) > 0, "{file}");
+            if said(part) == 0 {
                 continue;
             }
             let text = text(&system, &file);
@@ -380,27 +374,20 @@ fn parameter_sets_give_what_the_scenarios_say() {
             let root = document.root_element();
             says(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
             are_of(root, &file, &["ssv", "ssc"]);
-            let units: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
-            let mut seen = HashSet::new();
-            for parameter in named(root, "Parameter") {
-                let variable = parameter.attribute("name").expect("a name");
-                assert!(seen.insert(variable), "{file}: {variable} stands there twice");
-                let variables = part.model_type.variables();
-                let of_table = variables.iter().find(|known| known.name == variable).expect("a variable");
-                assert!(of_table.is_settable(), "{file}: {variable} can be set");
-                let value = parameter.first_element_child().expect("a value");
-                let said: f64 = match value.attribute("value").expect("a value") {
-                    "true" => 1.0,
-                    "false" => 0.0,
-                    text => text.parse().unwrap_or_else(|_| panic!("{file}: {variable} = {text}")),
-                };
-                let wanted = scenario.value(&part.name, variable).expect("a value").as_f64();
-                assert_eq!(said.to_bits(), wanted.to_bits(), "{file}: {variable}");
-                let unit = value.attribute("unit").unwrap_or_default();
-                assert_eq!(unit, of_table.unit_name(), "{file}: {variable}");
-                assert!(unit.is_empty() || units.contains(unit), "{file}: the unit {unit} is not declared");
+            let units = named(root, "Parameter").filter_map(|node| node.first_element_child()?.attribute("unit"));
+            has_units(root, &file, units);
+            let values = parameters(&text);
+            for node in named(root, "Parameter") {
+                let name = node.attribute("name").expect("a name");
+                let of_table = variable(&part.model_type, name);
+                assert!(of_table.is_settable(), "{file}: {name} can be set");
+                let wanted = scenario.value(&part.name, name).expect("a value").as_f64();
+                assert_eq!(values[name].to_bits(), wanted.to_bits(), "{file}: {name}");
+                let unit = node.first_element_child().and_then(|value| value.attribute("unit")).unwrap_or_default();
+                assert_eq!(unit, of_table.unit_name(), "{file}: {name}");
             }
-            assert_eq!(seen.len(), said, "{file}: every setting of the scenario");
+            let found = (values.len(), named(root, "Parameter").count());
+            assert_eq!(found, (said(part), said(part)), "{file}: every setting of the scenario, once");
         }
     }
 }
@@ -431,10 +418,4 @@ fn what_cannot_be_packaged_is_said_by_name() {
     let missing = Path::new("no/such/library.so");
     let error = package::package(missing, &all(), &folder("package/missing")).expect_err("there is no such library");
     says(&error.to_string(), &["no/such/library.so"]);
-    // A file has the name of the folder.
-    let taken = folder("package/unwritable").join("taken");
-    fs::write(&taken, "in the way").expect("a file");
-    let library = package::built_library().expect("the library");
-    let error = package::package(&library, &all(), &taken).expect_err("a file is in the way");
-    says(&error.to_string(), &["taken"]);
 }

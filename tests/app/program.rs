@@ -149,13 +149,27 @@ pub fn lambda_errors(scenario: &Scenario, run: &Run, element: &str, at_s: f64) -
     })
 }
 
+/// The values of a signal over an interval in s.
+pub fn values_within(run: &Run, name: &str, from_s: f64, to_s: f64) -> Vec<f64> {
+    let pairs = run.recording.time_s.iter().zip(column(run, name));
+    pairs.filter(|(time_s, _)| (from_s..=to_s).contains(*time_s)).map(|(_, value)| *value).collect()
+}
+
+/// Tracking errors on an axis over an interval, in m.
+fn errors_m(run: &Run, axis: &str, from_s: f64, to_s: f64) -> Vec<f64> {
+    let (bearing, axis) = axis.split_at(axis.len() - 1);
+    let ought = values_within(run, &format!("controller.{bearing}reference.{axis}"), from_s, to_s);
+    let is = values_within(run, &format!("plant.{bearing}{axis}"), from_s, to_s);
+    is.into_iter().zip(ought).map(|(is, ought)| is - ought).collect()
+}
+
+/// Largest tracking error on an axis over an interval, in m.
+pub fn axis_error_m(run: &Run, axis: &str, from_s: f64, to_s: f64) -> f64 {
+    errors_m(run, axis, from_s, to_s).into_iter().fold(0.0, |most, error| most.max(error.abs()))
+}
+
 /// Largest radial tracking error in a bearing over an interval, in m.
 pub fn error_m(run: &Run, bearing: &str, from_s: f64, to_s: f64) -> f64 {
-    let miss = |axis: &str| {
-        let ought = column(run, &format!("controller.{bearing}reference.{axis}"));
-        column(run, &format!("plant.{bearing}{axis}")).iter().zip(ought).map(|(is, ought)| is - ought)
-    };
-    let misses = miss("Y").zip(miss("Z")).zip(&run.recording.time_s);
-    let within = misses.filter(|(_, time_s)| (from_s..=to_s).contains(*time_s));
-    within.map(|((y, z), _)| y.hypot(z)).fold(0.0, f64::max)
+    let [y, z] = ["Y", "Z"].map(|axis| errors_m(run, &format!("{bearing}{axis}"), from_s, to_s));
+    y.into_iter().zip(z).map(|(y, z)| y.hypot(z)).fold(0.0, f64::max)
 }

@@ -1,46 +1,39 @@
 //! Sweeps: a row per case, whatever happens.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::program::fresh;
+use crate::program::{cell, fresh, rows};
+use crate::support::{below, says};
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
-fn design(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name)
-}
-
-fn cell<'r>(rows: &'r [csv::StringRecord], header: &csv::StringRecord, row: usize, column: &str) -> &'r str {
-    let at = header.iter().position(|name| name == column).unwrap_or_else(|| panic!("no column {column}"));
-    &rows[row][at]
+fn opened(name: &str, scenario: Option<&str>) -> Sweep {
+    let design = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/designs").join(name);
+    Sweep::open(&design, scenario.map(Path::new)).expect("a valid design")
 }
 
 #[test]
 fn a_failing_case_is_a_row_with_its_message() {
-    let design = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let out = fresh("failing.csv");
-    design.run(&out).expect("the sweep runs");
-    let mut reader = csv::Reader::from_path(&out).expect("rows");
-    let header = reader.headers().expect("a header").clone();
-    let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();
-    let at = |row, column| cell(&rows, &header, row, column);
+    opened("cases.csv", None).run(&out).expect("the sweep runs");
+    let rows = rows(&fs::read_to_string(&out).expect("rows"));
     assert_eq!(rows.len(), 6);
-    for (row, words) in ["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"].iter().enumerate() {
-        assert_eq!(at(row, "case"), (row + 1).to_string());
-        assert!(at(row, "status").contains(words), "case {}: {}", row + 1, at(row, "status"));
+    for (n, (row, words)) in rows.iter().zip(["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"]).enumerate()
+    {
+        assert_eq!(row["case"], (n + 1).to_string());
+        says(&row["status"], &[words]);
     }
-    assert_ne!(at(4, "status"), "ok", "a load of 100 kN pushes the rotor through the backup bearing into a magnet");
-    assert_eq!(at(3, "lambdaHat[1] [N.m2/A2]"), "");
+    assert_ne!(rows[4]["status"], "ok", "a load of 100 kN pushes the rotor through the backup bearing into a magnet");
+    assert_eq!(rows[3]["lambdaHat[1] [N.m2/A2]"], "");
     // Masses in grams and in kilograms, loads with and without their unit.
-    assert_eq!(at(5, "plant.m [g]"), "6.9 kg");
-    let error: f64 = at(0, "error[1]").parse().expect("a number");
-    assert!(error.abs() < 0.01, "the first case is off by {error}");
-    assert_eq!(at(1, "seed"), "2");
+    assert_eq!(rows[5]["plant.m [g]"], "6.9 kg");
+    below("error of the first case", cell(&rows[0], "error[1]").abs(), 0.01);
+    assert_eq!(rows[1]["seed"], "2");
 }
 
 #[test]
 fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
-    let design = Sweep::open(&design("cases.csv"), None).expect("a valid design");
+    let design = opened("cases.csv", None);
     let whole = fresh("whole.csv");
     design.run(&whole).expect("the sweep runs");
     let text = fs::read_to_string(&whole).expect("rows");
@@ -64,38 +57,29 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
 
 #[test]
 fn rows_of_another_design_or_scenario_are_not_mixed_in() {
-    let one = Sweep::open(&design("cases.csv"), None).expect("a valid design");
     let out = fresh("foreign.csv");
-    one.run(&out).expect("the sweep runs");
+    opened("cases.csv", None).run(&out).expect("the sweep runs");
     let before = fs::read_to_string(&out).expect("rows");
-    let other = Sweep::open(&design("cases.csv"), Some(Path::new("paper"))).expect("a valid design");
-    let error = other.run(&out).expect_err("another scenario").to_string();
-    assert!(error.contains("another design or scenario"), "{error}");
-    let other = Sweep::open(&design("hypercube.toml"), None).expect("a valid design");
-    let error = other.run(&out).expect_err("another design").to_string();
-    assert!(error.contains("other columns"), "{error}");
-    assert_eq!(fs::read_to_string(&out).expect("rows"), before);
-    // Nor is any other file, whose last line is not an incomplete row.
-    for foreign in ["not mine", "title = 1\nstep"] {
-        fs::write(&out, foreign).expect("a file can be written");
-        let error = one.run(&out).expect_err("a file of another kind").to_string();
-        assert!(error.contains("no rows of a sweep"), "{error}");
-        assert_eq!(fs::read_to_string(&out).expect("the file"), foreign);
+    // Nor into any other file, whose last line is not an incomplete row.
+    for (design, scenario, content, words) in [
+        ("cases.csv", Some("paper"), before.as_str(), "another design or scenario"),
+        ("hypercube.toml", None, &before, "other columns"),
+        ("cases.csv", None, "not mine", "no rows of a sweep"),
+        ("cases.csv", None, "title = 1\nstep", "no rows of a sweep"),
+    ] {
+        fs::write(&out, content).expect("a file can be written");
+        says(&opened(design, scenario).run(&out).expect_err(words).to_string(), &[words]);
+        assert_eq!(fs::read_to_string(&out).expect("the file"), content, "{words}");
     }
 }
 
 #[test]
 fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
-    let design = Sweep::open(&design("hypercube.toml"), None).expect("a valid design");
     let mut text = Vec::new();
-    design.write(&mut text).expect("a list can be written to");
-    let mut reader = csv::Reader::from_reader(text.as_slice());
-    let header = reader.headers().expect("a header").clone();
-    let rows: Vec<_> = reader.records().map(|row| row.expect("a row")).collect();
+    opened("hypercube.toml", None).write(&mut text).expect("a list can be written to");
+    let rows = rows(std::str::from_utf8(&text).expect("UTF-8"));
     assert_eq!(rows.len(), 50);
-    let column = |name: &str| -> Vec<f64> {
-        (0..rows.len()).map(|row| cell(&rows, &header, row, name).parse().expect("a number")).collect()
-    };
+    let column = |name: &str| rows.iter().map(|row| cell(row, name)).collect::<Vec<f64>>();
     let parts = |share: Vec<f64>| {
         let mut parts: Vec<usize> = share.iter().map(|share| (share * 50.0).floor() as usize).collect();
         parts.sort_unstable();
@@ -103,7 +87,7 @@ fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
     };
     parts(column("plant.pZ [N]").iter().map(|p| (p + 30.0) / 30.0).collect());
     parts(column("plant.unbalance.magnitude [g.mm]").iter().map(|u| (u / 50.0).ln() / 6.0_f64.ln()).collect());
-    let often = rows.iter().filter(|row| row.iter().any(|cell| cell == "whenValid")).count();
+    let often = rows.iter().filter(|row| row.values().any(|cell| cell == "whenValid")).count();
     assert_eq!(often, 25);
     let mut seeds = column("plant.sensor.seed");
     seeds.sort_by(f64::total_cmp);
@@ -113,10 +97,17 @@ fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
 
 #[test]
 fn what_is_wrong_with_a_design_is_said_by_name() {
-    let wrong = fresh("wrong.csv");
-    fs::write(&wrong, "plant.lamda[1],plant.Y,estimator.Ym,bearing.m\n1,2,3,4\n").expect("a file can be written");
-    let error = Sweep::open(&wrong, None).err().expect("nothing is right in it").to_string();
-    for words in ["did you mean lambda[1]?", "plant.Y is refused", "connected to plant.Ym", "bearing.m"] {
-        assert!(error.contains(words), "{words} is missing in {error}");
+    let many = ["did you mean lambda[1]?", "plant.Y is refused", "connected to plant.Ym", "bearing.m"];
+    let misspelt = "plant.B.lamda[1]\n1\n";
+    for (text, scenario, words) in [
+        ("plant.lamda[1],plant.Y,estimator.Ym,bearing.m\n1,2,3,4\n", None, &many[..]),
+        // The nearest variable is one of the machine.
+        (misspelt, Some("spindle"), &["did you mean B.lambda[1]?"]),
+        (misspelt, Some("axial"), &["did you mean lambda[1]?"]),
+    ] {
+        let wrong = fresh("wrong.csv");
+        fs::write(&wrong, text).expect("a file can be written");
+        let error = Sweep::open(&wrong, scenario.map(Path::new)).err().expect("nothing is right in it");
+        says(&error.to_string(), words);
     }
 }
