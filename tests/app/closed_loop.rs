@@ -74,11 +74,11 @@ fn estimator_config(of: &impl Fn(&str) -> f64) -> EstimatorConfig {
 }
 
 /// Compares signals of one row with the recording, bit for bit; `?` stands for Y and Z, other names of several values get an index.
-fn same(run: &Run, row: usize, element: &str, signals: &[(&str, &[f64])]) {
+fn same(run: &Run, row: usize, signals: &[(&str, &[f64])]) {
     for (name, values) in signals {
         for (k, value) in values.iter().enumerate() {
             let index = if values.len() > 1 && !name.contains('?') { format!("[{}]", k + 1) } else { String::new() };
-            let name = format!("{element}.{}{index}", name.replace('?', ["Y", "Z", ""][k]));
+            let name = name.replace('?', ["Y", "Z", ""][k]) + &index;
             let recorded = column(run, &name)[row];
             let at_s = run.recording.time_s[row];
             let is_same = recorded.to_bits() == value.to_bits();
@@ -89,27 +89,24 @@ fn same(run: &Run, row: usize, element: &str, signals: &[(&str, &[f64])]) {
 
 fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     let output = state.output();
-    same(
-        run,
-        row,
-        element,
-        &[
-            ("lambdaHat", &output.lambda_hat),
-            ("lambdaRaw", &output.lambda_raw),
-            ("lambdaStd", &output.lambda_std),
-            ("lambdaStdTotal", &output.lambda_std_total),
-            ("ki", &output.ki),
-            ("ks", &output.ks),
-            ("noise.position", &output.position_noise_m[..1]),
-            ("noise.current", &output.current_noise_a[..1]),
-            ("valid", &[f64::from(u8::from(output.valid))]),
-            ("condition", &[output.condition]),
-            ("residual", &[output.residual]),
-            ("p?Hat", &output.load_n),
-            ("unbalance.magnitude", &output.unbalance_kg_m[..1]),
-            ("unbalance.phase", &output.unbalance_phase_rad[..1]),
-        ],
-    );
+    for (name, values) in [
+        ("lambdaHat", &output.lambda_hat[..]),
+        ("lambdaRaw", &output.lambda_raw),
+        ("lambdaStd", &output.lambda_std),
+        ("lambdaStdTotal", &output.lambda_std_total),
+        ("ki", &output.ki),
+        ("ks", &output.ks),
+        ("noise.position", &output.position_noise_m[..1]),
+        ("noise.current", &output.current_noise_a[..1]),
+        ("valid", &[f64::from(u8::from(output.valid))]),
+        ("condition", &[output.condition]),
+        ("residual", &[output.residual]),
+        ("p?Hat", &output.load_n),
+        ("unbalance.magnitude", &output.unbalance_kg_m[..1]),
+        ("unbalance.phase", &output.unbalance_phase_rad[..1]),
+    ] {
+        same(run, row, &[(&format!("{element}.{name}"), values)]);
+    }
 }
 
 /// The models in a loop written by hand here against the instances in the program's loop.
@@ -143,28 +140,20 @@ fn models_and_slaves_agree_bit_for_bit() {
             same(
                 &run,
                 step,
-                "plant",
                 &[
-                    ("?", &rotor.position_m),
-                    ("?m", &rotor.measured.position_m),
-                    ("im", &rotor.measured.current_a),
-                    ("theta", &[rotor.measured.theta_rad]),
-                    ("F", &at.force_n),
-                    ("F?", &at.resultant_n),
-                    ("gap", &at.gap_m),
-                    ("perturbation.?", &at.perturbation_n),
-                ],
-            );
-            same(
-                &run,
-                step,
-                "controller",
-                &[
-                    ("i", &command.current_a),
-                    ("e?", &command.tracking_error_m),
-                    ("p?Hat", &command.perturbation_n),
-                    ("lambdaUsed", &command.lambda_used_nm2_a2),
-                    ("F?des", &command.force_n),
+                    ("plant.?", &rotor.position_m),
+                    ("plant.?m", &rotor.measured.position_m),
+                    ("plant.im", &rotor.measured.current_a),
+                    ("plant.theta", &[rotor.measured.theta_rad]),
+                    ("plant.F", &at.force_n),
+                    ("plant.F?", &at.resultant_n),
+                    ("plant.gap", &at.gap_m),
+                    ("plant.perturbation.?", &at.perturbation_n),
+                    ("controller.i", &command.current_a),
+                    ("controller.e?", &command.tracking_error_m),
+                    ("controller.p?Hat", &command.perturbation_n),
+                    ("controller.lambdaUsed", &command.lambda_used_nm2_a2),
+                    ("controller.F?des", &command.force_n),
                 ],
             );
             for ((name, _), estimate) in estimators.iter().zip(&estimates) {

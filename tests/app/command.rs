@@ -159,6 +159,7 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         ),
         ("package --nonsense", &["error: ", "--help"]),
         ("package paper", &["error: paper is no machine; known are planar, "]),
+        ("package spindel", &["spindel is no machine", "did you mean spindle?"]),
         (
             "montecarlo --only nosuch",
             &["--only \"nosuch\"", "no study has this in its title", "Drawn bearings, noise known"],

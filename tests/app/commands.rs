@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::program::{cell, fresh, open, rows};
-use crate::support::says;
+use crate::support::{between, says};
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::studies::design::{self, Conditions, design};
@@ -66,16 +66,12 @@ fn many_seeds_of_every_machine_agree_with_what_is_stated() {
         let figures = &outcome.figures[1];
         assert_eq!((figures.runs, figures.valid), (6, 6), "{name}: {:?}", figures.verdicts);
         assert_eq!(figures.rms.len(), machine.magnets(), "{name}");
-        let (normalised, over_bound) = (pooled(&figures.normalised), pooled(&figures.over_bound));
-        println!("{name}: error/std {normalised:.2}, error/bound {over_bound:.2}");
         for (k, (stated, bound)) in figures.stated.iter().zip(&figures.bound).enumerate() {
             // No unbiased estimate is better than the bound; the estimator states hardly more.
-            let ratio = stated / bound;
-            println!("{name}, magnet {k}: {:.3} % stated, {ratio:.3} of the bound", 100.0 * stated);
-            assert!((0.9..1.5).contains(&ratio), "{name}, magnet {k}: {ratio}");
+            between(&format!("{name}, magnet {k}: stated/bound"), stated / bound, 0.9, 1.5);
         }
         // Of 6 runs, in each of which the errors of all magnets are alike.
-        assert!((0.3..2.0).contains(&normalised), "{name}: {normalised}");
+        between(&format!("{name}: error/std"), pooled(&figures.normalised), 0.3, 2.0);
         assert!(outcome.beyond() == 0, "{name}: {:?}", outcome.worst());
         let table = montecarlo::table(&study, &outcome);
         let rows: Vec<&str> = table.rows.iter().map(|row| row[0].as_str()).collect();
@@ -95,7 +91,7 @@ fn the_excitation_of_every_machine_can_be_designed() {
             let scenario = open(built_in(machine), &[]);
             let conditions = Conditions { rpm, step_s: Some(2e-4), noise: NOISE, instant_s: 0.3 };
             let precisions = design(&scenario, &conditions).unwrap_or_else(|error| panic!("{name}: {error}"));
-            println!("{name}, {rpm} rpm: {:.5} alone, {:.5} modulated", precisions[0].worst(), precisions[1].worst());
+
             let [alone, modulated] = precisions.each_ref().map(|precision| precision.std.last().expect("an instant"));
             assert_eq!((alone.len(), modulated.len()), (machine.magnets(), machine.magnets()));
             let recommended = design::is_modulation_recommended(&precisions);

@@ -1,6 +1,7 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
 use crate::bench::Bench;
+use crate::support::{below, between};
 use fmu_export::variable::Value;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::simulation::simulate;
@@ -38,8 +39,7 @@ fn identified(bench: &Bench, options: &Options) -> Identification {
 #[track_caller]
 fn is_right(what: &str, found: &Identification, bench: &Bench) {
     for (k, (lambda, truth)) in found.lambda.iter().zip(bench.lambda).enumerate() {
-        let error = (lambda.value - truth) / lambda.total_std;
-        assert!(error.abs() < 4.0, "{what}, λ{k}: {error} standard deviations");
+        is_near(&format!("{what}, λ{k}"), lambda, truth, 4.0);
     }
 }
 
@@ -53,21 +53,29 @@ fn told<'a>(options: &'a mut Options, name: &str) -> &'a mut Told {
     named.next().map(|(_, told)| told).unwrap_or_else(|| panic!("no parameter {name}"))
 }
 
-/// The parameters of a bench with three magnets.
-fn all() -> Vec<BenchParameter> {
-    options(&Bench::default()).parts[0].parameters.clone()
-}
-
 fn tell(options: &mut Options, tolerances: &[(&str, f64)]) {
     for (name, std) in tolerances {
         told(options, name).knowledge = Knowledge::Tolerance(*std);
     }
 }
 
+/// The estimate of a parameter of the bench.
+fn of_bench(found: &Identification, name: &str) -> Estimate {
+    let of = found.bench.iter().find(|of| of.parameter.name == name);
+    of.unwrap_or_else(|| panic!("no parameter {name}")).estimate
+}
+
+/// How many of its deviations an estimate is off.
+#[track_caller]
+fn is_near(what: &str, estimate: &Estimate, truth: f64, deviations: f64) {
+    let error = (estimate.value - truth) / estimate.total_std;
+    assert!(error.abs() < deviations, "{what}: {error} standard deviations of {estimate:?}");
+}
+
 /// A bench of which everything is off by its typical tolerance, drawn.
 fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
     let noise: [Noise; 28] = Noise::channels(seed);
-    let drawn = all().into_iter().zip(noise).map(|(parameter, mut noise)| {
+    let drawn = options(&base).parts[0].parameters.clone().into_iter().zip(noise).map(|(parameter, mut noise)| {
         let value = parameter.typical * noise.standard_normal();
         // Sensors do not know the future.
         if parameter.name == "delay" { value.abs() } else { value }
@@ -93,28 +101,22 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
     (bench, d)
 }
 
-fn all_typical(bench: &Bench) -> Options {
-    let mut options = options(bench);
-    for (parameter, told) in options.bench() {
-        told.knowledge = Knowledge::Tolerance(parameter.typical);
-    }
-    options
-}
-
 /// A bench that is off in everything, or in nothing, converges to within its deviations, from a second to more rows than the likelihood is believed.
 #[test]
 fn all_parameters_of_a_bench_are_found_at_once() {
     let off = [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)];
     let off = off.map(|(seed, seconds)| drawn(seed, Bench { seconds, ..Bench::default() }));
-    let exact = (Bench { seconds: 3.0, seed: 45, ..Bench::default() }, vec![0.0; all().len()]);
+    let exact = (Bench { seconds: 3.0, seed: 45, ..Bench::default() }, vec![0.0; 28]);
     for (bench, truth) in off.into_iter().chain([exact]) {
         let what = format!("seed {}", bench.seed);
-        let found = identified(&bench, &all_typical(&bench));
+        let mut options = options(&bench);
+        options.bench().for_each(|(parameter, told)| told.knowledge = Knowledge::Tolerance(parameter.typical));
+        let found = identified(&bench, &options);
         assert!(found.converged, "{what}: {} iterations", found.iterations);
         is_right(&what, &found, &bench);
+        assert_eq!(found.bench.len(), truth.len(), "{what}");
         for (of, truth) in found.bench.iter().zip(truth) {
-            let error = (of.estimate.value - truth) / of.estimate.total_std;
-            assert!(error.abs() < 5.0, "{what}, {}: {error} standard deviations", of.parameter.name);
+            is_near(&format!("{what}, {}", of.parameter.name), &of.estimate, truth, 5.0);
         }
     }
 }
@@ -122,27 +124,19 @@ fn all_parameters_of_a_bench_are_found_at_once() {
 /// Recordings at two speeds share λ, unbalance and bench; each has its load. The deviation of the run-out is 0.38 of that from one.
 #[test]
 fn two_speeds_tell_run_out_better_than_one() {
-    let slow = Bench {
-        seconds: 0.5,
-        runout1: [2e-6, 0.0, 0.0, 0.0],
-        load: [5.0, -30.0],
-        seed: 46,
-        omega: std::f64::consts::TAU * 30.0,
-        ..Bench::default()
-    };
-    let fast = Bench { omega: std::f64::consts::TAU * 60.0, load: [10.0, -20.0], seed: 47, ..slow.clone() };
+    let base = Bench { seconds: 0.5, runout1: [2e-6, 0.0, 0.0, 0.0], ..Bench::default() };
+    let slow = Bench { load: [5.0, -30.0], seed: 46, omega: std::f64::consts::TAU * 30.0, ..base.clone() };
+    let fast = Bench { load: [10.0, -20.0], seed: 47, omega: std::f64::consts::TAU * 60.0, ..base };
     let mut options = options(&slow);
     tell(&mut options, &[("runout1.forward.cos", 5e-6), ("runout1.forward.sin", 5e-6)]);
     let both = [&slow, &fast].map(|bench| recording(bench, false));
-    let together = likelihood::identify(&both, &options).unwrap();
-    let alone = likelihood::identify(&both[..1], &options).unwrap();
-    let runout = by_name(&all(), "runout1.forward.cos").unwrap();
-    let of = |found: &Identification| found.bench[runout].estimate;
-    assert!(together.converged && (of(&together).value - 2e-6).abs() < 4.0 * of(&together).total_std);
-    assert!(of(&together).total_std < 0.5 * of(&alone).total_std, "{:?} {:?}", of(&together), of(&alone));
+    let [together, alone] = [&both[..], &both[..1]].map(|of| likelihood::identify(of, &options).unwrap());
+    let [both, one] = [&together, &alone].map(|found| of_bench(found, "runout1.forward.cos"));
+    assert!(together.converged && both.total_std < 0.5 * one.total_std, "{both:?} {one:?}");
+    is_near("run-out", &both, 2e-6, 4.0);
     for (conditions, bench) in together.conditions.iter().zip([&slow, &fast]) {
         for (load, truth) in conditions.load_n.iter().zip(bench.load) {
-            assert!((load.value - truth).abs() < 4.0 * load.total_std, "{load:?}, truth {truth}");
+            is_near("load", load, truth, 4.0);
         }
     }
 }
@@ -155,10 +149,9 @@ fn a_change_of_lambda_is_found_and_both_parts_are_told() {
         panic!("{:?}", found.contradictions)
     };
     assert!(rows.start.abs_diff(6000) <= 200 && rows.end == 10_001, "{rows:?}");
-    for (k, ((before, after), truth)) in found.lambda.iter().zip(lambda).zip(bench.lambda).enumerate() {
-        let error = (before.value - truth) / before.total_std;
-        let after = (after.value - 1.05 * truth) / after.total_std;
-        assert!(error.abs() < 4.0 && after.abs() < 4.0, "λ{k}: {error} and {after} standard deviations");
+    is_right("before", &found, &bench);
+    for (after, truth) in lambda.iter().zip(bench.lambda) {
+        is_near("after", after, 1.05 * truth, 4.0);
     }
 }
 
@@ -223,10 +216,10 @@ fn a_slow_force_is_found_by_its_likelihood() {
     let [without, plain, found] = [of(0.0, false), of(LEVEL, false), of(LEVEL, true)];
     let [gain, asked] = [without, plain].map(|of| of.gain_by_slow_force);
     let level = found.conditions[0].parts[0].slow_force_n;
-    println!("worth {gain:.1} without, {asked:.1} with it; {level:.3} N/√s");
-    assert!(gain < by_chance, "{gain} without a slow force");
+
+    below("gain without a slow force", gain, by_chance);
     assert!(asked > by_chance, "{asked} with a slow force");
-    assert!((0.7 * LEVEL..1.4 * LEVEL).contains(&level), "{level} N/√s, where {LEVEL} are right");
+    between("level in N/√s", level, 0.7 * LEVEL, 1.4 * LEVEL);
     is_right("a slow force", &found, &Bench::default());
 }
 
@@ -240,35 +233,23 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     assert_eq!(of(1), of(4));
 }
 
-#[test]
-fn unmodelled_run_out_is_the_first_suspect() {
-    let bench = Bench { seconds: 0.5, runout2: [1e-6, 0.0, 0.0, 0.0], seed: 43, ..Bench::default() };
-    let found = identified(&bench, &options(&bench));
-    let named: Vec<&str> =
-        found.suspects.iter().map(|suspect| &*found.bench[suspect.parameter].parameter.name).collect();
-    assert!(named.first().is_some_and(|name| name.starts_with("runout2")), "{named:?}");
-}
-
 /// A tolerance of the mass scales λ and the unbalance, and nothing else.
 #[test]
 fn a_tolerance_of_the_mass_widens_in_proportion() {
     const MASS: f64 = 0.01;
     let bench = Bench { seconds: 0.5, seed: 49, ..Bench::default() };
-    let with = |tolerances: &[(&str, f64)]| {
-        let mut options = options(&bench);
-        tell(&mut options, tolerances);
-        identified(&bench, &options)
-    };
-    let (exact, within) = (with(&[]), with(&[("m", MASS)]));
-    let estimates =
-        |of: &Identification| of.lambda.iter().chain([&of.unbalance[0].magnitude]).copied().collect::<Vec<_>>();
+    let mut options = options(&bench);
+    let exact = identified(&bench, &options);
+    tell(&mut options, &[("m", MASS)]);
+    let within = identified(&bench, &options);
+    let estimates = |of: &Identification| [of.lambda.clone(), vec![of.unbalance[0].magnitude]].concat();
     for (exact, within) in estimates(&exact).into_iter().zip(estimates(&within)) {
         assert_eq!(exact.value, within.value);
         let wanted = exact.total_std.hypot(MASS * exact.value);
         assert!((within.total_std / wanted - 1.0).abs() < 1e-12, "{exact:?} {within:?}");
     }
-    let mass = by_name(&all(), "m").expect("a parameter");
-    assert_eq!((within.bench[mass].estimate.value, within.bench[mass].estimate.total_std), (0.0, MASS));
+    let mass = of_bench(&within, "m");
+    assert_eq!((mass.value, mass.total_std), (0.0, MASS));
 }
 
 #[test]
@@ -282,8 +263,7 @@ fn mass_and_current_gain_are_not_separated_from_lambda() {
     let mut held: Vec<&str> = found.not_separated.iter().map(|j| &*found.bench[*j].parameter.name).collect();
     held.sort_unstable();
     assert_eq!(held, ["current.gain[2]", "m"]);
-    let offset = by_name(&all(), "sensor.offset[y]").unwrap();
-    assert!(found.bench[offset].estimate.total_std < 5e-6);
+    assert!(of_bench(&found, "sensor.offset[y]").total_std < 5e-6);
 }
 
 /// Runs of one drawn bearing (`montecarlo --only "identify: drawn bearings, noise known"` and its seed) with other noise, the position noise scaled.
@@ -309,44 +289,27 @@ fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
 fn a_bearing_that_noise_excites_is_found_without_bias() {
     let trials = runs_of(92_025, 1.0, 8);
     for k in 0..3 {
-        let of = |f: fn(f64, f64, f64) -> f64| {
+        let mean = |f: fn(f64, f64, f64) -> f64| {
             let last = trials.iter().map(|trial| trial.samples.last().unwrap());
             last.map(|of| f(of.error[k], of.std[k], of.bound[k])).sum::<f64>() / trials.len() as f64
         };
-        let [mean, square, stated] = [
-            of(|error, _, bound| error / bound),
-            of(|error, std, _| (error / std).powi(2)),
-            of(|_, std, bound| std / bound),
-        ];
-        assert!(mean.abs() < 1.5, "λ{k}: off by {mean} bounds on average");
-        assert!(square.sqrt() < 1.7, "λ{k}: error {} of its deviations", square.sqrt());
-        assert!(stated < 1.7, "λ{k}: states {stated} bounds");
+        below(&format!("λ{k}, bounds off on average"), mean(|error, _, bound| error / bound).abs(), 1.5);
+        below(&format!("λ{k}, error in deviations"), mean(|error, std, _| (error / std).powi(2)).sqrt(), 1.7);
+        below(&format!("λ{k}, bounds that it states"), mean(|_, std, bound| std / bound), 1.7);
     }
 }
 
 /// At 1000 rpm with 0.23 µm and 29 mA the gains of the filter follow λ so closely that little of what seems known is: ± without that part of the
-/// sensitivity was 1.3 %, the error up to 9.
+/// sensitivity was 1.3 %, the error up to 9. With 12 nm and 41 mA the filter believes the positions, and noise of the currents in its stiffness would
+/// look like an offset of 50 µm. From six turns on the stiffness is free of it.
 #[test]
-fn a_slow_bearing_is_not_known_too_well() {
+fn bearings_that_the_noise_may_deceive_are_not_known_too_well() {
     for trial in runs_of(131_025, 1.0, 2) {
         assert!(trial.worst.ratio < 4.0, "{:?}", trial.worst);
     }
-}
-
-/// With 12 nm and 41 mA the filter believes the positions, and noise of the currents in its stiffness would look like an offset of 50 µm. From six turns on
-/// the stiffness is free of it.
-#[test]
-fn noise_of_the_currents_is_no_offset_of_a_sensor() {
-    for trial in runs_of(91_002, 0.1, 3) {
-        for sample in &trial.samples[1..] {
-            assert!(sample.valid, "{:?} {:?}", sample.verdict, sample.error);
-        }
+    for sample in runs_of(91_002, 0.1, 3).iter().flat_map(|trial| &trial.samples[1..]) {
+        assert!(sample.valid, "{:?} {:?}", sample.verdict, sample.error);
     }
-}
-
-/// The root mean square.
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len() as f64).sqrt()
 }
 
 /// Noise that grows with the gap: its power is found with an honest ±, and its level is that at the nominal gap.
@@ -364,11 +327,11 @@ fn noise_may_grow_with_the_gap() {
         options.parts[0].beside.exponent = true;
         let found = likelihood::identify(&[recording], &options).unwrap();
         let part = &found.conditions[0].parts[0];
-        assert!((part.position_noise_m / 1e-6 - 1.0).abs() < 0.05, "seed {seed}: {}", part.position_noise_m);
+        below(&format!("seed {seed}, noise"), (part.position_noise_m / 1e-6 - 1.0).abs(), 0.05);
         let estimate = part.noise_exponent.expect("an estimate");
-        assert!(estimate.total_std < 0.2, "seed {seed}: {estimate:?}");
+        below(&format!("seed {seed}, ± of the power"), estimate.total_std, 0.2);
         (estimate.value - power) / estimate.total_std
     });
-    println!("power {} {errors:.2?}", rms(&errors));
-    assert!((0.7..1.3).contains(&rms(&errors)));
+    let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
+    between("error of the power in deviations", rms, 0.7, 1.3);
 }

@@ -4,8 +4,7 @@ use std::path::Path;
 
 use crate::program::{column, error_m, of, row};
 use crate::support::says;
-use magnetic_bearing::machine::MACHINES;
-use magnetic_bearing::package;
+
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::synchronous;
 
@@ -56,7 +55,6 @@ fn both_bearings_follow_their_paths() {
         let (scenario, run) = of("spindle", &[speed.as_slice(), &drive].concat());
         for bearing in ["A.", "B."] {
             let error_m = error_m(&run, bearing, 0.3, scenario.duration_s);
-            println!("{omega} rad/s, {bearing}: {error_m:.2e} m");
             assert!(error_m < limit_m, "{omega} rad/s, {bearing}: {error_m:e} m");
         }
     }
@@ -83,11 +81,4 @@ fn the_page_shows_the_machine() {
         let (first_screen, _) = page.split_once("shaft-animation").expect("an animation");
         assert_eq!(first_screen.contains("Synchronous force of the magnets"), name == "balance", "{name}");
     }
-}
-
-#[test]
-fn an_unknown_machine_is_refused_with_the_nearest() {
-    let error = package::machines(&["spindel"]).expect_err("a refusal");
-    says(&error, &["spindel is no machine", "did you mean spindle?"]);
-    assert_eq!(package::machines(&["axial"]).expect("a machine"), [&MACHINES[4]]);
 }

@@ -259,19 +259,6 @@ fn wrong_columns_and_options_are_named() {
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
 }
 
-/// A recording that does not tell gets no answer: the exit code, the words, and no twin.
-#[test]
-fn too_short_a_recording_is_not_valid() {
-    let folder = folder("machines-identified/short");
-    record(&folder, &SPINDLE4, first(150));
-    let arguments = ["identify", "run.csv", "--machine", "spindle4", "--json", "-", "--save", "twin.toml"];
-    let (out, errors) = ends(3, &folder, &arguments);
-    says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
-    let document: Json = serde_json::from_str(&out).expect("JSON");
-    assert_eq!((&document["valid"], &document["lambdaHat"]), (&Json::Bool(false), &Json::Null));
-    assert!(!folder.join("twin.toml").exists());
-}
-
 /// Rotors that are heavier than stated under loads that are known: κ in words, JSON, budget and twin. Without a load that is known it is refused.
 #[test]
 fn a_known_load_tells_the_dynamics() {

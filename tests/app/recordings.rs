@@ -163,7 +163,6 @@ fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
     for (name, stamp, words) in cases {
         let text = BENCH.with_times("time [s]", stamp);
         let error = Samples::read(&text, &Reading::default()).expect_err(name).to_string();
-        println!("{name}: {error}");
         says(&error, words);
         assert!(!error.contains("--resample"), "{name}: {error}");
     }

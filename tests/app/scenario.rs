@@ -7,19 +7,14 @@ use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::simulation::simulate;
 
-/// A scenario with the given top-level lines and tables.
-fn text(head: &str, tables: &str) -> String {
+/// The scenario with the given top-level lines and tables.
+fn parse(head: &str, tables: &str) -> Result<Scenario, String> {
     let mut text = String::from("title = \"A test\"\n");
     for (key, line) in [("duration", "duration = \"10 ms\"\n"), ("step", "step = 1e-4\n")] {
-        if !head.contains(key) {
-            text += line;
-        }
+        text += if head.contains(key) { "" } else { line };
     }
-    text + head + "\n" + tables
-}
-
-fn parse(head: &str, tables: &str) -> Result<Scenario, String> {
-    Scenario::parse("test.toml", &text(head, tables)).map_err(|error| error.to_string())
+    text += &format!("{head}\n{tables}");
+    Scenario::parse("test.toml", &text).map_err(|error| error.to_string())
 }
 
 #[track_caller]
@@ -30,15 +25,12 @@ fn accepted(tables: &str) -> Scenario {
 /// The message for a scenario that cannot be read, or cannot begin.
 #[track_caller]
 fn refusal(head: &str, tables: &str) -> String {
-    match parse(head, tables) {
+    match parse(head, tables).map(|scenario| simulate::run(&scenario)) {
         Err(error) => {
             says(&error, &["test.toml"]);
             error
         }
-        Ok(scenario) => match simulate::run(&scenario) {
-            Err(refused) => refused.to_string(),
-            Ok(_) => panic!("nothing was refused of:\n{head}\n{tables}"),
-        },
+        Ok(run) => run.err().unwrap_or_else(|| panic!("nothing was refused of:\n{head}\n{tables}")).to_string(),
     }
 }
 
@@ -58,10 +50,10 @@ fn the_scenarios_of_the_program_are_sound() {
 #[test]
 fn values_come_in_every_notation() {
     let scenario = accepted(
-        "[plant]\nm = 7\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
+        "[all]\nm = 7\nlambda0 = [1e-6, 2e-6, 3e-6]\n[plant]\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
          unbalance.phase = \"90 deg\"\nsensor.seed = -4\n'alpha[1]' = 3.0\n\
          [controller]\nupdate.mode = \"whenValid\"\n[controller.reference]\nrY = \"20 um\"\nlobes = 5\n\
-         [estimator]\nenable = false\nTf = \"20 ms\"\n",
+         [estimator]\nm = 6.0\nenable = false\nTf = \"20 ms\"\n",
     );
     let value = |element, name| scenario.value(element, name).unwrap_or_else(|| panic!("{element}.{name}"));
     for (element, name, wanted) in [
@@ -82,24 +74,22 @@ fn values_come_in_every_notation() {
         let is = value(element, name).as_f64();
         assert!((is / wanted - 1.0).abs() <= ROUNDING, "{element}.{name} is {is}, expected {wanted}");
     }
-    assert_eq!(value("plant", "sensor.seed"), Value::Integer(-4));
-    assert_eq!(value("controller", "update.mode"), Value::Integer(3));
-    assert_eq!(value("controller", "reference.lobes"), Value::Integer(5));
-    assert_eq!(value("estimator", "enable"), Value::Boolean(false));
-    // Other values are those of the table.
-    assert_eq!(value("controller", "F0"), Value::Real(20.0));
-    assert_eq!(scenario.value("plant", "nothing"), None);
-}
-
-#[test]
-fn the_common_table_reaches_every_element_that_knows_the_name() {
-    let scenario = accepted("[all]\nm = 5.0\nlambda0 = [1e-6, 2e-6, 3e-6]\n[estimator]\nm = 6.0\n");
-    let value = |element, name| scenario.value(element, name).map(Value::as_f64);
-    assert_eq!(value("plant", "m"), Some(5.0));
-    assert_eq!(value("controller", "m"), Some(5.0));
-    assert_eq!(value("estimator", "m"), Some(6.0), "the element's own table takes precedence");
-    assert_eq!(value("controller", "lambda0[2]"), Some(2e-6));
-    assert_eq!(value("estimator", "lambda0[3]"), Some(3e-6));
+    for (element, name, wanted) in [
+        ("plant", "sensor.seed", Some(Value::Integer(-4))),
+        ("controller", "update.mode", Some(Value::Integer(3))),
+        ("controller", "reference.lobes", Some(Value::Integer(5))),
+        ("estimator", "enable", Some(Value::Boolean(false))),
+        // Other values are those of the table.
+        ("controller", "F0", Some(Value::Real(20.0))),
+        ("plant", "nothing", None),
+        // The common table reaches every element that knows the name; the element's own table takes precedence.
+        ("controller", "m", Some(Value::Real(7.0))),
+        ("estimator", "m", Some(Value::Real(6.0))),
+        ("controller", "lambda0[2]", Some(Value::Real(2e-6))),
+        ("estimator", "lambda0[3]", Some(Value::Real(3e-6))),
+    ] {
+        assert_eq!(scenario.value(element, name), wanted, "{element}.{name}");
+    }
 }
 
 #[test]
@@ -119,12 +109,10 @@ fn estimators_beside_the_loop_differ_in_their_method_alone() {
     );
 }
 
-/// Head, tables, and the words that the refusal must hold.
-type Case = (&'static str, &'static str, &'static [&'static str]);
-
 #[test]
-fn what_cannot_be_understood_is_refused_by_name() {
-    const CASES: &[Case] = &[
+fn what_cannot_be_understood_or_run_is_refused_by_name() {
+    // Head, tables, and the words that the refusal must hold.
+    const CASES: &[(&str, &str, &[&str])] = &[
         // Unknown names, with a suggestion where one is near.
         ("", "[plant]\nlamda = [1e-6, 1e-6, 1e-6]", &["[plant]", "lamda", "did you mean lambda?"]),
         ("", "[controller]\nreference.ry = 1e-5", &["[controller]", "reference.ry", "did you mean reference.rY?"]),
@@ -181,16 +169,7 @@ fn what_cannot_be_understood_is_refused_by_name() {
         ("compare = [\"best\"]", "", &["compare = \"best\"", "one of paperLiteral (1)"]),
         ("compare = [\"paper\", \"paper\"]", "", &["compare = \"paper\"", "twice"]),
         ("compare = 3", "", &["compare"]),
-    ];
-    for (head, tables, words) in CASES {
-        says(&refusal(head, tables), words);
-    }
-}
-
-/// A refusal of a model names the element; `fmu::instances` has more of them.
-#[test]
-fn what_cannot_be_run_is_refused_by_name() {
-    const CASES: &[Case] = &[
+        // Values that a model refuses: `fmu::instances` has more of them.
         ("", "[plant]\nm = nan", &["[plant]", "m = NaN kg", "a finite number above 0"]),
         ("", "[all]\nm = 0", &["[plant] m = 0 kg", "[controller] m", "[estimator] m", "above 0"]),
         ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
@@ -200,31 +179,19 @@ fn what_cannot_be_run_is_refused_by_name() {
         ("", "[plant]\nlambda = [2e-6, inf, 2e-6]", &["[plant]", "lambda[2] = inf", "above 0"]),
         ("", "[controller]\nreference.rZ = \"0.6 mm\"", &["[controller]", "reference."]),
         ("", "[estimator]\ntolerance.alpha = \"-1 deg\"", &["tolerance.alpha = -0.017", "rad", "0 or above"]),
-        (
-            "",
-            "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"",
-            &["[estimator]", "tolerance.s = 0.000001 m", "method = predictionError"],
-        ),
-        (
-            "",
-            "[estimator]\nmethod = \"paper\"\nidentify.unbalance = false",
-            &["[estimator]", "identify.unbalance = false", "method = predictionError"],
-        ),
-        (
-            "machine = \"planar4\"",
-            "[controller]\nallocation = \"biasCurrent\"\n[all]\nalpha = [0.8, 2.3, 4.0, 5.5]",
-            &["allocation = biasCurrent is refused", "face each other"],
-        ),
-        (
-            "machine = \"axial\"",
-            "[controller]\nallocation = \"biasCurrent\"\n[all]\nmagnets.used = \"first\"",
-            &["allocation = biasCurrent is refused"],
-        ),
+        ("", OF_PAPER_TOLERANCE, &["[estimator]", "tolerance.s = 0.000001 m", "method = predictionError"]),
+        ("", OF_PAPER_UNBALANCE, &["[estimator]", "identify.unbalance = false", "method = predictionError"]),
+        ("machine = \"planar4\"", NONE_OPPOSITE, &["allocation = biasCurrent is refused", "face each other"]),
+        ("machine = \"axial\"", ONE_OF_TWO, &["allocation = biasCurrent is refused"]),
         ("machine = \"planar4\"", "[all]\nalpha = [0.0, 0.5, 1.0, 1.5]", &["alpha[", "all round the rotor"]),
         ("machine = \"axial\"", "[controller]\nbias.current = \"-1 A\"", &["bias.current = -1 A is refused"]),
         ("machine = \"spindle4\"", "[controller]\nB.bias.current = -1", &["B.bias.current = -1 A is refused"]),
         ("machine = \"axial\"", "[controller]\nreference.rX = 6e-4", &["reference.rX", "does not touch magnet 1"]),
     ];
+    const OF_PAPER_TOLERANCE: &str = "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"";
+    const OF_PAPER_UNBALANCE: &str = "[estimator]\nmethod = \"paper\"\nidentify.unbalance = false";
+    const NONE_OPPOSITE: &str = "[controller]\nallocation = \"biasCurrent\"\n[all]\nalpha = [0.8, 2.3, 4.0, 5.5]";
+    const ONE_OF_TWO: &str = "[controller]\nallocation = \"biasCurrent\"\n[all]\nmagnets.used = \"first\"";
     for (head, tables, words) in CASES {
         says(&refusal(head, tables), words);
     }
@@ -244,17 +211,9 @@ fn all_findings_are_told_at_once() {
 
     // An unknown top-level key, or one of another type, hides no other finding.
     let said = refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
-    let words = [
-        "durration",
-        "did you mean duration?",
-        "duration = 0",
-        "compare is refused",
-        "profile is",
-        "lamda",
-        "plan in line",
-    ];
-    says(&said, &words);
-    assert_eq!(said.lines().count(), words.len(), "one line for the file, one for each finding: {said}");
+    says(&said, &["durration", "did you mean duration?", "duration = 0", "compare is refused", "profile is"]);
+    says(&said, &["lamda", "plan in line"]);
+    assert_eq!(said.lines().count(), 7, "one line for the file, one for each finding: {said}");
 
     let said = refusal(
         "",
@@ -264,24 +223,16 @@ fn all_findings_are_told_at_once() {
 }
 
 #[test]
-fn errors_of_syntax_name_the_line() {
-    for (broken, line) in [
+fn errors_of_syntax_name_the_line_and_what_is_missing_is_named() {
+    for (text, words) in [
         ("title = \"A test\"\nduration = 0.1\nstep = \n", "line 3"),
         ("title = \"A test\"\n[plant\nm = 1\n", "line 2"),
         ("title = \"A test\"\nduration = 0.1\nstep = 1e-4\n[plant]\nm = 1\nm = 2\n", "line 6"),
         ("title = \"A test\"\ntitle = \"Another\"\n", "line 2"),
+        ("", "title"),
+        ("title = \"A test\"\nstep = 1e-4\n", "duration"),
     ] {
-        let Err(error) = Scenario::parse("broken.toml", broken) else { panic!("accepted: {broken}") };
-        says(&error.to_string(), &["broken.toml", line]);
+        let error = Scenario::parse("broken.toml", text).err().unwrap_or_else(|| panic!("accepted: {text}"));
+        says(&error.to_string(), &["broken.toml", words]);
     }
-}
-
-#[test]
-fn what_is_missing_is_named() {
-    let Err(error) = Scenario::parse("empty.toml", "") else { panic!("an empty scenario was accepted") };
-    says(&error.to_string(), &["empty.toml", "title"]);
-    let Err(error) = Scenario::parse("short.toml", "title = \"A test\"\nstep = 1e-4\n") else { panic!("accepted") };
-    says(&error.to_string(), &["short.toml", "duration"]);
-    let Err(error) = Scenario::open(Path::new("no/such/file.toml")) else { panic!("there is no such file") };
-    says(&error.to_string(), &["no/such/file.toml", "paper,", "unbalanced", "turned"]);
 }

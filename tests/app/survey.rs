@@ -6,16 +6,14 @@
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
-use std::path::Path;
-use std::sync::Arc;
 
-use fmu_export::variable::Value;
+use crate::program::{self, column};
 use magnetic_bearing::estimation::Method;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
-use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, pooled};
-use magnetic_bearing::studies::montecarlo::{self, SEEDS, Vary, cases};
+use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, Worst, pooled};
+use magnetic_bearing::studies::montecarlo::{self, SEEDS, cases};
 use magnetic_bearing::studies::parallel::in_order;
 use magnetic_bearing::variables::Choice;
 
@@ -35,46 +33,43 @@ fn asked(name: &str, otherwise: u64) -> u64 {
 #[derive(Clone, Debug, Default)]
 struct Said {
     case: String,
-    samples: usize,
-    valid: usize,
+    /// Part of the samples that are valid.
+    valid: f64,
     /// Greatest |error|/standard deviation while valid, when, and the error and the deviation there, relative.
-    worst: f64,
-    when_s: f64,
-    error: f64,
-    std: f64,
+    worst: Worst,
     /// Greatest relative error and greatest relative standard deviation while valid.
     largest_error: f64,
     largest_std: f64,
+}
+
+/// A worst case, in words.
+fn in_words(worst: &Worst) -> String {
+    let Worst { ratio, time_s, error, std } = worst;
+    format!("{ratio:.1} standard deviations at {time_s:.4} s ({:.2} % by {:.2} %)", 100.0 * error, 100.0 * std)
 }
 
 /// Runs the loop with all methods beside it and compares with the truth, which is constant.
 fn run(scenario: &Scenario) -> Vec<(&'static str, Said)> {
     let wanted = |path: &str| ["lambdaHat", "lambdaStd", ".valid"].iter().any(|part| path.contains(part));
     let run = simulate::run_for(scenario, wanted, |_| ()).expect("a good scenario");
-    let truth = [1, 2, 3].map(|k| scenario.value("plant", &format!("lambda[{k}]")).map_or(f64::NAN, Value::as_f64));
-    methods()
-        .iter()
-        .map(|(method, _)| {
-            let read = |name: String| run.recording.get(&format!("{method}.{name}")).expect("an output");
-            let valid = read("valid".into());
-            let hat = [1, 2, 3].map(|k| read(format!("lambdaHat[{k}]")));
-            let std = [1, 2, 3].map(|k| read(format!("lambdaStd[{k}]")));
-            let mut said = Said { case: scenario.description.clone(), samples: valid.len(), ..Said::default() };
-            for j in (0..valid.len()).filter(|j| valid[*j] == 1.0) {
-                said.valid += 1;
-                for k in 0..3 {
-                    let (error, std) = ((hat[k][j] / truth[k] - 1.0).abs(), std[k][j] / truth[k]);
-                    said.largest_error = said.largest_error.max(error);
-                    said.largest_std = said.largest_std.max(std);
-                    if error / std > said.worst {
-                        (said.worst, said.when_s, said.error, said.std) =
-                            (error / std, run.recording.time_s[j], error, std);
-                    }
-                }
+    let truth = scenario.truth();
+    let of_method = |(method, _): (&'static str, i32)| {
+        let valid = column(&run, &format!("{method}.valid"));
+        let [hat, std] =
+            ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| column(&run, &format!("{method}.{name}[{k}]"))));
+        let mut said = Said { case: scenario.description.clone(), ..Said::default() };
+        said.valid = valid.iter().sum::<f64>() / valid.len() as f64;
+        for (j, k) in (0..valid.len()).filter(|j| valid[*j] == 1.0).flat_map(|j| [(j, 0), (j, 1), (j, 2)]) {
+            let (error, std) = ((hat[k][j] / truth[k] - 1.0).abs(), std[k][j] / truth[k]);
+            said.largest_error = said.largest_error.max(error);
+            said.largest_std = said.largest_std.max(std);
+            if error / std > said.worst.ratio {
+                said.worst = Worst { ratio: error / std, time_s: run.recording.time_s[j], error, std };
             }
-            (*method, said)
-        })
-        .collect()
+        }
+        (method, said)
+    };
+    methods().into_iter().map(of_method).collect()
 }
 
 /// All methods beside the loop, whatever the scenario compares.
@@ -98,7 +93,7 @@ fn with_all_methods(scenario: &mut Scenario) {
 }
 
 fn open(name: &str) -> Scenario {
-    let mut scenario = Scenario::open(Path::new(name)).expect("a scenario that comes with the program");
+    let mut scenario = program::open(name, &[]);
     with_all_methods(&mut scenario);
     scenario
 }
@@ -118,46 +113,37 @@ fn survey(
             found.entry((group.clone(), method)).or_default().push((case, said));
         }
     }
-    found.values_mut().for_each(|list| list.sort_by(|a, b| b.1.worst.total_cmp(&a.1.worst)));
+    found.values_mut().for_each(|list| list.sort_by(|a, b| b.1.worst.ratio.total_cmp(&a.1.worst.ratio)));
     found
 }
 
-/// Prints the survey; the cases that were confident and wrong.
-fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) -> Vec<String> {
+/// Prints the survey, and fails if a case was confident and wrong.
+fn judge(found: &BTreeMap<(String, &'static str), Vec<(u64, Said)>>) {
     println!(
-        "{:34} {:13} {:>5} {:>7} {:>6} {:>7} {:>7} {:>9} {:>9}  worst case",
-        "", "", "cases", "valid", "wrong", "worst", "over 3", "error", "std"
+        "{:48} {:>5} {:>7} {:>6} {:>7} {:>9} {:>9}  worst",
+        "", "cases", "valid", "wrong", "over 3", "error", "std"
     );
     let mut misses = Vec::new();
     for ((group, method), list) in found {
-        let wrong = list.iter().filter(|(_, said)| said.worst > CONFIDENT).count();
-        let (case, worst) = &list[0];
-        let most = |value: fn(&Said) -> f64| list.iter().map(|(_, said)| value(said)).fold(0.0, f64::max);
+        let over = |limit: f64| list.iter().filter(move |(_, said)| said.worst.ratio > limit);
+        let percent = |value: fn(&Said) -> f64| list.iter().map(move |(_, said)| 100.0 * value(said));
+        let most = |value: fn(&Said) -> f64| percent(value).fold(0.0, f64::max);
         println!(
-            "{group:34} {method:13} {:5} {:6.1}% {wrong:6} {:7.2} {:7} {:8.2}% {:8.2}%  case {case} at {:.4} s: {:.2} % by {:.2} %",
+            "{group:34} {method:13} {:5} {:6.1}% {:6} {:7} {:8.2}% {:8.2}%  case {}: {}",
             list.len(),
-            100.0 * list.iter().map(|(_, said)| said.valid as f64 / said.samples as f64).sum::<f64>()
-                / list.len() as f64,
-            worst.worst,
-            list.iter().filter(|(_, said)| said.worst > 3.0).count(),
-            100.0 * most(|said| said.largest_error),
-            100.0 * most(|said| said.largest_std),
-            worst.when_s,
-            100.0 * worst.error,
-            100.0 * worst.std,
+            percent(|said| said.valid).sum::<f64>() / list.len() as f64,
+            over(CONFIDENT).count(),
+            over(3.0).count(),
+            most(|said| said.largest_error),
+            most(|said| said.largest_std),
+            list[0].0,
+            in_words(&list[0].1.worst),
         );
-        misses.extend(list.iter().filter(|(_, said)| said.worst > CONFIDENT).map(|(case, said)| {
-            format!(
-                "{group}, {method}, case {case}: {:.1} standard deviations at {:.4} s ({:.2} % by {:.2} %), limit {CONFIDENT}; {}",
-                said.worst,
-                said.when_s,
-                100.0 * said.error,
-                100.0 * said.std,
-                said.case
-            )
+        misses.extend(over(CONFIDENT).map(|(case, said)| {
+            format!("{group}, {method}, case {case}: {}, limit {CONFIDENT}; {}", in_words(&said.worst), said.case)
         }));
     }
-    misses
+    assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
 /// Every built-in scenario of a bearing.
@@ -174,8 +160,7 @@ fn every_scenario_with_every_method() {
         scenario.set("plant", "sensor.seed", seed as i32);
         (name.to_owned(), scenario)
     });
-    let misses = judge(&found);
-    assert!(misses.is_empty(), "{}", misses.join("\n"));
+    judge(&found);
 }
 
 /// A rotor without unbalance, drawn at random, for the methods of the paper, which presume that there is none: speed, path,
@@ -218,8 +203,7 @@ fn rotors_without_unbalance_with_the_papers_methods() {
     let first = asked("SURVEY_SEED", FRESH);
     let mut found = survey(asked("SURVEY", 20), |case| balanced(first + case));
     found.retain(|(_, method), _| method.starts_with("paper"));
-    let misses = judge(&found);
-    assert!(misses.is_empty(), "{}", misses.join("\n"));
+    judge(&found);
 }
 
 /// Root mean squares of error/standard deviation, by noise, and by noise and other models: a backward force that a drawn bearing has not, a memory that ends.
@@ -236,47 +220,33 @@ struct Limits {
     valid: [f64; 5],
 }
 
-fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Send + Sync + 'static) {
+fn drawn_bearings(told: bool, limits: &Limits) {
     let title = format!("Drawn bearings, noise {}told", if told { "" } else { "not " });
     let mut study = montecarlo::drawn(&title, told, asked("SURVEY", 100) as usize);
     study.first_seed = SEEDS * asked("SURVEY_SEED", FRESH);
-    let vary = study.vary.clone();
-    let changed: Vary = Arc::new(move |scenario: &mut Scenario, seed, attempt| {
-        vary(scenario, seed, attempt);
-        set(scenario);
-    });
-    study.vary = changed;
     let outcome = study.run().expect("good scenarios");
     let table = montecarlo::table(&study, &outcome);
     println!("{}\n{}", table.title, table.note);
     for row in [&table.head].into_iter().chain(&table.rows) {
         println!("{}", row.join("  "));
     }
-    let mut misses = Vec::new();
-    for trial in outcome.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT) {
-        let (worst, ratio) = (trial.worst, trial.worst.ratio);
-        misses.push(format!(
-            "seed {}: {ratio:.1} standard deviations at {:.4} s ({:.2} % by {:.2} %), limit {CONFIDENT}",
-            trial.seed,
-            worst.time_s,
-            100.0 * worst.error,
-            100.0 * worst.std
-        ));
-    }
+    let wrong = outcome.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT);
+    let mut misses: Vec<String> =
+        wrong.map(|trial| format!("seed {}: {}, limit {CONFIDENT}", trial.seed, in_words(&trial.worst))).collect();
     let of_instants = limits.over_bound.into_iter().zip(limits.valid);
     for (figures, (limit, least)) in outcome.figures.iter().zip(of_instants).skip(limits.from) {
         let at = figures.instant_s;
         let [bound, stated, total] =
             [&figures.over_bound, &figures.normalised, &figures.over_total].map(|values| pooled(values));
-        // NaN is not below the limit.
-        if bound.is_nan() || bound > limit {
-            misses.push(format!("{at} s: error/bound {bound:.2}, limit {limit}"));
-        }
-        if !STATED.contains(&stated) {
-            misses.push(format!("{at} s: error/standard deviation by noise {stated:.2}, limits {STATED:?}"));
-        }
-        if !TOTAL.contains(&total) {
-            misses.push(format!("{at} s: error/total standard deviation {total:.2}, limits {TOTAL:?}"));
+        // NaN is within no limits.
+        for (what, value, limits) in [
+            ("error/bound", bound, 0.0..=limit),
+            ("error/standard deviation by noise", stated, STATED),
+            ("error/total standard deviation", total, TOTAL),
+        ] {
+            if !limits.contains(&value) {
+                misses.push(format!("{at} s: {what} {value:.2}, limits {limits:?}"));
+            }
         }
         let (valid, of) = (figures.identified, figures.identifiable);
         if (valid as f64) < least * of as f64 {
@@ -288,18 +258,12 @@ fn drawn_bearings(told: bool, limits: &Limits, set: impl Fn(&mut Scenario) + Sen
 
 #[test]
 fn drawn_bearings_with_noise_told() {
-    drawn_bearings(
-        true,
-        &Limits { over_bound: [1.2, 1.15, 1.15, 1.15, 1.15], from: 0, valid: [0.85, 0.95, 0.95, 0.95, 0.95] },
-        |_| (),
-    );
+    let (over_bound, valid) = ([1.2, 1.15, 1.15, 1.15, 1.15], [0.85, 0.95, 0.95, 0.95, 0.95]);
+    drawn_bearings(true, &Limits { over_bound, from: 0, valid });
 }
 
 #[test]
 fn drawn_bearings_with_noise_not_told() {
-    drawn_bearings(
-        false,
-        &Limits { over_bound: [f64::INFINITY, 1.3, 1.3, 1.3, 1.3], from: 1, valid: [0.0, 0.85, 0.95, 0.95, 0.95] },
-        |_| (),
-    );
+    let (over_bound, valid) = ([f64::INFINITY, 1.3, 1.3, 1.3, 1.3], [0.0, 0.85, 0.95, 0.95, 0.95]);
+    drawn_bearings(false, &Limits { over_bound, from: 1, valid });
 }

@@ -192,18 +192,22 @@ fn foreign_files_are_not_overwritten() {
     says(&errors, &["--method likelihood"]);
 }
 
-/// An answer that is not valid has no twin; the exit code is 3 and the verdict in words, in JSON as well.
+/// A recording that does not tell gets no answer and no twin; the exit code is 3 and the verdict in words, in JSON as well.
 #[test]
 fn an_answer_that_is_not_valid_has_no_twin() {
-    let folder = folder("twin/not-valid");
-    let short: Vec<&str> = include_str!("../../docs/recording.csv").lines().take(200).collect();
-    write(&folder, "short.csv", short.join("\n"));
-    let (out, errors) = ends(3, &folder, &[&["identify", "short.csv", "--json", "-"], &FILES[..]].concat());
-    says(&errors, &["Not valid", "too short", "The twin was not written"]);
-    let document: Json = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
-    assert!(document["valid"] == false && document["lambdaHat"].is_null(), "{document}");
-    for file in ["twin.toml", "twin.ssv", "twin.ssp"] {
-        assert!(!folder.join(file).exists(), "{file}");
+    for (scenario, machine, lines) in [("unbalanced", "planar", 200), ("spindle4", "spindle4", 150)] {
+        let folder = folder(&format!("twin/not-valid-{machine}"));
+        ends(0, &folder, &["simulate", scenario, "--set", "duration=0.05s", "--csv", "run.csv"]);
+        let short: Vec<String> = read(&folder, "run.csv").lines().take(lines).map(str::to_owned).collect();
+        write(&folder, "run.csv", short.join("\n"));
+        let arguments = ["identify", "run.csv", "--machine", machine, "--json", "-"];
+        let (out, errors) = ends(3, &folder, &[&arguments, &FILES[..]].concat());
+        says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
+        let document: Json = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
+        assert!(document["valid"] == false && document["lambdaHat"].is_null(), "{machine}: {document}");
+        for file in ["twin.toml", "twin.ssv", "twin.ssp"] {
+            assert!(!folder.join(file).exists(), "{machine}: {file}");
+        }
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::ops::Range;
 
-use crate::program::open;
+use crate::program::{column, of, open, values_within};
+use crate::support::{below, between};
 use fmu_export::variable::Value;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
@@ -21,7 +22,7 @@ struct Said {
 }
 
 /// Outputs of the estimator in a run of so many seconds, and its messages. Inputs of the estimator may be altered on their way.
-fn said(
+fn altered(
     scenario: &Scenario,
     end_s: f64,
     mut alter: impl FnMut(f64, &mut dyn FnMut(&str, Value)),
@@ -34,16 +35,22 @@ fn said(
     let altered = |time_s: f64, values: &mut [Value]| alter(time_s, &mut |name, value| values[place(name)] = value);
     let wanted = |path: &str| ["estimator.lambda", "estimator.v"].iter().any(|start| path.starts_with(start));
     let run = simulate::run_altered(&scenario, wanted, altered, |_| ()).expect("a good scenario");
-    let read = |name: &str, row: usize| run.recording.get(&format!("estimator.{name}")).expect("an output")[row];
-    let magnets = |name: &str, row: usize| [1, 2, 3].map(|k| read(&format!("{name}[{k}]"), row));
+    let [valid, verdict] = ["valid", "verdict"].map(|name| column(&run, &format!("estimator.{name}")));
+    let [hat, std] =
+        ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| column(&run, &format!("estimator.{name}[{k}]"))));
     let of_row = |row: usize| Said {
         time_s: run.recording.time_s[row],
-        valid: read("valid", row) == 1.0,
-        hat: magnets("lambdaHat", row),
-        std: magnets("lambdaStd", row),
-        verdict: read("verdict", row),
+        valid: valid[row] == 1.0,
+        hat: hat.map(|hat| hat[row]),
+        std: std.map(|std| std[row]),
+        verdict: verdict[row],
     };
     ((1..run.recording.time_s.len()).map(of_row).collect(), run.messages)
+}
+
+/// Outputs of the estimator in a run of so many seconds.
+fn said(scenario: &Scenario, end_s: f64) -> Vec<Said> {
+    altered(scenario, end_s, |_, _| ()).0
 }
 
 /// A sinusoidal force along y within an interval in s, in N and rad/s.
@@ -58,6 +65,11 @@ fn truth(scenario: &Scenario) -> [f64; 3] {
     scenario.truth().try_into().expect("three magnets")
 }
 
+/// The largest relative error of an estimate.
+fn largest_error(said: &Said, truth: &[f64; 3]) -> f64 {
+    (0..3).map(|k| (said.hat[k] / truth[k] - 1.0).abs()).fold(0.0, f64::max)
+}
+
 /// Greatest |error|/standard deviation while valid, and how often it was valid.
 fn confidence<'s>(said: impl IntoIterator<Item = &'s Said>, truth: &[f64; 3]) -> (f64, usize) {
     let valid: Vec<&Said> = said.into_iter().filter(|said| said.valid).collect();
@@ -65,52 +77,35 @@ fn confidence<'s>(said: impl IntoIterator<Item = &'s Said>, truth: &[f64; 3]) ->
     (valid.iter().map(ratio).fold(0.0, f64::max), valid.len())
 }
 
-/// Settings of the scenario, by element and variable.
-type Settings = &'static [(&'static str, &'static str, f64)];
+/// Changes of the scenario.
+type Settings = &'static [(&'static str, &'static str)];
 
 /// Scenarios: name, base, settings, whether the final estimate must be valid.
 const MATRIX: [(&str, &str, Settings, Option<bool>); 10] = [
     ("as it is", "unbalanced", &[], Some(true)),
-    ("heavy unbalance", "unbalanced", &[("plant", "unbalance.magnitude", 5e-4)], Some(true)),
+    ("heavy unbalance", "unbalanced", &[("plant.unbalance.magnitude", "5e-4")], Some(true)),
     ("the paper's perturbation", "paper", &[], None),
-    ("the paper's perturbation and unbalance", "paper", &[("plant", "unbalance.magnitude", 2e-4)], None),
-    ("another bearing", "turned", &[("plant", "unbalance.magnitude", 1e-4)], Some(true)),
-    (
-        "circle",
-        "unbalanced",
-        &[("controller", "reference.rY", 5e-5), ("controller", "reference.rZ", 5e-5), ("plant", "Y0", 5e-5)],
-        None,
-    ),
-    (
-        "rotor at rest",
-        "unbalanced",
-        &[
-            ("plant", "omega", 0.0),
-            ("plant", "Y0", 0.0),
-            ("plant", "vZ0", 0.0),
-            ("controller", "reference.omega", 0.0),
-            ("controller", "reference.rY", 0.0),
-            ("controller", "reference.rZ", 0.0),
-        ],
-        Some(false),
-    ),
-    ("wrong hold", "unbalanced", &[("estimator", "hold", 2.0)], None),
-    ("a force along y that turns with nothing", "unbalanced", &[("plant", "perturbation.amplitudeY", 5.0)], None),
-    (
-        "slow perturbation",
-        "unbalanced",
-        &[("plant", "perturbation.amplitudeZ", 5.0), ("plant", "perturbation.omega", 30.0)],
-        None,
-    ),
+    ("the paper's perturbation and unbalance", "paper", &[("plant.unbalance.magnitude", "2e-4")], None),
+    ("another bearing", "turned", &[("plant.unbalance.magnitude", "1e-4")], Some(true)),
+    ("circle", "unbalanced", &[("reference.rY", "5e-5"), ("reference.rZ", "5e-5"), ("Y0", "5e-5")], None),
+    ("rotor at rest", "unbalanced", AT_REST, Some(false)),
+    ("wrong hold", "unbalanced", &[("hold", "heldAfter")], None),
+    ("a force along y that turns with nothing", "unbalanced", &[("perturbation.amplitudeY", "5")], None),
+    ("slow perturbation", "unbalanced", &[("perturbation.amplitudeZ", "5"), ("perturbation.omega", "30")], None),
+];
+
+const AT_REST: Settings = &[
+    ("plant.omega", "0"),
+    ("plant.Y0", "0"),
+    ("plant.vZ0", "0"),
+    ("controller.reference.omega", "0"),
+    ("controller.reference.rY", "0"),
+    ("controller.reference.rZ", "0"),
 ];
 
 /// The scenario of a row of the matrix.
 fn row(base: &str, settings: Settings, method: i32, noise: [f64; 2], told: bool) -> Scenario {
-    let mut scenario = montecarlo::study("", &open(base, &[]), noise, told, 1).scenario;
-    for (element, variable, value) in settings {
-        let value = if *variable == "hold" { Value::Integer(*value as i32) } else { Value::Real(*value) };
-        scenario.set(element, variable, value);
-    }
+    let mut scenario = montecarlo::study("", &open(base, settings), noise, told, 1).scenario;
     scenario.set("estimator", "method", method);
     scenario
 }
@@ -126,36 +121,30 @@ const SEEN_S: f64 = 0.2;
 #[test]
 fn never_confident_and_wrong() {
     let mut misses = Vec::new();
-    for method in [3, 2] {
-        for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
-            for (name, base, settings, wanted) in MATRIX {
-                let scenario = row(base, settings, method, noise, told);
-                let (said, _) = said(&scenario, 0.3, |_, _| ());
-                // A synchronous force along a line turns partly backward. While noise is sought it passes for noise; README, "What is
-                // not seen".
-                let backward = method == 3 && !told && name.starts_with("the paper's perturbation");
-                // A load that changes slowly is constant over the first revolutions.
-                let slow = method == 3 && name == "slow perturbation";
-                let from_s = if backward || slow { SEEN_S } else { 0.0 };
-                let (worst, valid) = confidence(said.iter().filter(|said| said.time_s > from_s), &truth(&scenario));
-                let last = said.last().expect("a run");
-                let case = format!("method {method}, noise {noise:?}, told {told}, {name}");
-                println!("{case}: {worst:.1} standard deviations at most, valid {valid} of {}", said.len());
-                if worst > CONFIDENT {
-                    misses.push(format!("{case}: {worst:.1} standard deviations, limit {CONFIDENT}"));
-                }
-                if method == 3 && wanted.is_some_and(|wanted| wanted != last.valid) {
-                    misses.push(format!("{case}: valid {} at the end, wanted {wanted:?}", last.valid));
-                }
+    let noises = [([0.0; 2], false), (NOISE, false), (NOISE, true)];
+    for (method, (noise, told)) in [3, 2].into_iter().flat_map(|method| noises.map(|noise| (method, noise))) {
+        for (name, base, settings, wanted) in MATRIX {
+            let scenario = row(base, settings, method, noise, told);
+            let said = said(&scenario, 0.3);
+            // A synchronous force along a line turns partly backward. While noise is sought it passes for noise; README, "What is
+            // not seen".
+            let backward = method == 3 && !told && name.starts_with("the paper's perturbation");
+            // A load that changes slowly is constant over the first revolutions.
+            let slow = method == 3 && name == "slow perturbation";
+            let from_s = if backward || slow { SEEN_S } else { 0.0 };
+            let (worst, valid) = confidence(said.iter().filter(|said| said.time_s > from_s), &truth(&scenario));
+            let last = said.last().expect("a run");
+            let case = format!("method {method}, noise {noise:?}, told {told}, {name}");
+            println!("{case}: {worst:.1} standard deviations at most, valid {valid} of {}", said.len());
+            if worst > CONFIDENT {
+                misses.push(format!("{case}: {worst:.1} standard deviations, limit {CONFIDENT}"));
+            }
+            if method == 3 && wanted.is_some_and(|wanted| wanted != last.valid) {
+                misses.push(format!("{case}: valid {} at the end, wanted {wanted:?}", last.valid));
             }
         }
     }
     assert!(misses.is_empty(), "{}", misses.join("\n"));
-}
-
-/// The largest relative error of an estimate.
-fn largest_error(said: &Said, truth: &[f64; 3]) -> f64 {
-    (0..3).map(|k| (said.hat[k] / truth[k] - 1.0).abs()).fold(0.0, f64::max)
 }
 
 /// A step of a tenth in one λ is followed to within 1 % in a quarter of a second (without any noise, which then has to be found to be none), and the estimate says so meanwhile.
@@ -167,29 +156,22 @@ fn a_step_of_lambda_is_followed() {
     const NOTICED_S: f64 = 0.01;
     for (noise, told) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
         for (magnet, factor) in [(1, 1.1), (2, 1.1), (3, 0.9)] {
+            let what = format!("noise {noise:?}, told {told}, magnet {magnet}");
             let mut scenario = unbalanced(noise, told);
             let mut after = truth(&scenario);
             after[magnet - 1] *= factor;
             scenario.follow(&[&format!("plant.lambda[{magnet}]")], &[STEP_S], [after[magnet - 1]], true);
-            let (mut said, messages) = said(&scenario, STEP_S + FOLLOWED_S + 0.1, |_, _| ());
-            said.retain(|said| said.time_s > STEP_S + 1e-9);
-            let noticed = said.iter().find(|said| !said.valid).map(|said| said.time_s - STEP_S);
-            let recovered =
-                said.iter().skip_while(|said| said.valid).find(|said| said.valid).map(|said| said.time_s - STEP_S);
-            let late = said.iter().filter(|said| said.time_s > STEP_S + FOLLOWED_S);
-            let worst = late.map(|said| largest_error(said, &after)).fold(0.0, f64::max);
-            let (ratio, _) = confidence(said.iter().filter(|said| said.time_s > STEP_S + NOTICED_S), &after);
-            println!(
-                "noise {noise:?} told {told} magnet {magnet}: noticed {noticed:?}, valid again {recovered:?}, then {:.3} %, {ratio:.1} std",
-                100.0 * worst
-            );
-            assert!(worst < 0.01, "magnet {magnet}: {:.3} % after {FOLLOWED_S} s, limit 1 %", 100.0 * worst);
-            assert!(
-                noticed.is_some_and(|noticed| noticed < NOTICED_S),
-                "noticed after {noticed:?} s, limit {NOTICED_S}"
-            );
-            assert!(ratio < CONFIDENT, "magnet {magnet}: {ratio:.1} standard deviations once the step can be known");
-            assert!(messages.iter().any(|line| line.contains("contradict")), "{messages:?}");
+            let (said, messages) = altered(&scenario, STEP_S + FOLLOWED_S + 0.1, |_, _| ());
+            let since = |since_s: f64| said.iter().filter(move |said| said.time_s > STEP_S + since_s);
+            let noticed_s = since(1e-9).find(|said| !said.valid).map(|said| said.time_s - STEP_S);
+            let worst = since(FOLLOWED_S).map(|said| 100.0 * largest_error(said, &after)).fold(0.0, f64::max);
+            let (ratio, _) = confidence(since(NOTICED_S), &after);
+            println!("{what}: noticed after {noticed_s:?} s, then {worst:.3} %, {ratio:.1} standard deviations");
+            assert!(worst < 1.0, "{what}: {worst:.3} % after {FOLLOWED_S} s, limit 1 %");
+            let is_noticed = noticed_s.is_some_and(|noticed_s| noticed_s < NOTICED_S);
+            assert!(is_noticed, "{what}: noticed after {noticed_s:?} s, limit {NOTICED_S}");
+            assert!(ratio < CONFIDENT, "{what}: {ratio:.1} standard deviations once the step can be known");
+            assert!(messages.iter().any(|line| line.contains("contradict")), "{what}: {messages:?}");
         }
     }
 }
@@ -198,15 +180,13 @@ fn a_step_of_lambda_is_followed() {
 #[test]
 fn speed_may_change() {
     let mut scenario = unbalanced([0.0; 2], false);
-    let truth = truth(&scenario);
     let speeds = [1.0, 7.0 / 6.0].map(|part| 100.0 * std::f64::consts::PI * part);
     scenario.follow(&["plant.omega", "controller.reference.omega"], &[0.0, 1.0], speeds, false);
-    let (said, _) = said(&scenario, 1.0, |_, _| ());
-    let late: Vec<&Said> = said.iter().filter(|said| said.time_s > 0.1).collect();
-    let worst = late.iter().map(|said| largest_error(said, &truth)).fold(0.0, f64::max);
-    println!("largest error {:.4} %", 100.0 * worst);
+    let mut late = said(&scenario, 1.0);
+    late.retain(|said| said.time_s > 0.1);
     assert!(late.iter().all(|said| said.valid));
     // Without noise λ is to be within 0.05 %.
+    let worst = late.iter().map(|said| largest_error(said, &truth(&scenario))).fold(0.0, f64::max);
     assert!(worst < 5e-4, "{:.4} %, limit 0.05 %", 100.0 * worst);
 }
 
@@ -224,44 +204,43 @@ fn disturbances_are_named_and_forgotten() {
         ("an unknown blow", "not valid", "pY", 40.0),
     ];
     let within_s = 0.15 - 1e-9..0.2 - 1e-9;
-    for noise in [[0.0; 2], NOISE] {
-        for (name, reason, input, value) in faults {
-            let mut scenario = unbalanced(noise, true);
-            let truth = truth(&scenario);
-            let is_reading = ["Ym", "Zm", "im[2]"].contains(&input);
-            if input == "pY" {
-                blow(&mut scenario, &within_s, value, 900.0);
-            } else if !is_reading {
-                let values = [value == 1.0, value != 1.0];
-                scenario.follow(&[&format!("estimator.{input}")], &[0.15, 0.2], values, true);
-            }
-            let (said, mut messages) = said(&scenario, 0.6, |time_s, set| {
-                if is_reading && within_s.contains(&time_s) {
-                    set(input, Value::Real(value));
-                }
-            });
-            messages.retain(|line| line.starts_with("estimator"));
-            let before = said.iter().rfind(|said| said.time_s < 0.15 + 1e-9).expect("samples");
-            let during = || said.iter().filter(|said| said.time_s > 0.15 + 1e-9);
-            let invalid = during().find(|said| !said.valid).map(|said| said.time_s - 0.15);
-            let after = said.iter().rev().take_while(|said| said.time_s > 0.2 + 1e-9);
-            let back = after.take_while(|said| said.valid).last().map(|said| said.time_s - 0.2);
-            println!(
-                "{name}, noise {noise:?}: invalid after {invalid:?} s, valid again {back:?} s after the end; {messages:?}"
-            );
-            assert!(before.valid);
-            assert!(invalid.is_some_and(|time_s| time_s < 0.01), "{name}: invalid after {invalid:?} s, limit 0.01");
-            assert!(messages.iter().any(|line| line.contains(reason)), "{name}: {reason:?} is not in {messages:?}");
-            // A magnet that was without current leaves a shorter memory, which may outlast the run.
-            let lasting = name == "no current in a magnet";
-            assert!(
-                lasting || back.is_some_and(|time_s| time_s < BACK_S),
-                "{name}: valid again after {back:?} s, limit {BACK_S}"
-            );
-            let (worst, _) = confidence(during().filter(|said| said.time_s > 0.16), &truth);
-            assert!(worst < CONFIDENT, "{name}: {worst:.1} standard deviations while valid, limit {CONFIDENT}");
+    for (noise, (name, reason, input, value)) in
+        [[0.0; 2], NOISE].into_iter().flat_map(|noise| faults.map(|of| (noise, of)))
+    {
+        let mut scenario = unbalanced(noise, true);
+        let is_reading = ["Ym", "Zm", "im[2]"].contains(&input);
+        if input == "pY" {
+            blow(&mut scenario, &within_s, value, 900.0);
+        } else if !is_reading {
+            let values = [value == 1.0, value != 1.0];
+            scenario.follow(&[&format!("estimator.{input}")], &[0.15, 0.2], values, true);
         }
+        let (said, mut messages) = altered(&scenario, 0.6, |time_s, set| {
+            if is_reading && within_s.contains(&time_s) {
+                set(input, Value::Real(value));
+            }
+        });
+        messages.retain(|line| line.starts_with("estimator"));
+        let what = format!("{name}, noise {noise:?}");
+        let before = said.iter().rfind(|said| said.time_s < 0.15 + 1e-9).expect("samples");
+        assert!(before.valid, "{what}");
+        let during = || said.iter().filter(|said| said.time_s > 0.15 + 1e-9);
+        let invalid_s = during().find(|said| !said.valid).map(|said| said.time_s - 0.15);
+        assert!(invalid_s.is_some_and(|time_s| time_s < 0.01), "{what}: invalid after {invalid_s:?} s, limit 0.01");
+        assert!(messages.iter().any(|line| line.contains(reason)), "{what}: {reason:?} is not in {messages:?}");
+        let back_s = valid_since(&said) - 0.2;
+        // A magnet that was without current leaves a shorter memory, which may outlast the run.
+        let lasting = name == "no current in a magnet";
+        assert!(lasting || back_s < BACK_S, "{what}: valid again after {back_s} s, limit {BACK_S}");
+        let (worst, _) = confidence(during().filter(|said| said.time_s > 0.16), &truth(&scenario));
+        println!("{what}: invalid after {invalid_s:?} s, valid again {back_s} s after the end, {worst:.1} deviations");
+        assert!(worst < CONFIDENT, "{what}: {worst:.1} standard deviations while valid, limit {CONFIDENT}");
     }
+}
+
+/// Since when the estimate is valid at the end of a run, in s.
+fn valid_since(said: &[Said]) -> f64 {
+    said.iter().rev().take_while(|said| said.valid).last().map_or(f64::INFINITY, |said| said.time_s)
 }
 
 /// At 1 µm the closed loop transmits the position noise to the currents. Part of the effect is corrected, and the standard deviation covers the rest.
@@ -284,12 +263,9 @@ fn noise_that_is_fed_back_is_covered() {
 /// The paper's method is valid on the paper's simulation, and says no more where an unbalance makes it wrong by half.
 #[test]
 fn the_papers_method_knows_its_limit() {
-    for (name, wanted) in [("paper", true), ("experiment", false)] {
-        let run = simulate::run(&open(name, &[])).expect("a good scenario");
-        let valid = run.recording.get("paper.valid").expect("the scenario compares the method");
-        let late: Vec<f64> =
-            run.recording.time_s.iter().zip(valid).filter(|(t, _)| **t >= 0.1).map(|(_, valid)| *valid).collect();
-        assert!(late.iter().all(|valid| (*valid == 1.0) == wanted), "{name}: wanted {wanted} from 0.1 s on");
+    for (name, wanted) in [("paper", 1.0), ("experiment", 0.0)] {
+        let late = values_within(&of(name, &[]).1, "paper.valid", 0.1, f64::INFINITY);
+        assert!(late.iter().all(|valid| *valid == wanted), "{name}: wanted {wanted} from 0.1 s on");
     }
 }
 
@@ -302,28 +278,22 @@ fn errors_over_many_seeds() {
     /// Greatest rms error in per cent at 35 ms; at 100 ms the bound itself is 0.10, 0.22, 0.27 %.
     const AT_35_MS: f64 = 0.6;
     const AT_100_MS: [f64; 3] = [0.25, 0.25, 0.32];
-    for told in [true, false] {
+    // Noise that is to be found first is not by 35 ms, and is taken for 15 % too large at 100 ms.
+    for (told, least_normalised) in [(true, 0.8), (false, 0.65)] {
         let mut study = montecarlo::study("", &open("unbalanced", &[]), NOISE, told, RUNS);
         study.instants_s = vec![0.035, 0.1];
         let [early, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
         println!("told {told}: {early:.5?}\n{late:.5?}");
         assert_eq!(late.valid, RUNS);
         for (k, limit) in AT_100_MS.into_iter().enumerate() {
-            // Noise that is to be found first is not by then.
-            assert!(
-                !told || 100.0 * early.rms[k] < AT_35_MS,
-                "lambda[{}] at 35 ms: {:.3} %",
-                k + 1,
-                100.0 * early.rms[k]
-            );
-            assert!(100.0 * late.rms[k] < limit, "lambda[{}] at 100 ms: {:.3} %", k + 1, 100.0 * late.rms[k]);
-            assert!(late.rms[k] < OVER_BOUND * late.bound[k], "{:?} over {:?}", late.rms, late.bound);
-            // Noise that is estimated is taken for 15 % too large at that instant.
-            let least = if told { 0.8 } else { 0.65 };
-            assert!((least..=1.25).contains(&late.normalised[k]), "error/std: {:?}", late.normalised);
+            let what = format!("told {told}, lambda[{}]", k + 1);
+            assert!(!told || 100.0 * early.rms[k] < AT_35_MS, "{what} at 35 ms: {:.3} %", 100.0 * early.rms[k]);
+            below(&format!("{what} at 100 ms, %"), 100.0 * late.rms[k], limit);
+            below(&format!("{what}, rms error over bound"), late.rms[k] / late.bound[k], OVER_BOUND);
+            between(&format!("{what}, error/std"), late.normalised[k], least_normalised, 1.25);
             // A third of the error, and three standard errors of the mean of so many runs.
-            let bias = late.rms[k] / 3.0 + 3.0 * late.rms[k] / (RUNS as f64).sqrt();
-            assert!(late.bias[k].abs() < bias, "bias {:?}", late.bias);
+            let limit = late.rms[k] / 3.0 + 3.0 * late.rms[k] / (RUNS as f64).sqrt();
+            below(&format!("{what}, bias"), late.bias[k].abs(), limit);
         }
         assert!(late.unbalance[0] < 0.01 && late.unbalance[1] < 0.02, "unbalance {:?}", late.unbalance);
     }
@@ -334,23 +304,17 @@ fn errors_over_many_seeds() {
 fn blows_are_forgotten() {
     const BLOWS: u32 = 40;
     let (mut wrong, mut back_s) = (0, Vec::new());
-    for noise in [[0.0; 2], NOISE] {
-        for told in [true, false] {
-            for number in 0..BLOWS {
-                let (amplitude_n, rate_rad_s) = (10.0 + 10.0 * f64::from(number % 6), 400.0 + 61.0 * f64::from(number));
-                let mut scenario = unbalanced(noise, told);
-                blow(&mut scenario, &(0.15 - 1e-9..0.2 - 1e-9), amplitude_n, rate_rad_s);
-                let (mut said, _) = said(&scenario, 0.6, |_, _| ());
-                let back =
-                    said.iter().rev().take_while(|said| said.valid).last().map_or(f64::INFINITY, |said| said.time_s);
-                back_s.push(back - 0.2);
-                said.retain(|said| said.time_s > 0.16);
-                let (worst, _) = confidence(&said, &truth(&scenario));
-                if worst >= CONFIDENT {
-                    wrong += 1;
-                    println!("{amplitude_n} N, {rate_rad_s} rad/s, noise {noise:?}, told {told}: {worst:.1}");
-                }
-            }
+    let noises = [([0.0; 2], true), ([0.0; 2], false), (NOISE, true), (NOISE, false)];
+    for ((noise, told), number) in noises.into_iter().flat_map(|noise| (0..BLOWS).map(move |number| (noise, number))) {
+        let (amplitude_n, rate_rad_s) = (10.0 + 10.0 * f64::from(number % 6), 400.0 + 61.0 * f64::from(number));
+        let mut scenario = unbalanced(noise, told);
+        blow(&mut scenario, &(0.15 - 1e-9..0.2 - 1e-9), amplitude_n, rate_rad_s);
+        let said = said(&scenario, 0.6);
+        back_s.push(valid_since(&said) - 0.2);
+        let (worst, _) = confidence(said.iter().filter(|said| said.time_s > 0.16), &truth(&scenario));
+        if worst >= CONFIDENT {
+            wrong += 1;
+            println!("{amplitude_n} N, {rate_rad_s} rad/s, noise {noise:?}, told {told}: {worst:.1}");
         }
     }
     back_s.sort_by(f64::total_cmp);
@@ -369,11 +333,9 @@ fn valid_is_calm() {
         let time_s: Vec<f64> =
             blows.flat_map(|blow| [0.0, 0.01].map(|more_s| f64::from(blow) * every_s + more_s)).collect();
         scenario.follow(&["plant.pY"], &time_s, [40.0, 10.0].repeat(time_s.len() / 2), true);
-        let (said, _) = said(&scenario, time_s[time_s.len() - 1], |_, _| ());
-        let mut changes = Vec::new();
-        for pair in said.windows(2).filter(|pair| pair[0].valid != pair[1].valid) {
-            changes.push(pair[1].time_s);
-        }
+        let said = said(&scenario, time_s[time_s.len() - 1]);
+        let changes = said.windows(2).filter(|pair| pair[0].valid != pair[1].valid);
+        let changes: Vec<f64> = changes.map(|pair| pair[1].time_s).collect();
         let within = |from_s: f64| changes.iter().filter(|at_s| (from_s..from_s + 1.0).contains(*at_s)).count();
         let most = changes.iter().map(|from_s| within(*from_s)).max().unwrap_or(0);
         assert!((4..=5).contains(&most), "a blow every {every_s} s: {most} changes within a second, {changes:?}");
@@ -386,7 +348,7 @@ fn a_long_run_keeps_its_estimate() {
     for (seed, end_s) in [(1, 24.0), (90_003, 12.0), (90_004, 12.0)] {
         let mut scenario = unbalanced(NOISE, false);
         scenario.set("plant", "sensor.seed", seed);
-        let (said, _) = said(&scenario, end_s, |_, _| ());
+        let said = said(&scenario, end_s);
         let refused = said.iter().filter(|said| said.time_s > 0.2 && !said.valid).count();
         assert_eq!(refused, 0, "seed {seed}: samples that are not valid");
         let last = said.last().expect("a run");
@@ -401,7 +363,7 @@ fn every_other_sample_may_be_missing() {
     let mut scenario = unbalanced(NOISE, false);
     scenario.step_s = 5e-5;
     scenario.set("estimator", "Ts", 5e-5);
-    let (said, _) = said(&scenario, 0.6, |_, _| ());
+    let said = said(&scenario, 0.6);
     let (worst, _) = confidence(&said, &truth(&scenario));
     assert!(worst < CONFIDENT, "{worst:.1} standard deviations");
     let collecting = 2.0;
