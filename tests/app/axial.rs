@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use crate::program::{self, folder, identified, refuses};
+use crate::program::{self, folder, identified, pairs, read, refuses, words};
 use crate::support::{Random, below, says};
 use magnetic_bearing::machine::AXIAL;
 use magnetic_bearing::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
@@ -31,8 +31,7 @@ fn below_one_magnet(mass_kg: f64, load_n: f64) -> Axis {
 }
 
 fn reading(used: &[usize], columns: &[(&str, &str)]) -> Reading {
-    let columns = columns.iter().map(|(signal, column)| ((*signal).to_owned(), (*column).to_owned())).collect();
-    Reading { machine: &AXIAL, magnets: Some(used.to_vec()), columns, ..Reading::default() }
+    Reading { machine: &AXIAL, magnets: Some(used.to_vec()), columns: pairs(columns), ..Reading::default() }
 }
 
 fn recording(run: &str) -> Samples {
@@ -247,34 +246,29 @@ fn recordings_that_differ_are_told_apart() {
 #[test]
 fn the_command() {
     let folder = folder("axial");
-    let recording = file("mpc").display().to_string();
-    let recording = recording.as_str();
-    let bench = ["--machine", "axial", "--set", "magnets.used=second", "--set", "m=60.54g"];
-    let load =
-        ["--set", "pX=0.5939N", "--column", "Xm=z", "--column", "im[2]=i1", "--estimate", "s", "--at", "Xm=10mm"];
-    let files = ["--save", "found.toml", "--report", "report"];
-    let json = identified(&folder, &[&[recording], &bench[..], &load, &files].concat());
+    std::fs::copy(file("mpc"), folder.join("mpc.csv.gz")).expect("a file");
+    let bench = "--machine axial --set magnets.used=second --set m=60.54g";
+    let load = "--set pX=0.5939N --column Xm=z --column im[2]=i1 --estimate s --at Xm=10mm";
+    let arguments = format!("mpc.csv.gz {bench} {load} --save found.toml --report report");
+    let json = identified(&folder, &words(&arguments));
     for name in ["current", "ki", "kiStdTotal", "ks", "ksStdTotal", "dynamics"] {
         assert!(json["operatingPoint"][name].is_f64(), "{name}: {json}");
     }
-    let page = std::fs::read_to_string(folder.join("report/index.html")).expect("a page");
+    let page = read(&folder, "report/index.html");
     says(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
     // The saved answer agrees: nothing but the noise of rounding is left to find.
-    let again = identified(&folder, &[recording, "--scenario", "found.toml"]);
+    let again = identified(&folder, &words("mpc.csv.gz --scenario found.toml"));
     let [first, second] = [&json, &again].map(|json| program::number(&json["operatingPoint"]["ki"]));
     below("ki of the saved scenario", (first / second - 1.0).abs(), 1e-3);
-    let pulls = &[&bench[..], &load[..], &["--set", "pX=-1N"]].concat();
+    let pulls = format!("{bench} {load} --set pX=-1N");
     for (arguments, words) in [
-        (&["--machine", "axial"][..], &["m is missing"][..]),
-        (
-            &["--machine", "axial", "--set", "m=1kg", "--set", "lambda[3]=1"],
-            &["lambda[3] is no parameter", "force.slow"],
-        ),
-        (&["--machine", "axial", "--set", "m=-1kg", "--speed", "3"], &["above 0", "no --speed"]),
-        (&["--machine", "axial", "--set", "m=1kg"], &["Xm: no column"]),
-        (&["--at", "Xm=1mm"], &["--at needs --machine axial"]),
-        (pulls, &["pX = -1 N pulls where magnet 2 pulls as well"]),
+        ("--machine axial", &["m is missing"][..]),
+        ("--machine axial --set m=1kg --set lambda[3]=1", &["lambda[3] is no parameter", "force.slow"]),
+        ("--machine axial --set m=-1kg --speed 3", &["above 0", "no --speed"]),
+        ("--machine axial --set m=1kg", &["Xm: no column"]),
+        ("--at Xm=1mm", &["--at needs --machine axial"]),
+        (&pulls, &["pX = -1 N pulls where magnet 2 pulls as well"]),
     ] {
-        refuses(&folder, &[&["identify", recording], arguments].concat(), words);
+        refuses(&folder, &self::words(&format!("identify mpc.csv.gz {arguments}")), words);
     }
 }

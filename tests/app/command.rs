@@ -1,12 +1,12 @@
-//! The built program: its files, its messages, and the exit codes that scripts rely on.
+//! The built program: its files, its messages, the exit codes that scripts rely on, and pipes whose reader has gone.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use crate::program::{cell, ends, folder, program, read, refuses, rows, said, write};
+use crate::program::{cell, ends, folder, program, read, refuses, rows, said, words, write};
 use crate::support::{MODELS, says};
 
 /// Seconds. The main job should take five on two cores; beyond this limit a slow machine is no explanation.
@@ -186,7 +186,7 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         ("whirl planar4", &["machine = planar4 is refused", "moments of inertia, as in spindle, spindle4"]),
         ("whirl axial", &["machine = axial is refused", "moments of inertia, as in spindle, spindle4"]),
     ] {
-        refuses(&folder, &arguments.split(' ').collect::<Vec<_>>(), words);
+        refuses(&folder, &self::words(arguments), words);
     }
     // Negative numbers are values.
     for [command, option, value] in [
@@ -198,8 +198,8 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         ["design --scenario=paper", "--position-noise", "-1"],
         ["design --scenario=paper", "--sample-time", "-1"],
     ] {
-        let arguments: Vec<&str> = command.split(' ').chain([option, value]).collect();
-        refuses(&folder, &arguments, &[&format!("invalid value '{value}' for '{option}"), "expected"]);
+        let arguments = format!("{command} {option} {value}");
+        refuses(&folder, &words(&arguments), &[&format!("invalid value '{value}' for '{option}"), "expected"]);
     }
 }
 
@@ -246,7 +246,7 @@ fn json_on_the_standard_output_is_one_document_and_nothing_else() {
     let folder = folder("command/json");
     bench(&folder);
     let arguments = "identify bench.csv --rate 10kHz --hold auto --json - --csv out.csv --report page";
-    let (out, err) = ends(0, &folder, &arguments.split(' ').collect::<Vec<_>>());
+    let (out, err) = ends(0, &folder, &words(arguments));
     let document: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"));
     assert!(document.is_object(), "{out}");
     says(&err, &["1001 samples of 100 µs", "page/index.html"]);
@@ -262,15 +262,13 @@ fn a_bearing_is_given_to_identify_as_to_simulate() {
         ("--set s=5.1e-4 --set m=6.8kg --set alpha[1]=179.5deg", "m = 6.8 kg, s = 0.51 mm, alpha = 179.5,"),
         ("--scenario mine.toml", "m = 6.6 kg"),
     ] {
-        let arguments: Vec<&str> = ["identify", "bench.csv"].into_iter().chain(arguments.split(' ')).collect();
-        says(&ends(0, &folder, &arguments).0, &[words]);
+        says(&ends(0, &folder, &self::words(&format!("identify bench.csv {arguments}"))).0, &[words]);
     }
 }
 
 /// Runs the program, which has to end well, with a text on its standard input; standard output and standard error.
 fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> (String, String) {
     use std::io::Write;
-    use std::process::Stdio;
     let mut command = program(folder, arguments);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program runs");
@@ -367,7 +365,7 @@ fn files_of_another_kind_are_not_overwritten() {
     ] {
         let before = if file == "short.toml" { SHORT } else { "notes" };
         write(&folder, file, before);
-        let (_, err) = ends(1, &folder, &arguments.split(' ').collect::<Vec<_>>());
+        let (_, err) = ends(1, &folder, &words(arguments));
         says(&err, &[file, "it already exists"]);
         assert_eq!(read(&folder, file), before, "{arguments}");
         if file != "short.toml" {
@@ -406,4 +404,65 @@ fn the_excitation_of_a_rotor_at_rest_has_finite_figures() {
     let (out, _) = ends(0, &folder("command/design"), &["design", "--speed", "0", "--at", "0.01"]);
     assert!(!out.contains("inf") && !out.contains("NaN"), "{out}");
     says(&out, &["at 0 rpm"]);
+}
+
+/// A pipe that nobody reads.
+fn closed() -> Stdio {
+    let (reader, writer) = std::io::pipe().expect("a pipe");
+    drop(reader);
+    writer.into()
+}
+
+#[test]
+fn a_closed_standard_error_is_no_panic() {
+    let folder = folder("command/closed-error");
+    for (arguments, wanted) in [
+        ("simulate none", 2),
+        ("identify none.csv", 2),
+        ("simulate unbalanced --set duration=10ms --csv -", 0),
+        ("simulate unbalanced --set duration=10ms --csv none/x.csv", 1),
+    ] {
+        let mut program = program(&folder, &words(arguments));
+        let status = program.stdout(Stdio::null()).stderr(closed()).status().expect("it runs");
+        assert_eq!(status.code(), Some(wanted), "{arguments}");
+    }
+}
+
+#[test]
+fn a_closed_standard_output_ends_the_work_quietly() {
+    let folder = folder("command/closed-output");
+    write(&folder, "design.csv", "plant.m\n6.7\n6.8\n");
+    for arguments in [
+        "simulate unbalanced --set duration=50ms --csv -",
+        "simulate unbalanced --set duration=50ms --json -",
+        "completions bash",
+        "sweep design.csv --expand",
+        "sweep design.csv --out -",
+    ] {
+        let mut program = program(&folder, &words(arguments));
+        let output = program.stdout(closed()).stderr(Stdio::piped()).output().expect("it runs");
+        let (code, _, errors) = said(&output);
+        assert_eq!(code, 0, "{arguments:?}: {errors}");
+        assert!(!errors.contains("error:"), "{arguments:?}: {errors}");
+    }
+}
+
+/// An interrupted sweep keeps its rows and says so.
+#[cfg(unix)]
+#[test]
+fn an_interrupted_sweep_says_how_to_go_on() {
+    let folder = folder("command/interrupted");
+    let cases: String = (0..400).map(|case| format!("{}\n", 6.5 + 1e-3 * f64::from(case))).collect();
+    write(&folder, "design.csv", format!("plant.m\n{cases}"));
+    let arguments = words("sweep design.csv --out rows.csv --jobs 1");
+    let sweep = program(&folder, &arguments).stderr(Stdio::piped()).stdout(Stdio::null()).spawn().expect("it runs");
+    // The header is written before the first case.
+    while !fs::metadata(folder.join("rows.csv")).is_ok_and(|file| file.len() > 0) {
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    let interrupt = Command::new("kill").args(["-s", "INT", &sweep.id().to_string()]).status();
+    assert!(interrupt.is_ok_and(|status| status.success()));
+    let (code, _, errors) = said(&sweep.wait_with_output().expect("it ends"));
+    assert_eq!(code, 130, "{errors}");
+    says(&errors, &["interrupted", "rows.csv", "the same command"]);
 }

@@ -3,7 +3,7 @@
 mod faults;
 
 use crate::bench::Bench;
-use crate::program::{self, csv, folder, identified, number, open, ran, refuses};
+use crate::program::{self, csv, folder, identified, number, open, pairs, ran, refuses};
 use crate::support::{between, library, says};
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
@@ -51,11 +51,6 @@ fn samples_of(recording: &Recording) -> Samples {
 /// The samples of a run of a scenario.
 fn simulated(scenario: &Scenario) -> Samples {
     samples_of(&ran(scenario).recording)
-}
-
-/// Columns by signal, as they are told.
-fn columns<const N: usize>(columns: [(&str, &str); N]) -> Vec<(String, String)> {
-    columns.map(|(signal, column)| (signal.to_owned(), column.to_owned())).into()
 }
 
 /// The estimator of the planar rotor with this configuration.
@@ -140,7 +135,7 @@ fn the_hold_is_found() {
     let stated = stated(&config(&measured));
     let Holds(residuals) = Holds::of(&measured, &stated);
     assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
-    let columns = columns([("im[1]", "controller.i[1]"), ("im[2]", "controller.i[2]"), ("im[3]", "controller.i[3]")]);
+    let columns = pairs(&[("im[1]", "controller.i[1]"), ("im[2]", "controller.i[2]"), ("im[3]", "controller.i[3]")]);
     let issued = Samples::read(&text, &Reading { columns, ..Reading::default() }).expect("a good recording");
     let holds @ Holds(residuals) = Holds::of(&issued, &stated);
     assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
@@ -164,8 +159,8 @@ fn a_recording_with_all_imperfections() {
     let text = include_str!("../data/bench.csv");
     let [y, z, angle] = [("Ym", "Weg y"), ("Zm", "Weg z"), ("theta", "Winkel")];
     let currents = [("im[1]", "Strom 1"), ("im[2]", "Strom 2"), ("im[3]", "Strom 3")];
-    let columns = columns([("time", "Zeit"), y, z, angle, currents[0], currents[1], currents[2]]);
-    let reading = Reading { columns, units: vec![("theta".into(), "deg".into())], ..Reading::default() };
+    let columns = pairs(&[("time", "Zeit"), y, z, angle, currents[0], currents[1], currents[2]]);
+    let reading = Reading { columns, units: pairs(&[("theta", "deg")]), ..Reading::default() };
     let samples = Samples::read(text, &reading).expect("a usable recording");
     assert!((samples.step_s - 1e-4).abs() < 1e-9, "{} s", samples.step_s);
     says(&samples.notes.join(" "), &["gaps"]);
@@ -382,7 +377,7 @@ fn currents_may_have_a_table_of_their_own() {
         let [a, b, c] = held.map(|column| 1e3 * column[n.div_ceil(4)]);
         currents += &format!("{:.4};{a:.9};{b:.9};{c:.9}\n", 0.025 * n as f64).replace('.', ",");
     }
-    let columns = columns([("im[1]", "Coil A"), ("im[2]", "Coil B"), ("im[3]", "Coil C")]);
+    let columns = pairs(&[("im[1]", "Coil A"), ("im[2]", "Coil B"), ("im[3]", "Coil C")]);
     let apart = with(currents, &Reading { columns, ..Reading::default() }).expect("usable recordings");
     says(&apart.notes.join(" "), &["of their own"]);
     let [one, other] = [&read(&whole), &apart].map(|samples| {

@@ -48,15 +48,9 @@ fn options(bench: &Bench) -> Options {
     Options { parts: vec![Part::new(body, 0, 0, Beside::default())], slow_force: false }
 }
 
-fn told<'a>(options: &'a mut Options, name: &str) -> &'a mut Told {
+fn tell(options: &mut Options, name: &str, knowledge: Knowledge) {
     let mut named = options.bench().filter(|(parameter, _)| parameter.name == name);
-    named.next().map(|(_, told)| told).unwrap_or_else(|| panic!("no parameter {name}"))
-}
-
-fn tell(options: &mut Options, tolerances: &[(&str, f64)]) {
-    for (name, std) in tolerances {
-        told(options, name).knowledge = Knowledge::Tolerance(*std);
-    }
+    named.next().unwrap_or_else(|| panic!("no parameter {name}")).1.knowledge = knowledge;
 }
 
 /// The estimate of a parameter of the bench.
@@ -128,7 +122,9 @@ fn two_speeds_tell_run_out_better_than_one() {
     let slow = Bench { load: [5.0, -30.0], seed: 46, omega: std::f64::consts::TAU * 30.0, ..base.clone() };
     let fast = Bench { load: [10.0, -20.0], seed: 47, omega: std::f64::consts::TAU * 60.0, ..base };
     let mut options = options(&slow);
-    tell(&mut options, &[("runout1.forward.cos", 5e-6), ("runout1.forward.sin", 5e-6)]);
+    for name in ["runout1.forward.cos", "runout1.forward.sin"] {
+        tell(&mut options, name, Knowledge::Tolerance(5e-6));
+    }
     let both = [&slow, &fast].map(|bench| recording(bench, false));
     let [together, alone] = [&both[..], &both[..1]].map(|of| likelihood::identify(of, &options).unwrap());
     let [both, one] = [&together, &alone].map(|found| of_bench(found, "runout1.forward.cos"));
@@ -240,7 +236,7 @@ fn a_tolerance_of_the_mass_widens_in_proportion() {
     let bench = Bench { seconds: 0.5, seed: 49, ..Bench::default() };
     let mut options = options(&bench);
     let exact = identified(&bench, &options);
-    tell(&mut options, &[("m", MASS)]);
+    tell(&mut options, "m", Knowledge::Tolerance(MASS));
     let within = identified(&bench, &options);
     let estimates = |of: &Identification| [of.lambda.clone(), vec![of.unbalance[0].magnitude]].concat();
     for (exact, within) in estimates(&exact).into_iter().zip(estimates(&within)) {
@@ -257,7 +253,7 @@ fn mass_and_current_gain_are_not_separated_from_lambda() {
     let bench = Bench { seconds: 0.5, seed: 44, ..Bench::default() };
     let mut options = options(&bench);
     for name in ["m", "current.gain[2]", "sensor.offset[y]"] {
-        told(&mut options, name).knowledge = Knowledge::Free;
+        tell(&mut options, name, Knowledge::Free);
     }
     let found = identified(&bench, &options);
     let mut held: Vec<&str> = found.not_separated.iter().map(|j| &*found.bench[*j].parameter.name).collect();

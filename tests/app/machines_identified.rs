@@ -8,7 +8,7 @@ use magnetic_bearing::machine::{Machine, PLANAR4, SPINDLE, SPINDLE4};
 use magnetic_bearing::simulation::scenario::Scenario;
 use serde_json::Value as Json;
 
-use crate::program::{self, csv, ends, estimate, folder, number, open, ran, read, refuses, write};
+use crate::program::{csv, ends, estimate, folder, identified, number, open, ran, read, refuses, words, write};
 use crate::support::{below, says};
 
 /// Errors above this many of their own standard deviations contradict them.
@@ -41,12 +41,6 @@ fn first(count: usize) -> impl Fn(String) -> String {
 /// The plant's value of that name.
 fn of_plant(scenario: &Scenario, name: &str) -> f64 {
     scenario.value("plant", name).unwrap_or_else(|| panic!("there is no {name}")).as_f64()
-}
-
-/// Identifies the recording of the folder.
-#[track_caller]
-fn identified(folder: &Path, arguments: &[&str]) -> Json {
-    program::identified(folder, &[&["run.csv"], arguments].concat())
 }
 
 /// The estimate is right.
@@ -92,8 +86,8 @@ fn every_machine_is_identified_from_its_recording() {
     for machine in [PLANAR4, SPINDLE, SPINDLE4] {
         let folder = folder(&format!("machines-identified/{}", machine.name));
         let scenario = record(&folder, &machine, |text| text);
-        let arguments = ["--machine", machine.name, "--csv", "estimates.csv", "--report", "page"];
-        let document = identified(&folder, &arguments);
+        let files = ["--csv", "estimates.csv", "--report", "page"];
+        let document = identified(&folder, &[&["run.csv", "--machine", machine.name], &files[..]].concat());
         agrees(&document, &scenario);
         assert_eq!(document["told"]["hold"], "heldBefore");
         assert!(document["told"][&machine.of_bearings("s")[0]].as_f64().is_some_and(|gap_m| gap_m > 0.0));
@@ -101,9 +95,9 @@ fn every_machine_is_identified_from_its_recording() {
         for name in machine.of_magnets("lambdaHat") {
             says(&estimates, &[&format!("predictionError.{name} [N.m2/A2]")]);
         }
-        let words = ["verdict good", "Force constants", "Budget", "Taken as known"];
-        says(&read(&folder, "page/index.html"), &words);
-        let with_scenario = identified(&folder, &["--scenario", machine.name]);
+        let page = read(&folder, "page/index.html");
+        says(&page, &["verdict good", "Force constants", "Budget", "Taken as known"]);
+        let with_scenario = identified(&folder, &["run.csv", "--scenario", machine.name]);
         assert_eq!(document["lambdaHat"], with_scenario["lambdaHat"]);
     }
 }
@@ -123,7 +117,8 @@ fn a_spindle_is_recorded_with_all_imperfections() {
     let bench = "machine = \"spindle\"\n[estimator]\n\"unbalance[1].position\" = -0.08\n\"unbalance[2].position\" = 0.1\n[columns]\n\
                  \"B.Zm\" = \"Weg\"\n[tolerance]\nm = \"50 g\"\n";
     write(&folder, "bench.toml", bench);
-    let document = identified(&folder, &["--scenario", "bench.toml", "--unit", "B.Zm=m", "--tolerance", "s=5um"]);
+    let told = words("run.csv --scenario bench.toml --unit B.Zm=m --tolerance s=5um");
+    let document = identified(&folder, &told);
     agrees(&document, &scenario);
     for (name, part) in [("m", 0.05 / 12.0), ("X.m", 0.05 / 12.0), ("A.s", 0.01), ("B.s", 0.01), ("X.s", 5.0 / 600.0)] {
         let [_, std] = estimate(&document["bench"][name]);
@@ -137,10 +132,8 @@ fn a_spindle_is_recorded_with_all_imperfections() {
     };
     let scenario = record(&folder, &SPINDLE, change);
     let columns = SPINDLE.of_magnets("im").into_iter().zip(SPINDLE.of_magnets("i"));
-    let columns: Vec<String> = columns.map(|(im, i)| format!("{im}=controller.{i}")).collect();
-    let mut arguments = vec!["--machine", "spindle"];
-    columns.iter().for_each(|column| arguments.extend(["--column", column]));
-    let document = identified(&folder, &arguments);
+    let columns: String = columns.map(|(im, i)| format!(" --column {im}=controller.{i}")).collect();
+    let document = identified(&folder, &words(&format!("run.csv --machine spindle {columns}")));
     agrees(&document, &scenario);
     assert_eq!(document["told"]["hold"], "heldAfter");
 }
@@ -169,9 +162,8 @@ fn what_is_off_on_the_bench_of_a_shaft_is_found() {
     let scenario = record_with(&folder, &SPINDLE, &values, |text| text);
     let tolerances = "s=1% alpha=0.5deg position=0.5mm sensorPosition=0.5mm Jt=1% Jp=1% sensor.offset=5um sensor.gain=0.5% \
                       sensor.gainDifference=0.5% current.offset=5mA runout1=1um force.backward=1N delay=20us";
-    let arguments = tolerances.split_whitespace().flat_map(|tolerance| ["--tolerance", tolerance]);
-    let arguments: Vec<&str> = ["--machine", "spindle"].into_iter().chain(arguments).collect();
-    let document = identified(&folder, &arguments);
+    let tolerances: String = words(tolerances).iter().map(|tolerance| format!(" --tolerance {tolerance}")).collect();
+    let document = identified(&folder, &words(&format!("run.csv --machine spindle {tolerances}")));
     agrees(&document, &scenario);
     for (_, _, name, truth) in off {
         is_right(name, &document["bench"][name], truth);
@@ -187,8 +179,8 @@ fn what_is_off_on_the_bench_of_a_shaft_is_found() {
 fn exchanged_magnets_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");
     record(&folder, &SPINDLE, first(800));
-    let exchanged = ["--column", "B.im[1]=plant.B.im[2]", "--column", "B.im[2]=plant.B.im[1]"];
-    let (out, _) = ends(3, &folder, &[&["identify", "run.csv", "--machine", "spindle"], &exchanged[..]].concat());
+    let exchanged = "--column B.im[1]=plant.B.im[2] --column B.im[2]=plant.B.im[1]";
+    let (out, _) = ends(3, &folder, &words(&format!("identify run.csv --machine spindle {exchanged}")));
     says(&out.replace('\n', " "), &["magnets 1 and 2 are exchanged at B: exchange the currents"]);
 }
 
@@ -200,7 +192,7 @@ fn two_speeds_of_a_shaft_are_identified_together() {
     let scenario = record_with(&folder, &SPINDLE4, &slow, |text| text);
     fs::rename(folder.join("run.csv"), folder.join("slow.csv")).expect("a file");
     let fast = record(&folder, &SPINDLE4, |text| text);
-    let document = identified(&folder, &["slow.csv", "--machine", "spindle4", "--estimate", "force.slow"]);
+    let document = identified(&folder, &words("run.csv slow.csv --machine spindle4 --estimate force.slow"));
     agrees(&document, &fast);
     let recordings = document["recordings"].as_array().expect("recordings");
     for (recording, scenario) in recordings.iter().zip([&fast, &scenario]) {
@@ -245,7 +237,7 @@ fn wrong_columns_and_options_are_named() {
             &["foo is no parameter of a bench; there are m, A.s, B.s"],
         ),
     ] {
-        refuses(&folder, &["identify"].into_iter().chain(arguments.split(' ')).collect::<Vec<_>>(), words);
+        refuses(&folder, &self::words(&format!("identify {arguments}")), words);
     }
     // All columns of the planar rotor are there as well.
     record(&folder, &PLANAR4, |text| text);
@@ -255,7 +247,7 @@ fn wrong_columns_and_options_are_named() {
     record(&folder, &SPINDLE, |text| text.replace("plant.theta", "none").replace("plant.omegam", "nothing"));
     let (_, errors) = ends(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);
     says(&errors, &["neither angle nor speed was recorded: --speed RPM is wanted"]);
-    let document = identified(&folder, &["--machine", "spindle", "--speed", "3000"]);
+    let document = identified(&folder, &words("run.csv --machine spindle --speed 3000"));
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
 }
 
@@ -268,19 +260,19 @@ fn a_known_load_tells_the_dynamics() {
         let stated = open(machine.name, &[]);
         let heavier: Vec<_> = inertia.iter().map(|name| (*name, kappa * of_plant(&stated, name))).collect();
         let scenario = record_with(&folder, &machine, &heavier, |text| text);
-        let asked = ["--machine", machine.name, "--estimate", "dynamics"];
-        let (_, error) = ends(2, &folder, &[&["identify", "run.csv"], &asked[..]].concat());
-        says(&error, &["dynamics: ", "known load", "--set pY=… or --set pZ=…"]);
+        let asked = format!("run.csv --machine {} --estimate dynamics", machine.name);
+        let unknown = ["dynamics: ", "known load", "--set pY=… or --set pZ=…"];
+        refuses(&folder, &words(&format!("identify {asked}")), &unknown);
 
-        let loads = ["pY", "pZ"].map(|name| format!("{name}={}", of_plant(&stated, name)));
-        let known = ["--set", &loads[0], "--set", &loads[1], "--estimate", "noise.exponent", "--save", "twin.toml"];
-        let document = identified(&folder, &[&asked[..], &known].concat());
+        let known = ["pY", "pZ"].map(|name| format!("--set {name}={}", of_plant(&stated, name))).join(" ");
+        let arguments = format!("{asked} {known} --estimate noise.exponent --save twin.toml");
+        let document = identified(&folder, &words(&arguments));
         let found = &document["bench"]["dynamics"];
         let [value, std] = estimate(found);
         is_right("κ", found, kappa - 1.0);
         below("κ ±", std, 0.01);
-        let words = ["% weaker than the law (κ = 1.0", "use ki/κ and ks/κ", "to the power of"];
-        says(&document["findings"].to_string(), &words);
+        let findings = document["findings"].to_string();
+        says(&findings, &["% weaker than the law (κ = 1.0", "use ki/κ and ks/κ", "to the power of"]);
         says(&document["budget"].to_string(), &["\"parameter\":\"dynamics\""]);
         assert_eq!(number(&document["told"]["pY"]), number(&document["recordings"][0]["pY"]["value"]));
         finds_lambda(&document, &scenario, |name| !name.starts_with("X."));
@@ -300,12 +292,12 @@ fn the_deviation_of_the_dynamics_is_honest() {
     for run in 0..12 {
         let kappa = 0.92 + 0.02 * f64::from(run);
         let mut scenario = open(PLANAR4.name, &[]);
-        let loads = ["pY", "pZ"].map(|name| format!("{name}={}", of_plant(&scenario, name)));
+        let known = ["pY", "pZ"].map(|name| format!("--set {name}={}", of_plant(&scenario, name))).join(" ");
         scenario.set("plant", "m", Value::Real(kappa * of_plant(&scenario, "m")));
         scenario.set("plant", "sensor.seed", Value::Integer(86_001 + run));
         write(&folder, "run.csv", csv(&ran(&scenario).recording));
-        let asked = ["--machine", "planar4", "--estimate", "dynamics", "--hold", "heldBefore"];
-        let document = identified(&folder, &[&asked[..], &["--set", &loads[0], "--set", &loads[1]]].concat());
+        let asked = format!("run.csv --machine planar4 --estimate dynamics --hold heldBefore {known}");
+        let document = identified(&folder, &words(&asked));
         let [value, std] = estimate(&document["bench"]["dynamics"]);
         below("κ ±", std, 0.003);
         square += ((1.0 + value - kappa) / std).powi(2) / 12.0;

@@ -13,7 +13,6 @@ mod command;
 mod commands;
 mod contour;
 mod design;
-mod exits;
 mod hostile;
 mod identify;
 mod layers;

@@ -6,7 +6,7 @@ use crate::package::members;
 use crate::program::{folder, run, write};
 use crate::support::{MODELS, says};
 use fmu_export::Standard;
-use fmu_export::package::platforms::{Binaries, PLATFORMS, Platform, by_name};
+use fmu_export::package::platforms::{Binaries, PLATFORMS, by_name};
 use magnetic_bearing::package::built_library;
 use std::fs;
 use std::path::Path;
@@ -46,14 +46,10 @@ fn dylib(machine: u32) -> Vec<u8> {
     [words.concat(), vec![machine as u8; 984]].concat()
 }
 
-fn platform(name: &str) -> &'static Platform {
-    by_name(name).expect("a platform")
-}
-
 fn binaries(files: &[(&str, Vec<u8>)]) -> Binaries {
     let mut binaries = Binaries::default();
     for (name, content) in files {
-        binaries.add(platform(name), content).expect("a binary");
+        binaries.add(by_name(name).expect("a platform"), content).expect("a binary");
     }
     binaries
 }
@@ -155,7 +151,7 @@ fn files_that_are_not_of_the_platform_are_refused() {
     ];
     for (name, content, words) in cases {
         let mut binaries = Binaries::default();
-        let refused = binaries.add(platform(name), &content).expect_err(words).to_string();
+        let refused = binaries.add(by_name(name).expect("a platform"), &content).expect_err(words).to_string();
         assert!(refused.contains(words) && refused.contains(&format!("for {name} (")), "{name}: {refused}");
         assert_eq!(names(&binaries), [""; 0], "nothing is added");
     }

@@ -58,6 +58,11 @@ pub fn cell(row: &BTreeMap<String, String>, column: &str) -> f64 {
     text.parse().unwrap_or_else(|_| panic!("{column}: {text} is no number"))
 }
 
+/// The words of a command line.
+pub fn words(line: &str) -> Vec<&str> {
+    line.split_whitespace().collect()
+}
+
 /// The program with arguments, in a folder.
 pub fn program(folder: &Path, arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_magnetic-bearing"));
@@ -111,10 +116,14 @@ pub fn refuses(folder: &Path, arguments: &[&str], words: &[&str]) {
     says(&err, words);
 }
 
+/// Pairs of names, or of a name and a value, as they are told.
+pub fn pairs(pairs: &[(&str, &str)]) -> Vec<(String, String)> {
+    pairs.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect()
+}
+
 /// A scenario that comes with the program, with these changes.
 pub fn open(name: &str, changes: &[(&str, &str)]) -> Scenario {
-    let changes: Vec<_> = changes.iter().map(|(name, value)| ((*name).to_owned(), (*value).to_owned())).collect();
-    Scenario::open_with(Path::new(name), &changes).unwrap_or_else(|error| panic!("{error}"))
+    Scenario::open_with(Path::new(name), &pairs(changes)).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// The run of a scenario to its end.

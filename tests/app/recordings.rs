@@ -4,6 +4,7 @@ use std::io::Write;
 
 use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
 
+use crate::program::pairs;
 use crate::support::{Random, says};
 
 /// Speed of the rotor in the recordings below, in rad/s.
@@ -211,8 +212,7 @@ fn encodings_separators_and_decimal_commas() {
         let cells = cells.map(|cell| format!("{cell:.4}").replace('.', ","));
         text += &format!("{}\r\n", cells.join(";"));
     }
-    let columns = [("time", "Zeit"), ("Ym", "Weg y"), ("Zm", "Weg z"), ("theta", "Winkel")];
-    let columns: Vec<_> = columns.map(|(signal, column)| (signal.to_owned(), column.to_owned())).to_vec();
+    let columns = pairs(&[("time", "Zeit"), ("Ym", "Weg y"), ("Zm", "Weg z"), ("theta", "Winkel")]);
     let reading = Reading { columns, ..Reading::default() };
     let sixteen = |order: fn(u16) -> [u8; 2], mark: bool| -> Vec<u8> {
         let mark = mark.then_some(0xfeff);
@@ -289,7 +289,7 @@ fn units_go_by_many_names() {
     for ((at, unit, factor), told) in cases.flat_map(|case| [(case, false), (case, true)]) {
         let (mut header, mut factors) = (SI, [1.0; 8]);
         (header[at], factors[at]) = (if told { "kg" } else { unit }, factor);
-        let units = if told { vec![(NAMES[at].to_owned(), unit.to_owned())] } else { Vec::new() };
+        let units = if told { pairs(&[(NAMES[at], unit)]) } else { Vec::new() };
         let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], header, factors, &values);
         let samples = Samples::read(&text, &Reading { units, ..Reading::default() });
         let samples = samples.unwrap_or_else(|error| panic!("{unit}: {error}"));
@@ -315,12 +315,11 @@ fn units_go_by_many_names() {
 #[test]
 fn all_that_is_wrong_with_a_header_is_said_at_once() {
     let reading = Reading {
-        columns: vec![("theta".into(), "Winkel".into()), ("Xm".into(), "a".into())],
-        units: vec![("im[2]".into(), "kA".into())],
+        columns: pairs(&[("theta", "Winkel"), ("Xm", "a")]),
+        units: pairs(&[("im[2]", "kA")]),
         ..Reading::default()
     };
-    let columns = vec![("Ym".into(), "y".into()), ("Zm".into(), "y".into())];
-    let twice = Reading { columns, ..Reading::default() };
+    let twice = Reading { columns: pairs(&[("Ym", "y"), ("Zm", "y")]), ..Reading::default() };
     for (text, reading, words) in [
         (
             "Zeit [min];a.Ym [m];b.Ym [m];Zm [furlong];im1 [A];im1 [A];i2 [V];Strom [A]\n1;2;3;4;5;6;7;8\n",

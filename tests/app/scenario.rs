@@ -165,6 +165,14 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("machine = \"planar4\"", "[estimator]\nmethod = 0.1", &["method", "there is no variable of this name"]),
         ("machine = \"planar4\"", "[estimator]\nTf = 0.1", &["Tf", "there is no variable of this name"]),
         ("machine = \"planar4\"", "[estimator]\nfilter.omega = 0.1", &["filter.omega", "no variable of this name"]),
+        // Profiles and contours.
+        ("", "[[profile]]\nof = [\"plant.omgea\"]\ntime = [0]\nvalue = [1]", &["no variable plant.omgea"]),
+        ("", "[[profile]]\nof = [\"plant.u[1]\"]\ntime = [0]\nvalue = [1]", &["connected to controller.u[1]"]),
+        ("", "[[profile]]\nof = [\"plant.m\"]\ntime = [0]\nvalue = [1]", &["fixed"]),
+        ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 0]\nvalue = [1, 2]", &["increasing"]),
+        ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 1]\nvalue = [1]", &["as many values as times"]),
+        ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0]\nvalue = [\"1 kg\"]", &["unit kg"]),
+        ("contour = \"nowhere.csv\"", "", &["nowhere.csv"]),
         // Comparisons.
         ("compare = [\"best\"]", "", &["compare = \"best\"", "one of paperLiteral (1)"]),
         ("compare = [\"paper\", \"paper\"]", "", &["compare = \"paper\"", "twice"]),
