@@ -89,14 +89,14 @@ fn a_deviation_that_is_too_small_is_seen() {
     });
     assert!(small.is_beyond() && (small.worst.ratio - 5.5).abs() < 1e-9, "{small:?}");
     // One sample is enough, but it does not count while the estimate is not valid, or after contact.
-    let [once, invalid, touched] =
-        [None, Some(("estimator.valid", 7000, 0.0)), Some(("plant.touchdown.contact", 6000, 1.0))].map(|besides| {
-            judged(&scenario, |name, values| match besides {
-                Some((also, row, value)) if name == also => values[row] = value,
-                _ if name == "estimator.lambdaHat[3]" => values[7000] *= 1.05,
-                _ => (),
-            })
-        });
+    let [is_invalid, touches] = [("estimator.valid", 7000, 0.0), ("plant.touchdown.contact", 6000, 1.0)];
+    let [once, invalid, touched] = [None, Some(is_invalid), Some(touches)].map(|besides| {
+        judged(&scenario, |name, values| match besides {
+            Some((signal, row, value)) if name == signal => values[row] = value,
+            _ if name == "estimator.lambdaHat[3]" => values[7000] *= 1.05,
+            _ => (),
+        })
+    });
     assert!(once.is_beyond() && (once.worst.time_s - 0.7).abs() < 1e-9, "{once:?}");
     assert!((once.worst.error - 0.05105).abs() < 1e-9 && (once.worst.std - 0.002).abs() < 1e-9, "{once:?}");
     assert!(!invalid.is_beyond() && invalid.changes == 3, "{invalid:?}");

@@ -195,19 +195,24 @@ fn missing_samples_and_other_rates() {
 #[test]
 fn what_cannot_be_used_is_said() {
     let header = "time,Ym,Zm,im[1],im[2],im[3]\n";
+    let with_times = |time_s: fn(f64) -> f64| {
+        let rows = (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time_s(f64::from(j))));
+        header.to_owned() + &rows.collect::<String>()
+    };
+    let back = "time goes back at 25 places, the first in line 3, from 25 s to 24 s";
     // A comma parts the columns here, and so is no decimal one.
     for (text, words) in [
         ("", "no header"),
         ("time,Ym\n0,0\n", "--column Zm="),
         (&format!("{header}0,here,0,1,1,1\n"), "is no number"),
         (&format!("{header}0,1x,0,1,1,1\n"), "is no number"),
+        (&with_times(|j| (j - 25.0).abs()), back),
     ] {
         says(&Samples::read(text, &Reading::default()).expect_err(words).to_string(), &[words]);
     }
     // A pace that is not even is no obstacle if a rate is told.
-    let time_s = |j: f64| 1e-4 * (j + 0.4 * j.sin());
-    let uneven: String = (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time_s(f64::from(j)))).collect();
-    let of = |resample_s| Samples::read(&format!("{header}{uneven}"), &Reading { resample_s, ..Reading::default() });
+    let uneven = with_times(|j| 1e-4 * (j + 0.4 * j.sin()));
+    let of = |resample_s| Samples::read(&uneven, &Reading { resample_s, ..Reading::default() });
     assert!(of(None).is_err() && of(Some(1e-4)).is_ok());
 }
 
@@ -415,10 +420,9 @@ fn currents_may_have_a_table_of_their_own() {
 fn recorded(bench: &Bench) -> Samples {
     let recorded = bench.record();
     let mut text = "time [s],Ym [m],Zm [m],im[1] [A],im[2] [A],im[3] [A],theta [rad],omega [rad/s]\n".to_owned();
-    for (row, (position, current)) in recorded.position.iter().zip(&recorded.current).enumerate() {
-        let numbers = position.iter().chain(current).chain([&recorded.theta[row], &recorded.omega[row]]);
-        let cells: Vec<String> = numbers.map(|number| format!("{number:e}")).collect();
-        text += &format!("{},{}\n", row as f64 * bench.step, cells.join(","));
+    for (row, ([y, z], [a, b, c])) in recorded.position.iter().zip(&recorded.current).enumerate() {
+        let (time_s, theta, omega) = (row as f64 * bench.step, recorded.theta[row], recorded.omega[row]);
+        text += &format!("{time_s},{y:e},{z:e},{a:e},{b:e},{c:e},{theta:e},{omega:e}\n");
     }
     read(&text)
 }

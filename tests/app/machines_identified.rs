@@ -50,7 +50,7 @@ fn is_right(what: &str, of: &Json, truth: f64) {
     below(&format!("{what}, deviations"), (value - truth).abs() / std, MOST_STD);
 }
 
-/// The force constants are right that are to be known from the motion of a rotor across its axis, or all.
+/// The force constants with these names are those of the plant.
 fn finds_lambda(document: &Json, scenario: &Scenario, is_wanted: impl Fn(&str) -> bool) {
     let names = scenario.machine.of_magnets("lambda");
     for (k, name) in names.iter().enumerate().filter(|(_, name)| is_wanted(name)) {

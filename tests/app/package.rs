@@ -326,7 +326,8 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         let of_loop = scenario.connections().into_iter().map(|one| [one.from, one.to]);
         let mut wanted: Vec<_> =
             of_loop.filter(|[_, to]| ["plant", "controller", "estimator"].contains(&to[0].as_str())).collect();
-        (found.sort(), wanted.sort());
+        found.sort();
+        wanted.sort();
         assert_eq!(found, wanted, "{file}: all connections of the loop, each once");
         let experiment = named(root, "DefaultExperiment").next().expect("a default experiment");
         assert_eq!((experiment.attribute("startTime"), experiment.attribute("stopTime")), (Some("0"), Some("0.4")));

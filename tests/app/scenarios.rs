@@ -93,9 +93,9 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
         below(&format!("{drive}: radius while the load is compensated, m"), error_m(&run, "", 0.0, 0.02), 10e-6);
         below(&format!("{drive}: radius, m"), error_m(&run, "", 0.02, 0.6), 1e-6);
         for k in 1..=3 {
-            let current = &column(&run, &format!("plant.im[{k}]"))[400..];
-            let [low, high] = [current.iter().copied().reduce(f64::min), current.iter().copied().reduce(f64::max)];
-            assert!(high > low.map(|low| low + 0.3), "{drive}: current {k} stays between {low:?} and {high:?} A");
+            let current = column(&run, &format!("plant.im[{k}]"))[400..].iter().copied();
+            let (low, high) = (current.clone().fold(f64::MAX, f64::min), current.fold(f64::MIN, f64::max));
+            assert!(high - low > 0.3, "{drive}: current {k} stays between {low} and {high} A");
         }
     }
 }
