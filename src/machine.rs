@@ -240,7 +240,7 @@ impl Machine {
     }
 
     /// The readings of a bearing, by their places among all.
-    pub(crate) const fn readings_of(&self, bearing: usize) -> Range<usize> {
+    pub const fn readings_of(&self, bearing: usize) -> Range<usize> {
         self.before(bearing)[2]..self.before(bearing + 1)[2]
     }
 

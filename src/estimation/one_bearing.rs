@@ -57,7 +57,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
         }
         for (name, value, unit) in self.tolerance.listed(Names::of::<N, K>()) {
             let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
-            let unused = value.is_nan() || value <= 0.0 || name == "tolerance.backwardForce";
+            let unused = !value.is_finite() || value <= 0.0 || name == "tolerance.backwardForce";
             checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
         }
         let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
