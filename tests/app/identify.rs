@@ -501,5 +501,9 @@ fn a_lag_of_the_amplifiers_is_a_delay() {
     question.stated.hold = holds.most_likely();
     let answer = identify::answer(std::slice::from_ref(&samples), Question { holds: Some(holds), ..question });
     is_right("the most likely reading", &answer);
-    assert!(answer.findings.iter().any(|finding| finding.contains("currents act")), "{:?}", answer.findings);
+    assert!(
+        answer.findings.iter().any(|finding| finding.contains("earlier than linear says")),
+        "{:?}",
+        answer.findings
+    );
 }

@@ -19,6 +19,7 @@ use super::units::{rounded_time, significant, time};
 use super::{GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
+use crate::variables::Choice;
 
 // False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): of 600 of drawn bearings, 0.1 to 5 s, nine have too few
 // turns, and no other is refused. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
@@ -177,10 +178,14 @@ fn with_delay(recordings: &[Samples], answer: Answer) -> Answer {
     }
     now.widen(&other);
     let Estimate { value, total_std, .. } = now.bench[suspect.parameter].estimate;
-    let late = if value > 0.0 { "positions are read" } else { "currents act" };
+    // The positions are late relative to the currents as these are read: so they would be if the currents acted later.
+    let (later, hold) = (if value > 0.0 { "later" } else { "earlier" }, delayed.question.stated.hold.name());
     let [delay, std] = [value.abs(), total_std].map(|of_s| rounded_time(of_s, 2));
     let worth = significant(gain, 3);
-    delayed.findings.push(format!("The {late} {delay} ± {std} late (worth {worth} in log-likelihood)."));
+    delayed.findings.push(format!(
+        "The currents act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} (worth {worth} in \
+         log-likelihood)."
+    ));
     delayed
 }
 
