@@ -83,7 +83,7 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
     position, velocity = path(0.0)[0], (path(1e-7)[0] - path(-1e-7)[0]) / 2e-7
     integral, filtered, slow = np.zeros((count, 2)), position.copy(), np.zeros((count, 2))
     pending = held = before = np.sqrt(np.maximum(least, 1)[:, None] / guess) * gap[:, None]
-    follow = (lambda begin, end, time: end + (begin - end) * math.exp(-time / lag_s)) if lag_s else (lambda begin, end, time: end)
+    follow = lambda begin, end, time: end + (begin - end) * (math.exp(-time / lag_s) if lag_s else 0.0)
     limit = np.full((count, 3), np.inf)
     data, commands, largest = np.zeros((count, rows, 8)), np.zeros((count, rows, 3)), np.zeros((count, 3))
     white = np.stack([random.standard_normal((rows, 7)) for random in noise])

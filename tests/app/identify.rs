@@ -461,7 +461,7 @@ fn the_verdict_begins_with_what_the_residuals_ask_for_most() {
     assert!(answer.verdict.starts_with(wanted), "{}", answer.verdict);
 }
 
-/// What the residuals ask for most may move λ by far more than a step from the stated value shows: here by 7.5 deviations.
+/// The parameter that the residuals ask for most may move λ by far more than a step from the stated value shows: here by 7.5 deviations.
 #[test]
 fn the_parameter_that_the_residuals_ask_for_most_is_tried() {
     let lambda = [2.35e-6, 1.65e-6, 2.07e-6];

@@ -129,7 +129,10 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
         .bench()
         .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
     let thinned: Option<Vec<Recording>> = recordings.iter().map(|samples| Some(of(&samples.thinned()?))).collect();
-    let mut answer = with_delay(recordings, answer_all(&all, thinned.filter(|_| is_searched), question));
+    let mut answer = answer_all(&all, thinned.as_slice().iter().filter(|_| is_searched), question);
+    if let Some(delayed) = with_delay(recordings, &all, thinned, &answer) {
+        answer = delayed;
+    }
     for (samples, recording) in recordings.iter().zip(&all) {
         if let Some(off) = drifts(samples, recording) {
             answer.valid = false;
@@ -152,31 +155,31 @@ fn drifts(samples: &Samples, recording: &Recording) -> Option<f64> {
     (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
-/// The same with a delay of the positions, if the residuals ask for one of which nothing is stated and the answer is valid with it: so amplifiers with a lag look.
-/// What a current does between two samples is not known then, and what λ changes with the next likely reading of the samples is part of its deviation.
-fn with_delay(recordings: &[Samples], answer: Answer) -> Answer {
-    let (Some(found), Some(holds)) = (&answer.found, answer.question.holds) else { return answer };
+/// The answer with a delay of the positions, if the residuals ask for one of which nothing is stated and it is valid then: so amplifiers with a lag look.
+/// The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
+fn with_delay(
+    recordings: &[Samples],
+    all: &[Recording],
+    thinned: Option<Vec<Recording>>,
+    answer: &Answer,
+) -> Option<Answer> {
+    let found = answer.found.as_ref().filter(|_| !answer.valid)?;
+    let [_, next, ..] = answer.question.holds?.ranked()[..] else { return None };
     let is_delay = |of: &&Suspect| {
         let bench = &found.bench[of.parameter];
         plain(&bench.parameter.name) == DELAY && bench.told.knowledge == Knowledge::Exact
     };
-    let (false, Some(suspect), Some(next)) = (answer.valid, found.suspects.iter().find(is_delay), holds.next()) else {
-        return answer;
-    };
+    let suspect = found.suspects.iter().find(is_delay)?;
     let mut question = answer.question.clone();
     question.stated.know(suspect.parameter, Knowledge::Free);
-    let of = |hold| {
-        let question = Question { stated: Stated { hold, ..question.stated.clone() }, ..question.clone() };
-        let of = |samples: &Samples| recording(samples, &question.stated, hold);
-        answer_all(&recordings.iter().map(of).collect::<Vec<_>>(), None, question)
-    };
-    let mut delayed = of(question.stated.hold);
-    let (true, Some(now), Some(other)) = (delayed.valid, &mut delayed.found, of(next).found) else { return answer };
+    let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
+    let beside: Vec<_> = thinned.into_iter().chain([other]).collect();
+    let mut delayed = answer_all(all, &beside, question);
+    let now = delayed.found.as_ref().filter(|_| delayed.valid)?;
     let gain = now.log_likelihood - found.log_likelihood;
     if gain < diagnosis::VERY_STRONG {
-        return answer;
+        return None;
     }
-    now.widen(&other);
     let Estimate { value, total_std, .. } = now.bench[suspect.parameter].estimate;
     // The positions are late relative to the currents as these are read: so they would be if the currents acted later.
     let (later, hold) = (if value > 0.0 { "later" } else { "earlier" }, delayed.question.stated.hold.name());
@@ -186,10 +189,15 @@ fn with_delay(recordings: &[Samples], answer: Answer) -> Answer {
         "The currents act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} (worth {worth} in \
          log-likelihood)."
     ));
-    delayed
+    Some(delayed)
 }
 
-fn answer_all(all: &[Recording], thinned: Option<Vec<Recording>>, question: Question) -> Answer {
+/// By how much λ differs with each of the recordings `beside` is part of its deviation.
+fn answer_all<'a>(
+    all: &[Recording],
+    beside: impl IntoIterator<Item = &'a Vec<Recording>>,
+    question: Question,
+) -> Answer {
     let stated = &question.stated;
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options = Options { parts: stated.parts.clone(), slow_force };
@@ -202,9 +210,9 @@ fn answer_all(all: &[Recording], thinned: Option<Vec<Recording>>, question: Ques
         Ok(found) => (Some(found), None),
         Err(failed) => (None, Some(failed.to_string())),
     };
-    if let (Some(found), Some(thinned)) = (found.as_mut().filter(|found| found.converged), &thinned) {
-        let other = likelihood::identify(thinned, &options).ok().filter(|other| other.converged);
-        other.into_iter().for_each(|other| found.widen(&other));
+    if let Some(found) = found.as_mut().filter(|found| found.converged) {
+        let others = beside.into_iter().filter_map(|other| likelihood::identify(other, &options).ok());
+        others.filter(|other| other.converged).for_each(|other| found.widen(&other));
     }
     let told = stated.noise.iter().all(|noise| *noise > 0.0);
     let turns: f64 = all.iter().map(Recording::turns).sum();

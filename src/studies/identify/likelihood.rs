@@ -427,11 +427,11 @@ impl Identification {
         self.conditions.iter().flat_map(|conditions| &conditions.parts)
     }
 
-    /// Adds to the deviations of λ by how much more gaps move it. A controller answers the noise of a reading that was not recorded, so that its currents explain the
+    /// Adds to the deviations of λ by how much it differs in another identification. More gaps move it: a controller answers the noise of a reading that was not recorded, so that its currents explain the
     /// errors of the filter; the bias grows with the number of gaps, and further ones tell its size (simulation and extrapolation, Cook and Stefanski 1994).
     /// Where the bench is exactly as stated, instruments are free of it.
-    pub(super) fn widen(&mut self, thinned: &Self) {
-        let moved = DVector::from_fn(self.lambda.len(), |k, _| thinned.lambda[k].value - self.lambda[k].value);
+    pub(super) fn widen(&mut self, other: &Self) {
+        let moved = DVector::from_fn(self.lambda.len(), |k, _| other.lambda[k].value - self.lambda[k].value);
         self.lambda_covariance += &moved * moved.transpose();
         for (k, moved) in moved.iter().enumerate() {
             let relative = moved / self.lambda[k].value;

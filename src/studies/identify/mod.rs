@@ -293,16 +293,16 @@ impl Holds {
         Hold::all().zip(self.0)
     }
 
-    /// The most likely one; none if nothing fits.
-    fn best(&self) -> Option<Hold> {
-        let best = self.each().min_by(|a, b| a.1.total_cmp(&b.1));
-        best.filter(|(_, less)| less.is_finite()).map(|(hold, _)| hold)
+    /// Those that fit at all, the most likely first.
+    fn ranked(&self) -> Vec<Hold> {
+        let mut ranked: Vec<_> = self.each().filter(|(_, less)| less.is_finite()).collect();
+        ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+        ranked.into_iter().map(|(hold, _)| hold).collect()
     }
 
-    /// The one after the most likely, if it fits at all.
-    fn next(&self) -> Option<Hold> {
-        let (best, others) = (self.best()?, self.each().filter(|(_, less)| less.is_finite()));
-        others.filter(|(hold, _)| *hold != best).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(hold, _)| hold)
+    /// The most likely one; none if nothing fits.
+    fn best(&self) -> Option<Hold> {
+        self.ranked().first().copied()
     }
 
     /// That of measured currents, unless another one is clearly more likely.
