@@ -1,0 +1,158 @@
+//! Why estimates are not valid.
+
+use crate::estimation::STD_LIMIT;
+use crate::machine::Machine;
+use crate::studies::identify::Stated;
+use crate::studies::identify::likelihood::{
+    self, BenchParameter, HARMONICS, Identification, Knowledge, Options, Part, Recording, Suspect,
+};
+use crate::studies::identify::units::significant;
+
+// False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): none of 600 of drawn bearings, 0.1 to 5 s, is refused for
+// them. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
+
+/// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated
+/// deviations.
+const SUSPECTED: f64 = 3.0;
+/// Autocorrelation of the innovations at lag one beyond which the model does not describe the motion, unless chance explains it.
+const COLOURED: f64 = 0.15;
+/// Position noise below that of any sensor, m: a simulation without noise, whose residuals are rounding.
+const SILENT_M: f64 = 1e-9;
+/// Amplitude of a harmonic, relative to the noise of one innovation, beyond which it counts.
+const HARMONIC: f64 = 0.3;
+/// χ² with two degrees of freedom of a harmonic: e⁻¹⁵ by chance.
+pub(super) const HARMONIC_CHI: f64 = 30.0;
+/// Noise of the currents, relative to their rms, that no sensor has.
+const CURRENT_NOISE: f64 = 0.15;
+/// Force constants of one bearing differ by less.
+const RATIO: f64 = 10.0;
+
+/// Whether estimates describe a magnetic bearing at all: `None`, or why not.
+pub(in crate::studies::identify) fn implausible(
+    found: &Identification,
+    recording: &Recording,
+    machine: &Machine,
+    parts: &[Part],
+) -> Option<String> {
+    for (_, magnets) in machine.magnets_of_bearings() {
+        let own = || found.lambda[magnets.clone()].iter().map(|lambda| lambda.value);
+        let (least, greatest) = (own().fold(f64::INFINITY, f64::min), own().fold(f64::NEG_INFINITY, f64::max));
+        if greatest > RATIO * least {
+            return Some(format!(
+                "the force constants would differ by a factor of {}, as those of one bearing do not",
+                significant(greatest / least, 2)
+            ));
+        }
+    }
+    for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(parts)) {
+        let [current_rms, motion_rms] = recording.sizes(part);
+        if conditions.current_noise_a > CURRENT_NOISE * current_rms {
+            return Some(format!(
+                "the forces would be off by as much as noise of {} A on the currents makes, {} % of their rms: they do not belong \
+                 to the motion",
+                significant(conditions.current_noise_a, 2),
+                significant(100.0 * conditions.current_noise_a / current_rms, 2)
+            ));
+        }
+        if motion_rms > 2e-6 && conditions.position_noise_m > 0.3 * motion_rms {
+            return Some(format!(
+                "the positions would have noise of {} µm where the rotor moves by {} µm rms",
+                significant(1e6 * conditions.position_noise_m, 2),
+                significant(1e6 * motion_rms, 2)
+            ));
+        }
+    }
+    None
+}
+
+/// Why the estimates are not valid.
+pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<String> {
+    let names = stated.machine.symbols("λ");
+    if !found.converged {
+        return Some(format!(
+            "the search did not converge in {} iterations: the model does not describe these data, or too much was left free",
+            found.iterations
+        ));
+    }
+    let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value.abs();
+    let worst = (0..found.lambda.len()).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
+    if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
+        return Some(format!(
+            "{} is known to {} % only, the limit is {} %: a longer recording, a larger path, or better knowledge of the bench is \
+             wanted",
+            names[worst],
+            significant(100.0 * relative(worst), 2),
+            100.0 * STD_LIMIT
+        ));
+    }
+    if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, &stated.parts)) {
+        return Some(why);
+    }
+    let silent = is_silent(found);
+    for suspect in found.suspects.iter().filter(|_| !silent) {
+        let line = &found.budget[suspect.parameter];
+        let moved = suspect.value - found.bench[suspect.parameter].told.value;
+        for (name, (lambda, sensitivity)) in names.iter().zip(found.lambda.iter().zip(&line.sensitivity)) {
+            let shift = sensitivity * moved;
+            if shift.abs() * lambda.value > SUSPECTED * lambda.total_std {
+                let parameter = |of: &Suspect| &found.bench[of.parameter].parameter;
+                let (most, this) = (parameter(&found.suspects[0]), parameter(suspect));
+                let most = if most == this { String::new() } else { format!("most for {}, then ", most.name) };
+                return Some(format!(
+                    "the residuals ask {most}for {} ({}), and with it {name} would differ by {} %",
+                    this.name,
+                    this.description,
+                    significant(100.0 * shift.abs(), 2)
+                ));
+            }
+        }
+    }
+    for residuals in found.residuals.iter().filter(|_| !silent) {
+        for n in 0..HARMONICS {
+            for (axis, of_axis) in residuals.harmonics.iter().enumerate() {
+                if of_axis[n] > HARMONIC_CHI && residuals.amplitudes[axis][n] > HARMONIC {
+                    return Some(format!(
+                        "harmonic {} of the rotor stands in the residuals of {}, {} times the noise: something turns with the shaft \
+                         that the model does not know",
+                        n + 1,
+                        stated.machine.readings[axis].axis,
+                        significant(residuals.amplitudes[axis][n], 2)
+                    ));
+                }
+            }
+        }
+    }
+    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions) {
+        for ((lags, part), Part { body, .. }) in residuals.lags.iter().zip(&conditions.parts).zip(&stated.parts) {
+            let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
+            if part.position_noise_m >= SILENT_M && lags[0].abs() > COLOURED.max(chance) {
+                return Some(format!(
+                    "the residuals of neighbouring samples belong together (correlation {}): the model misses some of the motion",
+                    significant(lags[0], 2)
+                ));
+            }
+        }
+    }
+    None
+}
+
+/// Why the estimates are not valid: with the parameter that the residuals ask for most, another identification finds other force constants. (A step from the
+/// told value does not show it where it is far: commands taken for continuous currents behind amplifiers with a lag of 20 µs gave λ 20 % off by 15 deviations,
+/// `scripts/faults.py`, seed 19006.)
+pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options, stated: &Stated) -> Option<String> {
+    let suspect = found.suspects.first().filter(|_| !is_silent(found))?;
+    let mut options = options.clone();
+    options.bench().nth(suspect.parameter)?.1.knowledge = Knowledge::Free;
+    let other = likelihood::identify(all, &options).ok().filter(|other| other.converged)?;
+    let shift = |k: usize| (other.lambda[k].value - found.lambda[k].value).abs();
+    let k = (0..found.lambda.len()).find(|k| shift(*k) > SUSPECTED * found.lambda[*k].total_std)?;
+    let BenchParameter { name, description, .. } = &found.bench[suspect.parameter].parameter;
+    let lambda = &stated.machine.symbols("λ")[k];
+    let percent = significant(100.0 * shift(k) / found.lambda[k].value, 2);
+    Some(format!("the residuals ask most for {name} ({description}), and with it {lambda} differs by {percent} %"))
+}
+
+/// Whether the noise of the positions is below that of any sensor.
+pub(super) fn is_silent(found: &Identification) -> bool {
+    found.parts().all(|part| part.position_noise_m < SILENT_M)
+}

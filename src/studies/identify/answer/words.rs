@@ -1,0 +1,171 @@
+//! What is said of estimates.
+
+use super::judge::{HARMONIC_CHI, is_silent};
+use super::shown::shown;
+use crate::studies::identify::Stated;
+use crate::studies::identify::likelihood::{
+    BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Recording,
+    Suspect, Told,
+};
+use crate::studies::identify::tolerance::plain;
+use crate::studies::identify::units::{significant, time};
+
+/// How well valid force constants are known.
+pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
+    let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
+    let exact = |(of, told): (&BenchParameter, &Told)| told.knowledge == Knowledge::Exact || plain(&of.name) == DELAY;
+    let on = if stated.bench().all(exact) {
+        " if the bench is exactly as stated; mind the budget"
+    } else {
+        ", the stated tolerances of the bench included"
+    };
+    format!("Valid: the force constants are known within {} %{on}.", significant(100.0 * worst, 2))
+}
+
+/// Findings besides the estimates.
+pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<String> {
+    let mut words = contradictions(found, all);
+    let held: Vec<&str> = found.not_separated.iter().map(|j| found.bench[*j].parameter.name.as_str()).collect();
+    if !held.is_empty() {
+        words.push(format!(
+            "The data do not separate {} from the rest; held at the stated value. (Mass and common current gain scale λ; run-out that turns \
+             with the shaft is like unbalance at one speed.)",
+            held.join(", ")
+        ));
+    }
+    if !is_silent(found) {
+        words.extend(found.suspects.iter().take(3).map(|suspect| suspected(found, suspect, all[0].step_s)));
+        words.extend(harmonics(found, stated));
+    }
+    words.extend(quantisation(found, stated));
+    if found.by_scores {
+        words.push(
+            "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
+        );
+    }
+    words.extend(slow_force(found));
+    words.extend(effects(found));
+    words
+}
+
+/// Parts of recordings that contradict the rest.
+fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
+    let words = |part: &Contradiction| {
+        let step_s = all[part.recording].step_s;
+        let at = |row: usize| time(row as f64 * step_s);
+        let of = ["", ", along the axis,"][part.part];
+        let rows = format!("{} to {} of recording {}{of}", at(part.rows.start), at(part.rows.end), part.recording + 1);
+        match &part.what {
+            Change::Disturbed { ratio } => {
+                format!(
+                    "From {rows} something disturbs the rotor (residuals {} times as large); left out.",
+                    significant(*ratio, 2)
+                )
+            }
+            Change::Lambda(lambda) => format!(
+                "From {rows} the force constants are others, {} · 10⁻⁶ N·m²/A²; left out.",
+                lambda
+                    .iter()
+                    .map(|l| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std))
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            ),
+            Change::Load { chi_square } => {
+                format!("From {rows} the load is another (χ² {}); left out.", significant(*chi_square, 3))
+            }
+        }
+    };
+    found.contradictions.iter().map(words).collect()
+}
+
+/// A bench parameter that the residuals ask for.
+fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
+    let parameter = &found.bench[suspect.parameter].parameter;
+    let (factor, unit) = shown(parameter);
+    let mut more = format!("--estimate {}", parameter.name);
+    if plain(&parameter.name) == DELAY {
+        let lag = suspect.value / step_s;
+        more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
+    }
+    format!(
+        "The residuals ask for {} of {} ± {} {unit} ({}): {more}.",
+        parameter.name,
+        significant(suspect.value / factor, 3),
+        significant(suspect.std / factor, 2),
+        parameter.description
+    )
+}
+
+/// Harmonics of the shaft in the first recording that has any.
+fn harmonics(found: &Identification, stated: &Stated) -> Option<String> {
+    let loud = |chi: f64| chi > HARMONIC_CHI;
+    let residuals = found.residuals.iter().find(|of| of.harmonics.iter().flatten().any(|chi| loud(*chi)))?;
+    let readings = &stated.machine.readings;
+    let each = (0..HARMONICS).flat_map(|n| (0..readings.len()).map(move |axis| (n, axis)));
+    let listed = each.filter(|(n, axis)| loud(residuals.harmonics[*axis][*n]));
+    let listed: Vec<String> = listed.map(|(n, axis)| format!("{}× in {}", n + 1, readings[axis].axis)).collect();
+    Some(format!("Harmonics of the shaft in the residuals: {}: run-out, or another force?", listed.join(", ")))
+}
+
+/// Sensors with steps above their noise.
+fn quantisation(found: &Identification, stated: &Stated) -> Vec<String> {
+    let mut words = Vec::new();
+    for conditions in &found.conditions {
+        let of_parts = conditions.parts.iter().zip(&stated.parts);
+        let noise = of_parts.flat_map(|(of, part)| std::iter::repeat_n(of.position_noise_m, part.body.coordinates()));
+        for ((reading, &step_m), noise) in stated.machine.readings.iter().zip(&conditions.resolution_m).zip(noise) {
+            if step_m > noise {
+                let step = significant(1e6 * step_m, 3);
+                words.push(format!("{} is quantised in steps of {step} µm, above the noise.", reading.name));
+            }
+        }
+        for part in conditions.parts.iter().filter(|part| part.counting < part.rows) {
+            words.push(format!(
+                "Errors of quantisation repeat with the readings: {} rows count as {}.",
+                part.rows, part.counting
+            ));
+        }
+    }
+    words
+}
+
+/// The slow force, and what it is worth.
+fn slow_force(found: &Identification) -> Option<String> {
+    let levels: Vec<f64> = found.parts().map(|part| part.slow_force_n).collect();
+    levels.iter().any(|level| *level > 0.0).then(|| {
+        let levels: Vec<String> = levels.iter().map(|level| significant(1e3 * level, 2)).collect();
+        let worth = significant(found.gain_by_slow_force, 3);
+        format!(
+            "A slow force that nothing explains wanders by {} mN/√s (worth at least {worth} in log-likelihood).",
+            levels.join(", ")
+        )
+    })
+}
+
+/// κ and the power of the gap in the noise, where they were estimated.
+fn effects(found: &Identification) -> Vec<String> {
+    let of = |name: &str| if name.starts_with("X.") { " along the axis" } else { "" };
+    let dynamics = found.bench.iter().filter(|bench| bench.estimated && plain(&bench.parameter.name) == DYNAMICS);
+    let dynamics = dynamics.map(|bench| {
+        let Estimate { value, total_std, .. } = bench.estimate;
+        words_on_dynamics(of(&bench.parameter.name), 1.0 + value, total_std, "")
+    });
+    let exponents = found.parts().filter_map(|part| part.noise_exponent);
+    let exponents = exponents.map(|Estimate { value, total_std, .. }| {
+        let [value, std] = [value, total_std].map(|of| significant(of, 2));
+        format!("The noise of the positions grows with the gap to the power of {value} ± {std}.")
+    });
+    dynamics.chain(exponents).collect()
+}
+
+/// The factor κ between statics and dynamics, and what it is worth.
+pub(in crate::studies::identify) fn words_on_dynamics(of: &str, kappa: f64, std: f64, worth: &str) -> String {
+    let weaker = 1.0 - 1.0 / kappa;
+    let side = if weaker > 0.0 { "weaker" } else { "stronger" };
+    format!(
+        "The dynamics{of} are {} % {side} than the law (κ = {} ± {}{worth}): use ki/κ and ks/κ for a controller.",
+        significant(100.0 * weaker.abs(), 2),
+        significant(kappa, 4),
+        significant(std, 2)
+    )
+}
