@@ -13,12 +13,15 @@ pub(super) use self::recorded::recording;
 pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, DELAY, DYNAMICS, Estimate, Identification, Knowledge, Options, Recording, Suspect};
+use super::likelihood::{
+    self, DELAY, DYNAMICS, Estimate, Failed, Identification, Knowledge, Options, Recording, Suspect,
+};
 use super::read::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::{rounded_time, significant};
 use super::{GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
+use crate::studies::parallel::in_order;
 use crate::variables::Choice;
 
 /// Turns that a recording must have at least, noise known or estimated (as on line). Of 600 good recordings of drawn bearings, 0.1 to 5 s, nine have fewer
@@ -169,7 +172,7 @@ fn with_delay(
 /// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation.
 fn judged<'a>(all: &[Recording], beside: impl IntoIterator<Item = &'a Vec<Recording>>, question: Question) -> Judged {
     let slow_force = question.slow_force.unwrap_or(false);
-    let mut options = Options { parts: question.stated.parts.clone(), slow_force };
+    let mut options = Options { parts: question.stated.parts.clone(), slow_force, leaves_out: true };
     let mut identified = match question.slow_force {
         Some(_) => likelihood::identify(all, &options),
         None => with_slow_force(all, &mut options),
@@ -184,7 +187,7 @@ fn judged<'a>(all: &[Recording], beside: impl IntoIterator<Item = &'a Vec<Record
 
 /// Why the estimates are not valid, if they are not.
 fn refusal(
-    identified: &Result<Identification, likelihood::Failed>,
+    identified: &Result<Identification, Failed>,
     all: &[Recording],
     options: &Options,
     question: &Question,
@@ -244,15 +247,17 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
 }
 
 /// Identifies, once more with a slow force if the likelihood asks for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
-pub(super) fn with_slow_force(
-    recordings: &[Recording],
-    options: &mut Options,
-) -> Result<Identification, likelihood::Failed> {
-    let plain = likelihood::identify(recordings, options)?;
+pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -> Result<Identification, Failed> {
+    let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
-    if options.slow_force || !is_worth_it(&plain) {
-        return Ok(plain);
+    // A force that wanders looks like changes of the load.
+    let asks = match &plain {
+        Ok(plain) => is_worth_it(plain),
+        Err(failed) => *failed == Failed::Contradicted,
+    };
+    if options.slow_force || !asks {
+        return plain;
     }
     let slow = Options { slow_force: true, ..options.clone() };
     let most = SLOW_FORCE * options.parts[0].body.m_kg() * GRAVITY_M_S2;
@@ -261,17 +266,18 @@ pub(super) fn with_slow_force(
         Ok(found) if found.converged && is_slow(&found) && is_worth_it(&found) => {
             *options = slow;
             // Each is reckoned with everything else as it is: the smaller one is certain.
-            Ok(Identification { gain_by_slow_force: found.gain_by_slow_force.min(plain.gain_by_slow_force), ..found })
+            let plain = plain.map_or(f64::INFINITY, |plain| plain.gain_by_slow_force);
+            Ok(Identification { gain_by_slow_force: found.gain_by_slow_force.min(plain), ..found })
         }
-        _ => Ok(plain),
+        _ => plain,
     }
 }
 
 /// Whether recordings of one bearing disagree by estimates of their own, and about what.
 fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Option<String> {
     let [_, _, ..] = recordings else { return None };
-    let own = |recording| likelihood::identify(std::slice::from_ref(recording), options).ok();
-    let own: Vec<Identification> = recordings.iter().map(own).collect::<Option<_>>()?;
+    let own = |at: usize| likelihood::identify(&recordings[at..=at], options).ok();
+    let own: Vec<Identification> = in_order(recordings.len(), &own).into_iter().collect::<Option<_>>()?;
     if own.iter().any(|own| !own.converged) {
         return None;
     }

@@ -185,11 +185,9 @@ fn identified(take: &Take) -> Option<Identification> {
 /// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
 fn fit(take: &Take) -> Option<(f64, Option<f64>, bool)> {
     let found = identified(take)?;
-    let sound = found.converged
-        && found.contradictions.is_empty()
-        && implausible(&found, &take.recording, take.machine, &take.options.parts).is_none();
+    let sound = found.converged && implausible(&found, &take.recording, take.machine, &take.options.parts).is_none();
     let gap = found.bench.iter().find(|of| of.parameter.name == "s").map(|of| of.estimate.value);
-    found.contradictions.is_empty().then_some((found.log_likelihood, gap, sound))
+    Some((found.log_likelihood, gap, sound))
 }
 
 /// A stretch in the middle of a recording, or as long as several.
@@ -223,24 +221,28 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         take
     });
-    let mut found = takes.each_ref().map(identified);
+    let all = |takes: &[Take; 3]| in_order(takes.len(), &|at| identified(&takes[at]));
+    let mut found = all(&takes);
     // Rows that are disturbed with one reading are left out of all: an outlier would decide.
     let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
     let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
     let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
     if !rows.is_empty() {
         takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.recording.usable[rows.clone()].fill(false)));
-        found = takes.each_ref().map(identified);
+        found = all(&takes);
     }
-    let of =
-        found.map(|of| of.filter(|of| of.contradictions.is_empty()).map_or(f64::INFINITY, |of| -of.log_likelihood));
+    let of = [0, 1, 2].map(|at| {
+        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty());
+        whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
+    });
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);
     of.map(|value| if value.is_finite() { value - best } else { value })
 }
 
 /// Proposals, the best first; empty if nothing fits better than the stated values.
 pub(super) fn proposals(take: &Take) -> Vec<String> {
-    let take = stretch(take, 1);
+    let mut take = stretch(take, 1);
+    take.options.leaves_out = false;
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
     let each = |alternative: &'static Alternative| {

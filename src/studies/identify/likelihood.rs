@@ -166,6 +166,8 @@ pub struct Options {
     pub parts: Vec<Part>,
     /// Whether a slow force that nothing explains is estimated, a random walk along every coordinate.
     pub slow_force: bool,
+    /// Whether rows that contradict the rest are left out.
+    pub leaves_out: bool,
 }
 
 impl Options {
@@ -186,6 +188,9 @@ pub enum Failed {
         /// How many are needed.
         wanted: usize,
     },
+    /// Some rows contradict the rest, and none is to be left out.
+    #[error("some of the rows contradict the rest")]
+    Contradicted,
     /// The search left the range of numbers.
     #[error("the search does not converge: {0}")]
     Diverged(String),
@@ -404,8 +409,8 @@ pub const SHORTEST: usize = 16;
 /// Obstacles to identification, by name.
 pub fn identify(recordings: &[Recording], options: &Options) -> Result<Identification, Failed> {
     let mut parts = options.parts.iter();
-    let first = parts.next().expect("something moves").identify(recordings, options.slow_force)?;
-    parts.try_fold(first, |all, part| Ok(all.beside(part.identify(recordings, options.slow_force)?)))
+    let first = parts.next().expect("something moves").identify(recordings, options)?;
+    parts.try_fold(first, |all, part| Ok(all.beside(part.identify(recordings, options)?)))
 }
 
 impl Identification {

@@ -276,7 +276,7 @@ impl Holds {
     /// Tries the readings on a bearing whose bench is exactly as stated but for the delay of the positions and the dynamics.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
-        let mut options = Options { parts: stated.parts.clone(), slow_force: false };
+        let mut options = Options { parts: stated.parts.clone(), slow_force: false, leaves_out: true };
         let others = options.bench().filter(|(of, _)| ![DELAY, DYNAMICS].contains(&plain(&of.name)));
         others.for_each(|(_, told)| *told = Told::default());
         let take = |hold| diagnosis::Take {

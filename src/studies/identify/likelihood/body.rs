@@ -1,11 +1,10 @@
 //! The bodies that move: a rotor in one radial bearing, a shaft across itself, an axis along itself.
 
-use super::Failed;
 use super::bench::{DYNAMICS, Places, place};
 use super::filter::passes;
 use super::rotor::{Describe, Description, Kind, Layout};
 use super::search;
-use super::{Identification, Part, Recording};
+use super::{Failed, Identification, Options, Part, Recording};
 use crate::bearing::rotor::RotorConfig;
 use crate::estimation::Machine;
 use crate::plant::PLANES;
@@ -138,7 +137,7 @@ impl Part {
     }
 
     /// Identifies this part of the motion.
-    pub(super) fn identify(&self, recordings: &[Recording], slow_force: bool) -> Result<Identification, Failed> {
+    pub(super) fn identify(&self, recordings: &[Recording], options: &Options) -> Result<Identification, Failed> {
         let [coordinates, magnets, planes] = self.body.sizes();
         let (describe, varied) = match &self.body {
             Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {
@@ -153,7 +152,7 @@ impl Part {
         let (parameters, load) = (&self.parameters, magnets + 2 * planes);
         let kind = Kind {
             part: self,
-            slow_force,
+            slow_force: options.slow_force,
             describe,
             varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
             places: Places::of(&self.body, parameters),
@@ -166,7 +165,7 @@ impl Part {
             },
             passes: passes(coordinates, magnets),
         };
-        search::identify(recordings, &kind)
+        search::identify(recordings, &kind, options.leaves_out)
     }
 
     /// N coordinates, K magnets, and U unknowns on line: the description, and the parameters that change it. Along an axis there are no angles.

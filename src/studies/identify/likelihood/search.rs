@@ -532,7 +532,7 @@ pub(super) fn fit<'a>(
     }
 }
 
-pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>) -> Result<Identification, Failed> {
+pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bool) -> Result<Identification, Failed> {
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
@@ -548,7 +548,11 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>) -> Result<Iden
         // A few rows that are disturbed look like a change of what is before or after them.
         let is_short = |part: &Contradiction| part.rows.len() <= 2 * finished.search.cases[part.recording].block();
         let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
-        if let Some(change) = changes::change(&finished).filter(|_| !brief) {
+        let change = changes::change(&finished).filter(|_| !brief);
+        if !leaves_out && (change.is_some() || !disturbed.is_empty()) {
+            return Err(Failed::Contradicted);
+        }
+        if let Some(change) = change {
             // A force that wanders looks like changes of the load, or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
             let Some(other) = changes::leave_smaller_side(&mut masks, &finished, &change) else { break };
