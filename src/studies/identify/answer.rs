@@ -34,6 +34,9 @@ const OTHER: f64 = 0.05;
 /// An error of the angle, rad, that moves a synchronous force by a tenth of itself.
 const TURNED_RAD: f64 = 0.1;
 
+/// Said where ± holds less than it should.
+const ALONE: &str = "± does not contain by how much λ would differ with more gaps, or with another reading of the currents: no other search converged.";
+
 /// Question to the recordings.
 #[derive(Clone, Debug)]
 pub struct Question {
@@ -67,8 +70,8 @@ struct Judged {
     /// The estimates, if there are any, whether the search converged or not.
     found: Option<Identification>,
     refusal: Option<Refusal>,
-    /// By how much the currents act later than they are read, if that was found.
-    late: Option<String>,
+    /// What the identification itself has to say.
+    notes: Vec<String>,
 }
 
 /// Why estimates are not valid, and what else is said.
@@ -103,7 +106,10 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
         .stated
         .bench()
         .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
-    let thinned: Option<Vec<Recording>> = recordings.iter().map(|samples| Some(of(&samples.thinned()?))).collect();
+    let thinned: Vec<Option<Samples>> = recordings.iter().map(Samples::thinned).collect();
+    let or_whole = |(thinned, whole): (&Option<_>, &Recording)| thinned.as_ref().map_or_else(|| whole.clone(), of);
+    let has_gaps = thinned.iter().any(Option::is_some);
+    let thinned: Option<Vec<_>> = has_gaps.then(|| thinned.iter().zip(&all).map(or_whole).collect());
     let judged = judged(&all, thinned.as_slice().iter().filter(|_| is_searched), question);
     let mut answer = match with_delay(recordings, &all, thinned, &judged) {
         Some(delayed) => worded(delayed, &all),
@@ -166,7 +172,7 @@ fn with_delay(
          log-likelihood).",
         significant(gain, 3)
     );
-    Some(Judged { late: Some(late), ..delayed })
+    Some(Judged { notes: delayed.notes.into_iter().chain([late]).collect(), ..delayed })
 }
 
 /// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation.
@@ -177,12 +183,17 @@ fn judged<'a>(all: &[Recording], beside: impl IntoIterator<Item = &'a Vec<Record
         Some(_) => likelihood::identify(all, &options),
         None => with_slow_force(all, &mut options),
     };
+    let mut notes = Vec::new();
     if let Some(found) = identified.as_mut().ok().filter(|found| found.converged) {
-        let others = beside.into_iter().filter_map(|other| likelihood::identify(other, &options).ok());
-        others.filter(|other| other.converged).for_each(|other| found.widen(&other));
+        for other in beside {
+            match likelihood::identify(other, &options) {
+                Ok(other) if other.converged => found.widen(&other),
+                _ => notes.push(ALONE.into()),
+            }
+        }
     }
     let refusal = refusal(&identified, all, &options, &question);
-    Judged { question, options, found: identified.ok(), refusal, late: None }
+    Judged { question, options, found: identified.ok(), refusal, notes }
 }
 
 /// Why the estimates are not valid, if they are not.
@@ -225,7 +236,7 @@ fn refusal(
 
 /// The answer in words.
 fn worded(judged: Judged, all: &[Recording]) -> Answer {
-    let Judged { question, options, found, refusal, late } = judged;
+    let Judged { question, options, found, refusal, notes } = judged;
     let more = refusal.as_ref().map_or(&More::Findings, |refusal| &refusal.more);
     let mut findings = Vec::new();
     if *more == More::Proposals {
@@ -236,7 +247,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     let found = found.filter(|found| found.converged);
     if let Some(found) = found.as_ref().filter(|_| *more != More::Nothing) {
         findings.extend(words::words_on(found, all, &question.stated));
-        findings.extend(late);
+        findings.extend(notes);
     }
     let verdict = match (&refusal, &found) {
         (Some(Refusal { why, .. }), _) => format!("Not valid: {why}."),
