@@ -1,5 +1,6 @@
 //! Recordings of test benches: tables of text with all their imperfections, made into samples at a uniform pace.
 
+mod grid;
 mod header;
 mod pace;
 mod plausible;
@@ -8,9 +9,10 @@ mod stamps;
 mod table;
 mod text;
 
-use std::io::Read;
+use std::io::{self, Read};
+use std::ops::Range;
 
-use self::header::{Kind, Signals, TIME_AT};
+use self::header::{Signals, TIME_AT};
 use self::pace::Pace;
 use self::signals::Known;
 use self::table::Table;
@@ -28,15 +30,6 @@ pub const FILLED: usize = 3;
 /// Rows by which gaps that are added follow those that there are: their effects are over by then, and the conditions are the same.
 const LATER: usize = 16;
 const MOST_ADDED: f64 = 0.03;
-
-/// So many samples of both positions a recording must have.
-const LEAST: usize = 20;
-
-/// The time stamps may lead away from the samples that are to be interpolated by so many sample times at the end of the recording.
-const NEAR: f64 = 0.05;
-
-/// A rate that is given and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
-const CLOCKS: f64 = 1e-3;
 
 /// How the columns are to be read.
 #[derive(Clone, Debug, Default)]
@@ -59,11 +52,11 @@ pub struct Reading {
 
 impl Reading {
     /// Whether the machine has this signal: only a rotor with unbalance is told its rotation.
-    fn wants(&self, kind: Kind) -> bool {
-        match kind {
-            Kind::Current(k) => self.magnets.as_ref().is_none_or(|used| used.contains(&k)),
-            Kind::Theta | Kind::Omega => self.machine.planes > 0,
-            Kind::Time | Kind::Position => true,
+    fn wants(&self, signals: &Signals, at: usize) -> bool {
+        let is_used = |k| self.magnets.as_ref().is_none_or(|used| used.contains(&k));
+        match at.checked_sub(signals.currents.start) {
+            Some(k) if at < signals.currents.end => is_used(k),
+            _ => at < signals.theta || self.machine.planes > 0,
         }
     }
 }
@@ -121,6 +114,25 @@ pub struct Samples {
 #[error("the recording cannot be used:\n  {}", .0.join("\n  "))]
 pub struct Unusable(pub Vec<String>);
 
+impl From<String> for Unusable {
+    fn from(finding: String) -> Self {
+        Self(vec![finding])
+    }
+}
+
+impl From<io::Error> for Unusable {
+    fn from(error: io::Error) -> Self {
+        format!("the text cannot be read: {error}").into()
+    }
+}
+
+impl Unusable {
+    /// The same, of one of two tables.
+    fn of(self, table: &str) -> Self {
+        Self(self.0.iter().map(|finding| format!("{table}: {finding}")).collect())
+    }
+}
+
 impl Samples {
     /// Number of samples.
     #[must_use]
@@ -175,8 +187,8 @@ impl Samples {
     /// # Errors
     /// Everything that keeps the recording from being used.
     pub fn read_from(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
-        let table = Table::read(&mut recording, reading, &|kind| reading.wants(kind));
-        table.and_then(|table| samples(table, reading)).map_err(Unusable)
+        let table = Table::read(&mut recording, reading, &|signals, at| reading.wants(signals, at))?;
+        Self::of_tables(&table, None, reading)
     }
 
     /// Reads a recording that is a text already.
@@ -197,31 +209,121 @@ impl Samples {
         mut currents: impl Read,
         reading: &Reading,
     ) -> Result<Self, Unusable> {
-        let is_motion = |kind| reading.wants(kind) && !matches!(kind, Kind::Current(_));
-        let of = |table: &str, findings: Vec<String>| -> Vec<String> {
-            findings.iter().map(|finding| format!("{table}: {finding}")).collect()
-        };
-        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|findings| of("positions", findings));
-        let currents = table_of_currents(&mut currents, reading).map_err(|findings| of("currents", findings));
-        let (motion, currents) = match (motion, currents) {
-            (Ok(motion), Ok(currents)) => (motion, currents),
+        let is_motion = |signals: &Signals, at| reading.wants(signals, at) && !signals.currents.contains(&at);
+        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|unusable| unusable.of("positions"));
+        let currents = table_of_currents(&mut currents, reading).map_err(|unusable| unusable.of("currents"));
+        match (motion, currents) {
+            (Ok(motion), Ok(currents)) => Self::of_tables(&motion, Some(&currents), reading),
             (motion, currents) => {
-                return Err(Unusable([motion.err(), currents.err()].into_iter().flatten().flatten().collect()));
+                let unusable = [motion.err(), currents.err()].into_iter().flatten();
+                Err(Unusable(unusable.flat_map(|Unusable(findings)| findings).collect()))
             }
-        };
-        let later_s = (currents.origin_ns() - motion.origin_ns()) as f64 * 1e-9;
-        let mut samples = samples(motion, reading).map_err(Unusable)?;
-        samples.take_currents(currents, later_s).map_err(|finding| Unusable(of("currents", vec![finding])))?;
+        }
+    }
+
+    /// Brings the rows of a table to a uniform pace; the currents may stand in one of their own.
+    fn of_tables(table: &Table, apart: Option<&Table>, reading: &Reading) -> Result<Self, Unusable> {
+        let (Pace { start_s, step_s, place, notes }, count) = grid::find(table, reading)?;
+        let signals = &table.signals;
+        let known = |at: usize| signals::known(&place, &table.columns[at]);
+        let mut samples = Self { machine: reading.machine, start_s, step_s, ..Self::default() };
+        samples.units.clone_from(&table.units);
+        samples.notes.push(format!("{count} samples of {}.", time(step_s)));
+        samples.notes.extend(table.notes.iter().cloned().chain(notes));
+        let rows = table.known([signals.positions.start]).len();
+        let is_beside = |of: &Known| signals::is_at_samples(of) && 2 * of.len() > rows;
+        let is_apart = signals.currents.clone().any(|at| !table.columns[at].is_empty() && !is_beside(&known(at)));
+        let end = if is_apart { signals.positions.end } else { signals.currents.end };
+        samples.take_columns(table, signals.positions.start..end, &known, count);
+        if is_apart {
+            samples.take_apart(signals.currents.clone().map(known).collect());
+        }
+        let mut theta = known(signals.theta);
+        samples.wrap_rad = signals::unwrap(&mut theta);
+        samples.take_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
+        if let Some(currents) = apart {
+            let later_s = (currents.origin_ns() - table.origin_ns()) as f64 * 1e-9;
+            samples.take_currents(currents, later_s).map_err(|unusable| unusable.of("currents"))?;
+        }
         Ok(samples)
     }
 
-    /// Takes over the currents of a table whose clock began so much later.
-    fn take_currents(&mut self, table: Table, later_s: f64) -> Result<(), String> {
-        let of_currents = table.signals.currents.clone();
-        let rows = table.known([TIME_AT].into_iter().chain(of_currents.clone()));
-        if rows.len() < LEAST {
-            return Err(format!("{} samples of all of them, {LEAST} at least are wanted", rows.len()));
+    /// Takes over positions and currents, by their places among the signals, without readings that are faulty.
+    fn take_columns(&mut self, table: &Table, of: Range<usize>, known: &dyn Fn(usize) -> Known, count: usize) {
+        let column = |at: usize| match known(at) {
+            _ if table.columns[at].is_empty() => Vec::new(),
+            known if signals::is_at_samples(&known) => signals::at_samples(&known, count),
+            known => signals::straight(&known, count, false),
+        };
+        let mut columns: Vec<Vec<f64>> = of.clone().map(column).collect();
+        if of.clone().all(|at| signals::is_at_samples(&known(at))) {
+            let names = table.signals.list[of].iter().map(|signal| signal.name.as_str());
+            let mut named: Vec<_> = names.zip(&mut columns).filter(|(_, values)| !values.is_empty()).collect();
+            self.notes.extend(faults::leave_out(&mut named, |row| time(self.start_s + row as f64 * self.step_s)));
         }
+        for (at, values) in
+            columns.iter_mut().enumerate().filter(|(_, values)| values.iter().any(|value| value.is_nan()))
+        {
+            self.missing.resize(count, 0);
+            for (missing, value) in self.missing.iter_mut().zip(values.iter()) {
+                *missing |= u32::from(value.is_nan()) << at;
+            }
+            signals::fill(values);
+        }
+        let gaps = self.missing.iter().filter(|missing| **missing != 0).count();
+        if gaps > 0 {
+            self.notes.push(format!("{gaps} of {count} samples lack a position or a current: gaps."));
+        }
+        self.current_a = columns.split_off(table.signals.positions.len());
+        self.current_a.resize(table.signals.currents.len(), Vec::new());
+        self.position_m = columns;
+    }
+
+    /// Takes over angle and speed, and completes one from the other or from the speed that was told.
+    fn take_rotation(&mut self, theta: &Known, omega: &Known, told_rad_s: Option<f64>) {
+        let count = |known: &Known| if known.is_empty() { 0 } else { self.len() };
+        let [theta, omega] = [theta, omega].map(|known| signals::straight(known, count(known), true));
+        (self.theta_rad, self.omega_rad_s) = (theta, omega);
+        if self.machine.planes == 0 {
+            return;
+        }
+        self.rotation = match (self.theta_rad.is_empty(), self.omega_rad_s.is_empty(), told_rad_s) {
+            (false, false, _) => Rotation::Both,
+            (false, true, _) => Rotation::Angle,
+            (true, false, _) => Rotation::Speed,
+            (true, true, Some(speed)) => {
+                self.omega_rad_s = vec![speed; self.len()];
+                self.notes.push(format!("The speed is taken to be {} rad/s, as stated.", significant(speed, 6)));
+                Rotation::Told
+            }
+            (true, true, None) => Rotation::Unknown,
+        };
+        let note = match self.rotation {
+            Rotation::Both => return,
+            Rotation::Angle => {
+                self.omega_rad_s = signals::slope(&self.theta_rad, self.step_s);
+                "There is no speed; it is the slope of the angle."
+            }
+            Rotation::Speed | Rotation::Told => {
+                let mut angle = 0.0;
+                let turned = |omega: &f64| {
+                    angle += omega * self.step_s;
+                    angle
+                };
+                self.theta_rad =
+                    [0.0].into_iter().chain(self.omega_rad_s.iter().map(turned)).take(self.len()).collect();
+                "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it."
+            }
+            Rotation::Unknown => "There is neither angle nor speed: the unbalance cannot be identified.",
+        };
+        self.notes.push(note.into());
+    }
+
+    /// Takes over the currents of a table whose clock began so much later.
+    fn take_currents(&mut self, table: &Table, later_s: f64) -> Result<(), Unusable> {
+        let currents = table.signals.currents.clone();
+        let rows = table.known([TIME_AT].into_iter().chain(currents.clone()));
+        grid::enough(&rows, "all of them")?;
         table.check_rising(&rows)?;
         let time_s = |row: usize| table.columns[TIME_AT][row] + later_s;
         let [begin_s, end_s] = [rows[0], rows[rows.len() - 1]].map(time_s);
@@ -231,73 +333,30 @@ impl Samples {
             return Err(format!(
                 "their times, from {begin} to {end}, and those of the positions, from {first} to {last}, have nothing in common; \
                  one clock is wanted"
-            ));
+            )
+            .into());
         }
+        self.notes.extend(table.notes.iter().cloned());
+        self.units[currents.clone()].copy_from_slice(&table.units[currents.clone()]);
         let place = |row: usize| (time_s(row) - self.start_s) / self.step_s;
         let current = |at: usize| rows.iter().map(|row| (place(*row), table.columns[at][*row])).collect();
-        let currents = of_currents.clone().map(current).collect();
-        self.notes.extend(table.notes);
-        self.units[of_currents.clone()].copy_from_slice(&table.units[of_currents]);
-        self.take_apart(currents);
+        self.take_apart(currents.map(current).collect());
         Ok(())
-    }
-
-    /// Takes over angle and speed, and completes one from the other or from the speed that was given.
-    fn take_rotation(&mut self, theta: Known, omega: Known, given_rad_s: Option<f64>) {
-        let line =
-            |known: &Known| if known.is_empty() { Vec::new() } else { signals::straight(known, self.len(), true) };
-        (self.theta_rad, self.omega_rad_s) = (line(&theta), line(&omega));
-        if self.machine.planes == 0 {
-            return;
-        }
-        let (rotation, note) = match (theta.is_empty(), omega.is_empty(), given_rad_s) {
-            (false, false, _) => (Rotation::Both, None),
-            (false, true, _) => {
-                self.omega_rad_s = signals::slope(&self.theta_rad, self.step_s);
-                (Rotation::Angle, Some("There is no speed; it is the slope of the angle.".into()))
-            }
-            (true, false, _) => (Rotation::Speed, None),
-            (true, true, Some(speed)) => {
-                self.omega_rad_s = vec![speed; self.len()];
-                (Rotation::Told, Some(format!("The speed is taken to be {} rad/s, as stated.", significant(speed, 6))))
-            }
-            (true, true, None) => (
-                Rotation::Unknown,
-                Some("There is neither angle nor speed: the unbalance cannot be identified.".into()),
-            ),
-        };
-        self.rotation = rotation;
-        self.notes.extend(note);
-        if matches!(self.rotation, Rotation::Speed | Rotation::Told) {
-            let turned = self.omega_rad_s.iter().scan(0.0, |angle, omega| {
-                let now = *angle;
-                *angle += omega * self.step_s;
-                Some(now)
-            });
-            self.theta_rad = turned.collect();
-            self.notes.push(
-                "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it."
-                    .into(),
-            );
-        }
     }
 
     /// Takes over currents at places of their own.
     fn take_apart(&mut self, currents: Vec<Known>) {
-        self.notes.push(format!(
-            "The currents have {} samples of their own, every {}.",
-            currents[0].len(),
-            rounded_time(self.step_s * signals::distance(&currents[0]), 4)
-        ));
+        let (count, step) = (currents[0].len(), rounded_time(self.step_s * signals::distance(&currents[0]), 4));
+        self.notes.push(format!("The currents have {count} samples of their own, every {step}."));
         self.apart = Some(currents);
     }
 }
 
 /// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
-fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Vec<String>> {
+fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Unusable> {
     let mut text = Vec::new();
-    from.read_to_end(&mut text).map_err(|error| vec![format!("the text cannot be read: {error}")])?;
-    let wanted = |kind: Kind| matches!(kind, Kind::Time | Kind::Current(_));
+    from.read_to_end(&mut text)?;
+    let wanted = |signals: &Signals, at| at == TIME_AT || signals.currents.contains(&at);
     let mut reading = Reading { rate_s: None, ..reading.clone() };
     Table::read(&mut text.as_slice(), &reading, &wanted).or_else(|first| {
         let currents = reading.machine.of_magnets("im");
@@ -305,128 +364,4 @@ fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Ve
         reading.units.retain(|(signal, _)| currents.contains(signal));
         Table::read(&mut text.as_slice(), &reading, &wanted).map_err(|_| first)
     })
-}
-
-/// Where the rows of a table are, and how many samples there are.
-fn grid(table: &Table, reading: &Reading) -> Result<(Pace, usize), Vec<String>> {
-    let refuse = |why: String| Err(vec![why]);
-    let positions = table.signals.positions.clone();
-    let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
-    let few = |count: usize| format!("{count} samples of {of}, {LEAST} at least are wanted");
-    let Some(_) = &table.stamps else {
-        let count = table.lines.len();
-        return match (table.known(positions).len(), reading.rate_s) {
-            (known @ 0..LEAST, _) => refuse(few(known)),
-            (_, None) => refuse("there are no time stamps and no rate; --rate is wanted".into()),
-            (_, Some(step_s)) => {
-                let place = (0..count).map(|row| row as f64).collect();
-                Ok((Pace { start_s: 0.0, step_s, place, notes: Vec::new() }, count))
-            }
-        };
-    };
-    let stamp_s = &table.columns[TIME_AT];
-    let timed = table.known([TIME_AT]);
-    // The pace is that of the positions; currents may have one of their own.
-    let at = table.known([TIME_AT].into_iter().chain(positions));
-    if at.len() < LEAST {
-        return refuse(few(at.len()));
-    }
-    // Where a position is missing now and then its row still counts; where most rows have none, the others do.
-    let is_dense = 2 * at.len() > timed.len();
-    let rows = if is_dense { &timed } else { &at };
-    let stamps: Vec<f64> = rows.iter().map(|row| stamp_s[*row]).collect();
-    let found = pace::find(&stamps, |row| table.lines[rows[row]]);
-    let same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
-    let pace = match (found, reading.resample_s) {
-        (Ok(pace), Some(wanted)) if same(pace.step_s, wanted, NEAR / at.len() as f64) => pace,
-        (_, Some(wanted)) => {
-            table.check_rising(&timed).map_err(|why| vec![why])?;
-            let start_s = stamp_s[at[0]];
-            let place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - start_s) / wanted).collect();
-            let count = place[at[at.len() - 1]] + 1e-6;
-            // The same limit as for a recording that is not interpolated.
-            if !(count >= LEAST as f64 && count < 100.0 * stamp_s.len() as f64) {
-                return refuse(format!(
-                    "--resample {wanted}: {count:.0} samples would come from {} rows",
-                    stamp_s.len()
-                ));
-            }
-            let note =
-                "The recording was interpolated, at the price of errors that the standard deviation does not include.";
-            return Ok((Pace { start_s, step_s: wanted, place, notes: vec![note.into()] }, count as usize + 1));
-        }
-        (found, None) => found?,
-    };
-    let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
-    if !is_dense {
-        table.check_rising(&timed).map_err(|why| vec![why])?;
-    }
-    rows.iter().zip(&pace.place).for_each(|(row, own)| place[*row] = *own);
-    let step_s = reading.rate_s.unwrap_or(pace.step_s);
-    if !same(pace.step_s, step_s, CLOCKS) {
-        return refuse(format!(
-            "the stated rate has samples {} apart, the time stamps {}; they must agree within {} %",
-            time(step_s),
-            time(pace.step_s),
-            100.0 * CLOCKS
-        ));
-    }
-    // The grid reaches from the first row with both positions to the last.
-    let mut placed = at.iter().map(|row| place[*row]).filter(|place| place.is_finite());
-    let first = placed.next().unwrap_or(0.0);
-    let count = placed.next_back().unwrap_or(first) - first + 1.0;
-    place.iter_mut().for_each(|place| *place -= first);
-    Ok((Pace { start_s: pace.start_s + first * step_s, step_s, place, ..pace }, count as usize))
-}
-
-/// Brings the rows of a table to a uniform pace.
-fn samples(table: Table, reading: &Reading) -> Result<Samples, Vec<String>> {
-    let (Pace { start_s, step_s, place, notes }, count) = grid(&table, reading)?;
-    let mut notes = [table.notes.clone(), notes].concat();
-    let Signals { list, positions, currents: of_currents, theta, omega } = &table.signals;
-    notes.insert(0, format!("{count} samples of {}.", time(step_s)));
-    let known = |at: usize| signals::known(&place, &table.columns[at]);
-    let units = table.units.clone();
-    let mut samples = Samples { machine: reading.machine, start_s, step_s, units, ..Samples::default() };
-    let currents: Vec<Known> = of_currents.clone().map(known).collect();
-    let rows = table.known([positions.start]).len();
-    let is_read = |at: &usize| table.units[*at].is_some();
-    let is_beside = |of: &Known| signals::is_at_samples(of) && 2 * of.len() > rows;
-    let is_apart = of_currents.clone().zip(&currents).any(|(at, of)| is_read(&at) && !is_beside(of));
-    let at = positions.start..if is_apart { positions.end } else { of_currents.end };
-    // With it, whether all of its readings are at samples.
-    let column = |at: usize| match known(at) {
-        _ if !is_read(&at) => (Vec::new(), true),
-        known if signals::is_at_samples(&known) => (signals::at_samples(&known, count), true),
-        known => (signals::straight(&known, count, false), false),
-    };
-    let (mut columns, at_samples): (Vec<Vec<f64>>, Vec<bool>) = at.clone().map(column).unzip();
-    if at_samples.iter().all(|all| *all) {
-        let named = at.clone().map(|at| list[at].name.as_str()).zip(&mut columns);
-        let mut named: Vec<_> = named.filter(|(_, values)| !values.is_empty()).collect();
-        notes.extend(faults::leave_out(&mut named, |row| time(start_s + row as f64 * step_s)));
-    }
-    for (at, values) in columns.iter_mut().enumerate() {
-        if values.iter().any(|value| value.is_nan()) {
-            samples.missing.resize(count, 0);
-            let rows = samples.missing.iter_mut().zip(values.iter());
-            rows.for_each(|(missing, value)| *missing |= u32::from(value.is_nan()) << at);
-            signals::fill(values);
-        }
-    }
-    let gaps = samples.missing.iter().filter(|missing| **missing != 0).count();
-    if gaps > 0 {
-        notes.push(format!("{gaps} of {count} samples lack a position or a current: gaps."));
-    }
-    samples.current_a = columns.split_off(positions.len());
-    samples.current_a.resize(of_currents.len(), Vec::new());
-    samples.position_m = columns;
-    samples.notes = notes;
-    if is_apart {
-        samples.take_apart(currents);
-    }
-    let mut theta = known(*theta);
-    samples.wrap_rad = signals::unwrap(&mut theta);
-    samples.take_rotation(theta, known(*omega), reading.omega_rad_s);
-    Ok(samples)
 }

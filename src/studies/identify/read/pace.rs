@@ -1,6 +1,8 @@
 //! The pace of a recording: a straight line through its time stamps, which scatter, are rounded, and lack rows.
 
+use super::Unusable;
 use super::signals::{median, range};
+use crate::studies::identify::rms;
 use crate::studies::identify::units::{rounded_time, time as shown};
 
 /// The stamps may scatter about the line by so many sample times (rms): rounding to half a sample time scatters by 0.5/√12 = 0.144.
@@ -23,6 +25,9 @@ const ROUNDED_STEPS: usize = 8;
 /// So many sample times may a recording last for each of its rows; a longer one has a stamp that is far off.
 const SPARSE: f64 = 20.0;
 
+/// So many findings of a kind, and lines of a note, are listed.
+const SHOWN: usize = 5;
+
 /// The samples on the straight line.
 pub(super) struct Pace {
     /// Instant of the first sample on the line, in s.
@@ -33,6 +38,12 @@ pub(super) struct Pace {
     pub place: Vec<f64>,
     /// Findings, in sentences.
     pub notes: Vec<String>,
+}
+
+/// Time stamps, at least two of them and all finite, and the lines of the file in which they stand.
+pub(super) struct Stamps {
+    pub time_s: Vec<f64>,
+    pub lines: Vec<u32>,
 }
 
 /// A straight line over the numbers of the samples.
@@ -88,102 +99,218 @@ impl Line {
     }
 }
 
-/// Finds the pace of time stamps, at least two of them and all finite. `line` gives the line of the file in which a row stands.
-///
-/// # Errors
-/// Contradictions to an even pace.
-pub(super) fn find(time: &[f64], line: impl Fn(usize) -> u32) -> Result<Pace, Vec<String>> {
-    if time.windows(2).all(|pair| pair[1] <= pair[0]) {
-        return Err(vec!["time does not rise from any row to the next".into()]);
-    }
-    if let Some(rounded) = rounded(time) {
-        return Ok(rounded);
-    }
-    let allowed = ((time.len() as f64 * WRONG_PART) as usize).max(2);
-    let rows = rising(time);
-    if time.len() - rows.len() > allowed {
-        return Err(out_of_order(time, &line));
-    }
-    let stamps: Vec<f64> = rows.iter().map(|row| time[*row]).collect();
-    let mut step_s = median(stamps.windows(2).map(|pair| pair[1] - pair[0]));
-    let mut points = Vec::new();
-    let mut straight = Line { start_s: stamps[0], step_s };
-    // The first pass trusts every step, those that follow trust the line more than a stamp.
-    for gain in [1.0, 0.1, 0.1] {
-        points = follow(&rows, &stamps, step_s, gain);
-        if points[points.len() - 1].place > SPARSE * time.len() as f64 + 1000.0 {
-            return Err(vec![hole(&points, &line, step_s)]);
+impl Stamps {
+    /// Finds the pace.
+    ///
+    /// # Errors
+    /// Contradictions to an even pace.
+    pub(super) fn pace(&self) -> Result<Pace, Unusable> {
+        let time = &self.time_s;
+        if time.windows(2).all(|pair| pair[1] <= pair[0]) {
+            return Err("time does not rise from any row to the next".to_owned().into());
+        }
+        if let Some(rounded) = self.rounded() {
+            return Ok(rounded);
+        }
+        let allowed = ((time.len() as f64 * WRONG_PART) as usize).max(2);
+        let mut points = rising(time);
+        if time.len() - points.len() > allowed {
+            return Err(self.out_of_order());
+        }
+        let mut straight = self.follow(&mut points)?;
+        // Stamps far off the line are wrong; without them it is fitted once more.
+        points.retain(|point| straight.miss(point) <= WRONG);
+        if points.len() < 2 || time.len() - points.len() > allowed {
+            return Err(self.uneven(straight));
         }
         straight = Line::fit(&points);
-        // Slopes over a few rows are not bent by a hole over which the samples were not counted right at first.
-        let slope =
-            |few: &[Point]| (few[few.len() - 1].time_s - few[0].time_s) / (few[few.len() - 1].place - few[0].place);
-        step_s = if gain < 1.0 { straight.step_s } else { median(points.windows(17.min(points.len())).map(slope)) };
+        let scatter = rms(points.iter().map(|point| straight.miss(point)));
+        if scatter > SCATTER {
+            return Err(self.uneven(straight));
+        }
+        let (first, last) = (points[0].place, points[points.len() - 1].place);
+        straight.start_s += first * straight.step_s;
+        points.iter_mut().for_each(|point| point.place -= first);
+        let (place, mut notes) = self.numbered(&points)?;
+        let freedom_s = 2.0 * scatter * straight.step_s / (points.len() as f64).sqrt();
+        let Line { start_s, step_s } = straight.round(last - first, freedom_s).map_or(straight, |(line, _)| line);
+        if scatter > 1e-4 {
+            let scatter = rounded_time(scatter * step_s, 2);
+            notes.push(format!(
+                "The time stamps scatter by {scatter} (rms) about the straight line; the samples are taken to be on it."
+            ));
+        }
+        Ok(Pace { start_s, step_s, place, notes })
     }
-    // Stamps far off the line are wrong; without them it is fitted once more.
-    points.retain(|point| straight.miss(point) <= WRONG);
-    if points.len() < 2 || time.len() - points.len() > allowed {
-        return Err(vec![uneven(time, straight, &line)]);
-    }
-    straight = Line::fit(&points);
-    let scatter = (points.iter().map(|point| straight.miss(point).powi(2)).sum::<f64>() / points.len() as f64).sqrt();
-    if scatter > SCATTER {
-        return Err(vec![uneven(time, straight, &line)]);
-    }
-    let (first, last) = (points[0].place, points[points.len() - 1].place);
-    straight.start_s += first * straight.step_s;
-    points.iter_mut().for_each(|point| point.place -= first);
-    let (place, mut notes) = numbered(time, &points, &line)?;
-    let freedom_s = 2.0 * scatter * straight.step_s / (points.len() as f64).sqrt();
-    let Line { start_s, step_s } = straight.round(last - first, freedom_s).map_or(straight, |(line, _)| line);
-    if scatter > 1e-4 {
-        notes.push(format!(
-            "The time stamps scatter by {} (rms) about the straight line; the samples are taken to be on it.",
-            rounded_time(scatter * step_s, 2)
-        ));
-    }
-    Ok(Pace { start_s, step_s, place, notes })
-}
 
-/// Stamps that are rounded about as coarsely as the samples follow each other, or more coarsely: the rows themselves are
-/// counted then, if a straight line over them explains every stamp.
-fn rounded(time: &[f64]) -> Option<Pace> {
-    let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let rounding_s = steps.iter().copied().filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
-    let whole = |step: f64| (step / rounding_s - (step / rounding_s).round()).abs() < 1e-3;
-    if steps.iter().any(|step| *step < 0.0 || !whole(*step)) {
-        return None;
+    /// Stamps that are rounded about as coarsely as the samples follow each other, or more coarsely: the rows themselves are
+    /// counted then, if a straight line over them explains every stamp.
+    fn rounded(&self) -> Option<Pace> {
+        let (steps, count) = (self.steps(), self.time_s.len() as f64);
+        let rounding_s = steps.iter().copied().filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+        let is_whole = |step: f64| (step / rounding_s - (step / rounding_s).round()).abs() < 1e-3;
+        if steps.iter().any(|step| *step < 0.0 || !is_whole(*step)) {
+            return None;
+        }
+        let equal = steps.iter().filter(|step| **step == 0.0).count();
+        let long = steps.iter().filter(|step| **step > 1.5 * rounding_s).count();
+        let usual = long.min(steps.len() - long);
+        if equal as f64 <= ROUNDED_PART * count && usual < ROUNDED_STEPS {
+            return None;
+        }
+        let point = |(row, time_s): (usize, &f64)| Point { row, place: row as f64, time_s: *time_s };
+        let points: Vec<Point> = self.time_s.iter().enumerate().map(point).collect();
+        let line = Line::fit(&points);
+        // Half the rounding, and what least squares may be off from the line that halves the band.
+        if points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s) {
+            return None;
+        }
+        // A row that a logger drops regularly looks like rounding as well; a round pace speaks for rounding, and so does rounding
+        // so coarse that too many rows would have been dropped.
+        let is_coarse = equal + usual > steps.len() / 5;
+        let round = line.round(count - 1.0, rounding_s / count.sqrt());
+        if !is_coarse && round.is_none_or(|(_, digits)| digits > 3) {
+            return None;
+        }
+        let Line { start_s, step_s } = round.map_or(line, |(line, _)| line);
+        let rounding = shown(rounding_s);
+        let note = format!(
+            "The time stamps are rounded to {rounding}; the pace is the slope of the straight line through all rows."
+        );
+        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), notes: vec![note] })
     }
-    let equal = steps.iter().filter(|step| **step == 0.0).count();
-    let long = steps.iter().filter(|step| **step > 1.5 * rounding_s).count();
-    let usual = long.min(steps.len() - long);
-    if equal as f64 <= ROUNDED_PART * time.len() as f64 && usual < ROUNDED_STEPS {
-        return None;
+
+    /// Numbers the samples, and finds the straight line over the numbers.
+    fn follow(&self, points: &mut [Point]) -> Result<Line, Unusable> {
+        let last = points.len() - 1;
+        let mut step_s = median(points.windows(2).map(|pair| pair[1].time_s - pair[0].time_s));
+        // The first pass trusts every step, those that follow trust the line more than a stamp.
+        for gain in [1.0, 0.1, 0.1] {
+            number(points, step_s, gain);
+            if points[last].place > SPARSE * self.time_s.len() as f64 + 1000.0 {
+                return Err(self.hole(points, step_s));
+            }
+            // Slopes over a few rows are not bent by a hole over which the samples were not counted right at first.
+            let slope = |few: &[Point]| {
+                let [from, to] = [few[0], few[few.len() - 1]];
+                (to.time_s - from.time_s) / (to.place - from.place)
+            };
+            step_s = if gain < 1.0 {
+                Line::fit(points).step_s
+            } else {
+                median(points.windows(17.min(points.len())).map(slope))
+            };
+        }
+        Ok(Line::fit(points))
     }
-    let points: Vec<Point> =
-        time.iter().enumerate().map(|(row, time_s)| Point { row, place: row as f64, time_s: *time_s }).collect();
-    let line = Line::fit(&points);
-    // Half the rounding, and what least squares may be off from the line that halves the band.
-    if points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s) {
-        return None;
+
+    /// The number of the sample that each row is, and notes. Rows with a wrong stamp get the places between their neighbours if these are as many as
+    /// the rows.
+    fn numbered(&self, points: &[Point]) -> Result<(Vec<f64>, Vec<String>), Unusable> {
+        let mut place = vec![f64::NAN; self.time_s.len()];
+        points.iter().for_each(|point| place[point.row] = point.place);
+        // Stamps before the first and behind the last good one have no neighbours to go by.
+        let (first, last) = (points[0].row, points[points.len() - 1].row);
+        let mut discarded = [&self.lines[..first], &self.lines[last + 1..]].concat();
+        let (mut findings, mut corrected, mut holes, mut lost) = (Vec::new(), Vec::new(), Vec::new(), 0);
+        for pair in points.windows(2) {
+            let (from, to) = (pair[0].row, pair[1].row);
+            let (between, free) = (to - from - 1, (pair[1].place - pair[0].place) as usize - 1);
+            let lines = &self.lines[from + 1..to];
+            if between > free {
+                findings.extend((from + 1..to).map(|row| self.surplus(from, row)));
+            } else if between == free {
+                (from + 1..to).for_each(|row| place[row] = pair[0].place + (row - from) as f64);
+                corrected.extend(lines);
+            } else {
+                discarded.extend(lines);
+                holes.push(self.lines[from]);
+                lost += free;
+            }
+        }
+        if !findings.is_empty() {
+            let more = findings.len().saturating_sub(SHOWN);
+            findings.truncate(SHOWN);
+            findings.extend((more > 0).then(|| format!("and {more} more of this kind")));
+            return Err(Unusable(findings));
+        }
+        let corrected = listed(&corrected)
+            .map(|lines| format!("Wrong time stamps in {lines} replaced: the rows follow from their neighbours."));
+        let discarded =
+            listed(&discarded).map(|lines| format!("Rows left out because their time stamps are wrong: {lines}."));
+        let lost = holes
+            .first()
+            .map(|first| format!("{lost} rows are missing at {} places, the first after line {first}.", holes.len()));
+        Ok((place, [corrected, discarded, lost].into_iter().flatten().collect()))
     }
-    // A row that a logger drops regularly looks like rounding as well; a round pace speaks for rounding, and so does rounding
-    // so coarse that too many rows would have been dropped.
-    let coarse = equal + usual > steps.len() / 5;
-    let round = line.round(time.len() as f64 - 1.0, rounding_s / (time.len() as f64).sqrt());
-    if !coarse && round.is_none_or(|(_, digits)| digits > 3) {
-        return None;
+
+    fn steps(&self) -> Vec<f64> {
+        self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect()
     }
-    let Line { start_s, step_s } = round.map_or(line, |(line, _)| line);
-    let note = format!(
-        "The time stamps are rounded to {}; the pace is the slope of the straight line through all rows.",
-        shown(rounding_s)
-    );
-    Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), notes: vec![note] })
+
+    /// The finding on a row for which there is no place behind the good row `from`.
+    fn surplus(&self, from: usize, row: usize) -> String {
+        let (line, time) = (self.lines[row], &self.time_s);
+        let [before, now] = [from, row].map(|row| shown(time[row]));
+        if time[row] == time[row - 1] || time[row] == time[from] {
+            format!("line {line}: the stamp of the row before stands here again ({now})")
+        } else if time[row] < time[from] {
+            format!("line {line}: time goes back from {before} to {now}")
+        } else {
+            format!("line {line}: there is a row too many at {now}")
+        }
+    }
+
+    /// Findings on stamps of which too many are out of order.
+    fn out_of_order(&self) -> Unusable {
+        let steps = self.steps();
+        let rows = |is: fn(&f64) -> bool| (1..=steps.len()).filter(|row| is(&steps[row - 1])).collect::<Vec<_>>();
+        let (back, twice) = (rows(|step| *step < 0.0), rows(|step| *step == 0.0));
+        let back = back.first().map(|row| {
+            let [from, to] = [row - 1, *row].map(|row| shown(self.time_s[row]));
+            let (count, line) = (back.len(), self.lines[*row]);
+            format!("time goes back at {count} places, the first in line {line}, from {from} to {to}; one recording with rising time is wanted")
+        });
+        let twice = twice.first().map(|row| {
+            let (count, line, at) = (twice.len(), self.lines[*row], shown(self.time_s[*row]));
+            format!("{count} rows have the time stamp of the row before, the first in line {line} ({at}), and no even pace explains them as rounding")
+        });
+        Unusable(back.into_iter().chain(twice).collect())
+    }
+
+    /// The finding on a recording that lasts far longer than its rows.
+    fn hole(&self, points: &[Point], step_s: f64) -> Unusable {
+        let length = |pair: &[Point]| pair[1].time_s - pair[0].time_s;
+        let longest = points.windows(2).max_by(|a, b| length(a).total_cmp(&length(b))).unwrap_or(points);
+        let [from, to] = [longest[0], longest[longest.len() - 1]]
+            .map(|point| format!("{} in line {}", shown(point.time_s), self.lines[point.row]));
+        let step = rounded_time(step_s, 4);
+        format!("time jumps from {from} to {to}, where the rows before are {step} apart").into()
+    }
+
+    /// The finding on stamps that no straight line explains: what they look like, without a proposal.
+    fn uneven(&self, straight: Line) -> Unusable {
+        let steps = self.steps();
+        let tenth = (steps.len() / 10).max(1);
+        let off = |row: &usize| {
+            let place = (self.time_s[*row] - straight.start_s) / straight.step_s;
+            (place - place.round()).abs()
+        };
+        let worst = (0..self.time_s.len()).max_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0);
+        let (percent, line) = (100.0 * off(&worst), self.lines[worst]);
+        let [least, greatest] = range(steps.iter().copied()).map(|step| rounded_time(step, 4));
+        let [all, begin, end] = [&steps, &steps[..tenth], &steps[steps.len() - tenth..]]
+            .map(|steps| rounded_time(median(steps.iter().copied()), 4));
+        format!(
+            "the time stamps contradict an even pace: steps are from {least} to {greatest} (median {all}; {begin} in the first tenth, {end} in \
+             the last), and stamps are up to {percent:.0} % of a sample time off the straight line (line {line})"
+        )
+        .into()
+    }
 }
 
 /// The largest set of rows whose stamps rise (longest increasing subsequence); the others are out of order.
-fn rising(time: &[f64]) -> Vec<usize> {
+fn rising(time: &[f64]) -> Vec<Point> {
     // The last row of the best sequence of every length, and the row before each.
     let mut ends: Vec<usize> = Vec::new();
     let mut before: Vec<Option<usize>> = Vec::with_capacity(time.len());
@@ -197,157 +324,32 @@ fn rising(time: &[f64]) -> Vec<usize> {
             ends[length] = row;
         }
     }
-    let mut rows: Vec<usize> = std::iter::successors(ends.last().copied(), |row| before[*row]).collect();
-    rows.reverse();
-    rows
+    let rows = std::iter::successors(ends.last().copied(), |row| before[*row]);
+    let mut points: Vec<Point> = rows.map(|row| Point { row, place: 0.0, time_s: time[row] }).collect();
+    points.reverse();
+    points
 }
 
 /// Numbers the samples from row to row: how many steps have gone by since the sample before. That sample's instant is the
 /// predicted one, corrected by a part (`gain`) of its stamp's error, so that scatter does not pass for missing rows.
-fn follow(rows: &[usize], stamps: &[f64], step_s: f64, gain: f64) -> Vec<Point> {
-    let (mut place, mut instant_s) = (0.0, stamps[0]);
-    let number = |(row, time_s): (&usize, &f64)| {
-        if *time_s > stamps[0] {
-            let steps = ((time_s - instant_s) / step_s).round().max(1.0);
-            place += steps;
-            instant_s += steps * step_s;
-            instant_s += gain * (time_s - instant_s);
-        }
-        Point { row: *row, place, time_s: *time_s }
-    };
-    rows.iter().zip(stamps).map(number).collect()
-}
-
-/// The number of the sample that each row is, and notes. Rows with a wrong stamp get the places between their neighbours if these are as many as
-/// the rows.
-fn numbered(
-    time: &[f64],
-    points: &[Point],
-    line: &impl Fn(usize) -> u32,
-) -> Result<(Vec<f64>, Vec<String>), Vec<String>> {
-    let mut place = vec![f64::NAN; time.len()];
-    points.iter().for_each(|point| place[point.row] = point.place);
-    let (first, last) = (points[0].row, points[points.len() - 1].row);
-    // Stamps before the first and behind the last good one have no neighbours to go by.
-    let mut discarded: Vec<u32> = (0..first).chain(last + 1..time.len()).map(line).collect();
-    let (mut findings, mut corrected) = (Vec::new(), Vec::new());
-    let (mut lost, mut holes, mut first_hole) = (0, 0, 0);
-    for pair in points.windows(2) {
-        let (from, to) = (pair[0].row, pair[1].row);
-        let (between, free) = (to - from - 1, (pair[1].place - pair[0].place) as usize - 1);
-        if between > free {
-            findings.extend((from + 1..to).map(|row| {
-                let (number, now) = (line(row), shown(time[row]));
-                if time[row] == time[row - 1] || time[row] == time[from] {
-                    format!("line {number}: the stamp of the row before stands here again ({now})")
-                } else if time[row] < time[from] {
-                    format!("line {number}: time goes back from {} to {now}", shown(time[from]))
-                } else {
-                    format!("line {number}: there is a row too many at {now}")
-                }
-            }));
-        } else if between == free {
-            (from + 1..to).for_each(|row| place[row] = pair[0].place + (row - from) as f64);
-            corrected.extend((from + 1..to).map(line));
-        } else {
-            discarded.extend((from + 1..to).map(line));
-            lost += free;
-            holes += 1;
-            first_hole = if holes == 1 { line(from) } else { first_hole };
-        }
-    }
-    if !findings.is_empty() {
-        return Err(shortened(findings));
-    }
-    let mut notes = Vec::new();
-    if !corrected.is_empty() {
-        notes.push(format!(
-            "Wrong time stamps in {} replaced: the rows follow from their neighbours.",
-            lines(&corrected)
-        ));
-    }
-    if !discarded.is_empty() {
-        notes.push(format!("Rows left out because their time stamps are wrong: {}.", lines(&discarded)));
-    }
-    if lost > 0 {
-        notes.push(format!("{lost} rows are missing at {holes} places, the first after line {first_hole}."));
-    }
-    Ok((place, notes))
-}
-
-/// The first of many findings, and how many there are.
-fn shortened(mut findings: Vec<String>) -> Vec<String> {
-    const SHOWN: usize = 5;
-    let more = findings.len().saturating_sub(SHOWN);
-    findings.truncate(SHOWN);
-    findings.extend((more > 0).then(|| format!("and {more} more of this kind")));
-    findings
-}
-
-/// A few lines by number.
-fn lines(numbers: &[u32]) -> String {
-    let shown = numbers.iter().take(5).map(u32::to_string).collect::<Vec<_>>().join(", ");
-    match numbers.len() {
-        1 => format!("line {shown}"),
-        2..=5 => format!("lines {shown}"),
-        many => format!("lines {shown} and {} more", many - 5),
+fn number(points: &mut [Point], step_s: f64, gain: f64) {
+    let (mut place, mut instant_s) = (0.0, points[0].time_s);
+    for point in points.iter_mut().skip(1) {
+        let steps = ((point.time_s - instant_s) / step_s).round().max(1.0);
+        place += steps;
+        instant_s += steps * step_s;
+        instant_s += gain * (point.time_s - instant_s);
+        point.place = place;
     }
 }
 
-/// Findings on stamps of which too many are out of order.
-fn out_of_order(time: &[f64], line: &impl Fn(usize) -> u32) -> Vec<String> {
-    let back: Vec<usize> = (1..time.len()).filter(|row| time[*row] < time[row - 1]).collect();
-    let twice: Vec<usize> = (1..time.len()).filter(|row| time[*row] == time[row - 1]).collect();
-    let back = back.first().map(|row| {
-        let (from, to) = (shown(time[row - 1]), shown(time[*row]));
-        let (count, line) = (back.len(), line(*row));
-        format!("time goes back at {count} places, the first in line {line}, from {from} to {to}; one recording with rising time is wanted")
-    });
-    let twice = twice.first().map(|row| {
-        let (count, line, at) = (twice.len(), line(*row), shown(time[*row]));
-        format!(
-            "{count} rows have the time stamp of the row before, the first in line {line} ({at}), and no even pace explains them as \
-             rounding"
-        )
-    });
-    back.into_iter().chain(twice).collect()
-}
-
-/// The finding on a recording that lasts far longer than its rows.
-fn hole(points: &[Point], line: &impl Fn(usize) -> u32, step_s: f64) -> String {
-    let length = |pair: &[Point]| pair[1].time_s - pair[0].time_s;
-    let longest = points.windows(2).max_by(|a, b| length(a).total_cmp(&length(b))).unwrap_or(points);
-    let [from, to] = [longest[0], longest[longest.len() - 1]];
-    format!(
-        "time jumps from {} in line {} to {} in line {}, where the rows before are {} apart",
-        shown(from.time_s),
-        line(from.row),
-        shown(to.time_s),
-        line(to.row),
-        rounded_time(step_s, 4)
-    )
-}
-
-/// The finding on stamps that no straight line explains: what they look like, without a proposal.
-fn uneven(time: &[f64], straight: Line, line: &impl Fn(usize) -> u32) -> String {
-    let steps: Vec<f64> = time.windows(2).map(|pair| pair[1] - pair[0]).collect();
-    let tenth = (steps.len() / 10).max(1);
-    let off = |row: &usize| {
-        let place = (time[*row] - straight.start_s) / straight.step_s;
-        (place - place.round()).abs()
-    };
-    let worst = (0..time.len()).max_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0);
-    let short = |seconds: f64| rounded_time(seconds, 4);
-    let [least, greatest] = range(steps.iter().copied());
-    format!(
-        "the time stamps contradict an even pace: steps are from {} to {} (median {}; {} in the first tenth, {} in the last), and \
-         stamps are up to {:.0} % of a sample time off the straight line (line {})",
-        short(least),
-        short(greatest),
-        short(median(steps.iter().copied())),
-        short(median(steps[..tenth].iter().copied())),
-        short(median(steps[steps.len() - tenth..].iter().copied())),
-        100.0 * off(&worst),
-        line(worst)
-    )
+/// A few lines by number; none if there are none.
+fn listed(lines: &[u32]) -> Option<String> {
+    let shown = lines.iter().take(SHOWN).map(u32::to_string).collect::<Vec<_>>().join(", ");
+    match lines.len() {
+        0 => None,
+        1 => Some(format!("line {shown}")),
+        2..=SHOWN => Some(format!("lines {shown}")),
+        many => Some(format!("lines {shown} and {} more", many - SHOWN)),
+    }
 }

@@ -16,25 +16,22 @@ pub(super) struct Stamps {
 }
 
 /// A stamp in plain decimal notation as whole units and the rest; others as a rest alone.
-fn parts(cell: &[u8], separator: char) -> Option<(i64, f64)> {
-    let point = cell.iter().position(|byte| *byte == b'.' || (*byte == b',' && separator != ','));
-    let (whole, rest) = cell.split_at(point.unwrap_or(cell.len()));
-    let is_plain = [whole, rest.get(1..).unwrap_or_default()].iter().all(|part| part.iter().all(u8::is_ascii_digit));
-    match std::str::from_utf8(whole).ok().and_then(|whole| whole.parse().ok()).filter(|_| is_plain) {
-        Some(whole) if rest.len() <= 1 => Some((whole, 0.0)),
-        Some(whole) => Some((whole, text::number(&[b"0", rest].concat(), separator)?)),
-        None => text::number(cell, separator).map(|value| (0, value)),
+fn parts(cell: &str, separator: char) -> Option<(i64, f64)> {
+    let is_point = |c: char| c == '.' || (c == ',' && separator != ',');
+    let (whole, rest) = cell.split_at(cell.find(is_point).unwrap_or(cell.len()));
+    let is_plain = cell.chars().all(|c| c.is_ascii_digit() || is_point(c));
+    match whole.parse() {
+        Ok(whole) if is_plain => Some((whole, text::number(&format!("0{rest}"), separator)?)),
+        _ => text::number(cell, separator).map(|value| (0, value)),
     }
 }
 
 /// ISO 8601 as nanoseconds from some instant: with an offset, without one, or the time of day alone.
-fn iso_ns(cell: &[u8]) -> Option<i128> {
-    let cell = std::str::from_utf8(cell).ok()?.trim();
+fn iso_ns(cell: &str) -> Option<i128> {
     let day = jiff::civil::date(1970, 1, 1);
     let civil = || cell.parse().or_else(|_| cell.parse().map(|time| day.to_datetime(time))).ok();
-    let absolute =
-        cell.parse().ok().or_else(|| civil()?.to_zoned(jiff::tz::TimeZone::UTC).ok().map(|zoned| zoned.timestamp()));
-    absolute.map(jiff::Timestamp::as_nanosecond)
+    let absolute = || civil()?.to_zoned(jiff::tz::TimeZone::UTC).ok().map(|zoned| zoned.timestamp());
+    cell.parse().ok().or_else(absolute).map(jiff::Timestamp::as_nanosecond)
 }
 
 impl Stamps {
@@ -43,29 +40,26 @@ impl Stamps {
     /// # Errors
     /// A contradiction to the unit.
     pub(super) fn of(
-        first: &[u8],
+        first: &str,
         separator: char,
         unit: Option<(&'static str, f64)>,
     ) -> Result<(Self, Option<String>), String> {
-        let shown = String::from_utf8_lossy(first);
         let Some((whole, rest)) = parts(first, separator) else {
             let origin = iso_ns(first)
-                .ok_or_else(|| format!("{shown:?} is no time: a number or an ISO 8601 stamp is wanted"))?;
-            return Ok((Self { unit: None, origin }, Some(format!("Time counts from {shown}."))));
+                .ok_or_else(|| format!("{first:?} is no time: a number or an ISO 8601 stamp is wanted"))?;
+            return Ok((Self { unit: None, origin }, Some(format!("Time counts from {first}."))));
         };
         let value = whole as f64 + rest;
         let Some((names, factor)) = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor))) else {
             let note = unit.is_none().then(|| "time has no unit; it is taken to be in s.".to_owned());
-            return Ok((Self { unit: Some(unit.unwrap_or(("s", 1.0))), origin: 0 }, note));
+            return Ok((Self { unit: unit.or(Some(("s", 1.0))), origin: 0 }, note));
         };
+        let name = names[0];
         if let Some((given, _)) = unit.filter(|(_, given)| given != factor) {
-            return Err(format!(
-                "the first stamp is {shown} {given}: a Unix time in {0}? Then --unit time={0}",
-                names[0]
-            ));
+            return Err(format!("the first stamp is {first} {given}: a Unix time in {name}? Then --unit time={name}"));
         }
-        let note = format!("The stamps are Unix times in {}; time counts from the first, {shown}.", names[0]);
-        Ok((Self { unit: Some((names[0], *factor)), origin: whole.into() }, Some(note)))
+        let note = format!("The stamps are Unix times in {name}; time counts from the first, {first}.");
+        Ok((Self { unit: Some((name, *factor)), origin: whole.into() }, Some(note)))
     }
 
     /// The origin of the times, in ns of the clock.
@@ -79,13 +73,13 @@ impl Stamps {
     }
 
     /// A stamp in seconds; NaN if it is missing, `None` if it is none.
-    pub(super) fn seconds(&self, cell: &[u8], separator: char) -> Option<f64> {
+    pub(super) fn seconds(&self, cell: &str, separator: char) -> Option<f64> {
         match self.unit {
             Some((_, factor)) => {
                 let (whole, rest) = parts(cell, separator)?;
                 Some(in_si(whole.wrapping_sub(self.origin as i64) as f64 + rest, factor))
             }
-            None if text::missing(std::str::from_utf8(cell).ok()?.trim()) => Some(f64::NAN),
+            None if text::missing(cell) => Some(f64::NAN),
             None => Some((iso_ns(cell)? - self.origin) as f64 * 1e-9),
         }
     }

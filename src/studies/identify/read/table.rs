@@ -1,15 +1,12 @@
 //! The rows of a recording: the wanted columns as numbers in SI units.
 
-use std::fmt::Display;
 use std::io::{self, Read};
 
-use super::header::{self, Column, Kind, Place, Signals, TIME_AT};
-use super::stamps::Stamps;
-use super::{Reading, text};
-use crate::machine::Machine;
+use csv::StringRecord;
 
-/// The header is sought among so many lines.
-const BEFORE_HEADER: usize = 200;
+use super::header::{self, Column, Header, Place, Signals, TIME_AT};
+use super::stamps::Stamps;
+use super::{Reading, Unusable, text};
 
 const NO_HEADER: &str =
     "no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab";
@@ -30,10 +27,29 @@ pub(super) struct Table {
     pub stamps: Option<Stamps>,
     /// Findings, in sentences.
     pub notes: Vec<String>,
+    /// Where the signals stand in a row.
+    places: Vec<Option<Place>>,
+    separator: char,
 }
 
-fn broken(error: &dyn Display) -> Vec<String> {
-    vec![format!("the text cannot be read: {error}")]
+/// The rows of a text, from the header on.
+struct Rows<R> {
+    reader: csv::Reader<R>,
+    record: StringRecord,
+    /// Lines of the file before the header.
+    before: u32,
+}
+
+impl<R: Read> Rows<R> {
+    /// Goes to the next row; whether there is one.
+    fn next(&mut self) -> Result<bool, Unusable> {
+        Ok(self.reader.read_record(&mut self.record).map_err(io::Error::from)?)
+    }
+
+    /// The line of the file in which the row stands.
+    fn line(&self) -> u32 {
+        self.before + self.record.position().map_or(1, csv::Position::line) as u32
+    }
 }
 
 impl Table {
@@ -44,128 +60,122 @@ impl Table {
     pub(super) fn read(
         from: &mut dyn Read,
         reading: &Reading,
-        wanted: &dyn Fn(Kind) -> bool,
-    ) -> Result<Self, Vec<String>> {
+        wanted: &dyn Fn(&Signals, usize) -> bool,
+    ) -> Result<Self, Unusable> {
         let signals = Signals::of(reading.machine);
-        let (head, mut text) = text::open(from).map_err(|error| broken(&error))?;
-        let header = find_header(&head, &signals, reading).ok_or_else(|| vec![NO_HEADER.to_owned()])?;
-        io::copy(&mut text.by_ref().take(header.start as u64), &mut io::sink()).map_err(|error| broken(&error))?;
-        let mut reader = csv::ReaderBuilder::new()
-            .delimiter(header.separator as u8)
-            .flexible(true)
-            .has_headers(false)
-            .trim(csv::Trim::All)
-            .comment(Some(b'#'))
-            .from_reader(text);
-        let mut record = csv::ByteRecord::new();
-        let mut next = |record: &mut csv::ByteRecord| reader.read_byte_record(record).map_err(|error| broken(&error));
-        let line_of =
-            |record: &csv::ByteRecord| header.line + record.position().map_or(1, csv::Position::line) as u32 - 1;
-        next(&mut record)?;
-        let mut columns: Vec<Column> = owned(&record).iter().map(|cell| header::column(cell)).collect();
+        let (head, mut text) = text::open(from)?;
+        let Header { start, line, separator } =
+            Header::find(&head, &signals, reading).ok_or_else(|| NO_HEADER.to_owned())?;
+        io::copy(&mut text.by_ref().take(start as u64), &mut io::sink())?;
+        let mut builder = csv::ReaderBuilder::new();
+        builder.delimiter(separator as u8).flexible(true).has_headers(false).comment(Some(b'#'));
+        let mut rows = Rows { reader: builder.from_reader(text), record: StringRecord::new(), before: line - 1 };
+        rows.next()?;
+        let mut columns: Vec<Column> = rows.record.iter().map(header::column).collect();
         let mut findings = Vec::new();
-        let mut more = next(&mut record)?;
-        if more && header::take_units(&mut columns, &owned(&record), &mut findings) {
-            more = next(&mut record)?;
+        let mut more = rows.next()?;
+        if more && header::take_units(&mut columns, &rows.record, &mut findings) {
+            more = rows.next()?;
         }
-        let places = header::places(&signals, &columns, reading, wanted, &mut findings);
+        let places = header::places(&signals, &columns, reading, &|at| wanted(&signals, at), &mut findings);
         let count = signals.list.len();
-        let mut table = Self {
-            signals,
-            columns: vec![Vec::new(); count],
-            lines: Vec::new(),
-            units: vec![None; count],
-            stamps: None,
-            notes: Vec::new(),
-        };
-        let is_larger = |other: &&Machine| other.magnets() > reading.machine.magnets();
-        if let Some(other) = header::other_machine(&columns, reading.machine).filter(is_larger) {
-            table.notes.push(format!("There are also columns of the machine {0}: --machine {0}?", other.name));
-        }
-        if let (Some(Place { column, unit }), true) = (places[TIME_AT], more) {
-            match Stamps::of(record.get(column).unwrap_or_default(), header.separator, unit) {
-                Ok((stamps, note)) => {
-                    table.notes.extend(note);
-                    table.units[TIME_AT] = stamps.unit();
-                    table.stamps = Some(stamps);
-                }
-                Err(why) => findings.push(format!("time, line {}: {why}", line_of(&record))),
-            }
+        let (data, units) = (vec![Vec::new(); count], vec![None; count]);
+        let (lines, notes) = (Vec::new(), Vec::new());
+        let mut table = Self { signals, columns: data, lines, units, stamps: None, notes, places, separator };
+        let larger = header::other_machine(&columns, reading.machine)
+            .filter(|other| other.magnets() > reading.machine.magnets());
+        table.notes.extend(
+            larger.map(|other| format!("There are also columns of the machine {0}: --machine {0}?", other.name)),
+        );
+        if more && let Err(why) = table.take_stamps(&rows.record) {
+            findings.push(format!("time, line {}: {why}", rows.line()));
         }
         if !findings.is_empty() {
-            return Err(findings);
+            return Err(Unusable(findings));
         }
-        for (at, place) in places.iter().enumerate().skip(TIME_AT + 1) {
+        table.take_units();
+        if more {
+            table.take_rows(rows, columns.len())?;
+        }
+        Ok(table)
+    }
+
+    /// Finds out from the first row how the time stamps are written.
+    fn take_stamps(&mut self, first: &StringRecord) -> Result<(), String> {
+        let Some(Place { column, unit }) = self.places[TIME_AT] else { return Ok(()) };
+        let (stamps, note) = Stamps::of(cell(first, column), self.separator, unit)?;
+        self.units[TIME_AT] = stamps.unit();
+        self.stamps = Some(stamps);
+        self.notes.extend(note);
+        Ok(())
+    }
+
+    /// Takes the units over, SI units where nobody said.
+    fn take_units(&mut self) {
+        for (at, place) in self.places.iter().enumerate().skip(TIME_AT + 1) {
             let Some(Place { unit, .. }) = place else { continue };
-            let (name, si) = (&table.signals.list[at].name, table.signals.list[at].quantity[0].0[0]);
-            table.units[at] = Some(unit.map_or(si, |unit| unit.0));
+            let (name, si) = (&self.signals.list[at].name, self.signals.list[at].quantity[0].0[0]);
+            self.units[at] = Some(unit.map_or(si, |unit| unit.0));
             if unit.is_none() {
-                table.notes.push(format!("{name} has no unit; it is taken to be in {si}."));
+                self.notes.push(format!("{name} has no unit; it is taken to be in {si}."));
             }
         }
-        // Rows with cells missing at their end; the last one may not have been written to its end.
-        let (mut short, mut last_is_short) = (0, None);
+    }
+
+    /// Takes the rows over, the first of which was read.
+    fn take_rows(&mut self, mut rows: Rows<impl Read>, width: usize) -> Result<(), Unusable> {
+        let (mut findings, mut short, mut more) = (Vec::new(), 0, true);
+        // Whether the last row lacks cells, and how many findings there were before it.
+        let mut last = (false, 0);
         while more && findings.len() < SHOWN {
-            if !record.iter().all(<[u8]>::is_empty) {
-                findings.extend(last_is_short.take().into_iter().flatten());
-                let wrong = table.push(&record, line_of(&record), &places, header.separator, columns.len());
-                if record.len() < columns.len() {
-                    short += 1;
-                    last_is_short = Some(wrong);
-                } else {
-                    findings.extend(wrong);
-                }
+            if !rows.record.iter().all(|cell| cell.trim().is_empty()) {
+                last = (rows.record.len() < width, findings.len());
+                short += usize::from(last.0);
+                self.push(&rows.record, rows.line(), width, &mut findings);
             }
-            more = next(&mut record)?;
+            more = rows.next()?;
+        }
+        let (is_short, before) = last;
+        if is_short
+            && !more
+            && let Some(line) = self.lines.pop()
+        {
+            // It may not have been written to its end.
+            short -= 1;
+            findings.truncate(before);
+            self.columns.iter_mut().for_each(|column| column.truncate(self.lines.len()));
+            self.notes.push(format!("The last row (line {line}) is incomplete and was left out."));
+        }
+        if short > 0 {
+            self.notes.push(format!("{short} rows have fewer cells than the header; the missing ones count as empty."));
         }
         if findings.len() >= SHOWN {
             findings.push("reading stopped here".into());
         }
-        if last_is_short.is_some()
-            && let Some(line) = table.lines.pop()
-        {
-            short -= 1;
-            table.columns.iter_mut().for_each(|column| column.truncate(table.lines.len()));
-            table.notes.push(format!("The last row (line {line}) is incomplete and was left out."));
-        }
-        if short > 0 {
-            table
-                .notes
-                .push(format!("{short} rows have fewer cells than the header; the missing ones count as empty."));
-        }
-        if findings.is_empty() { Ok(table) } else { Err(findings) }
+        if findings.is_empty() { Ok(()) } else { Err(Unusable(findings)) }
     }
 
-    /// Takes over a row; what is wrong with it is returned.
-    fn push(
-        &mut self,
-        record: &csv::ByteRecord,
-        line: u32,
-        places: &[Option<Place>],
-        separator: char,
-        expected: usize,
-    ) -> Vec<String> {
-        let mut wrong = Vec::new();
-        if record.iter().skip(expected).any(|cell| !cell.is_empty()) {
-            let commas = if separator == ',' { "; decimal commas need another separator" } else { "" };
-            wrong.push(format!("line {line}: {} cells, the header has {expected}{commas}", record.len()));
+    /// Takes a row over; what is wrong with it goes to the findings.
+    fn push(&mut self, record: &StringRecord, line: u32, width: usize, findings: &mut Vec<String>) {
+        if record.iter().skip(width).any(|cell| !cell.trim().is_empty()) {
+            let commas = if self.separator == ',' { "; decimal commas need another separator" } else { "" };
+            findings.push(format!("line {line}: {} cells, the header has {width}{commas}", record.len()));
         }
-        for (at, place) in places.iter().enumerate() {
+        for (at, place) in self.places.iter().enumerate() {
             let Some(Place { column, unit }) = place else { continue };
-            let cell = record.get(*column).unwrap_or_default();
-            let value = match &self.stamps {
-                Some(stamps) if at == TIME_AT => stamps.seconds(cell, separator),
-                _ => text::number(cell, separator).map(|value| value * unit.map_or(1.0, |unit| unit.1)),
+            let cell = cell(record, *column);
+            let (value, wanted) = match &self.stamps {
+                Some(stamps) if at == TIME_AT => (stamps.seconds(cell, self.separator), "time"),
+                _ => {
+                    (text::number(cell, self.separator).map(|value| value * unit.map_or(1.0, |unit| unit.1)), "number")
+                }
             };
             if value.is_none() {
-                let cell = String::from_utf8_lossy(cell);
-                let wanted = if at == TIME_AT { "time" } else { "number" };
-                wrong.push(format!("line {line}, {}: {cell:?} is no {wanted}", self.signals.list[at].name));
+                findings.push(format!("line {line}, {}: {cell:?} is no {wanted}", self.signals.list[at].name));
             }
             self.columns[at].push(value.unwrap_or(f64::NAN));
         }
         self.lines.push(line);
-        wrong
     }
 
     /// The origin of the times, in ns of the clock.
@@ -176,9 +186,8 @@ impl Table {
     /// Refuses times that go back from one of these rows to the next.
     pub(super) fn check_rising(&self, rows: &[usize]) -> Result<(), String> {
         let time = &self.columns[TIME_AT];
-        let back = rows.windows(2).find(|pair| time[pair[1]] < time[pair[0]]);
-        let from_to = |pair: &[usize]| (self.lines[pair[0]], self.lines[pair[1]]);
-        back.map(from_to).map_or(Ok(()), |(from, to)| Err(format!("time goes back from line {from} to line {to}")))
+        let Some(back) = rows.windows(2).find(|pair| time[pair[1]] < time[pair[0]]) else { return Ok(()) };
+        Err(format!("time goes back from line {} to line {}", self.lines[back[0]], self.lines[back[1]]))
     }
 
     /// Numbers of the rows in which all of these signals are known.
@@ -190,31 +199,7 @@ impl Table {
     }
 }
 
-fn owned(record: &csv::ByteRecord) -> Vec<String> {
-    record.iter().map(|cell| String::from_utf8_lossy(cell).into_owned()).collect()
-}
-
-struct Header {
-    /// Byte at which it starts, and its line in the file.
-    start: usize,
-    line: u32,
-    separator: char,
-}
-
-/// The header: the line that names the most signals, since data loggers write remarks and settings before it.
-fn find_header(head: &str, signals: &Signals, reading: &Reading) -> Option<Header> {
-    let mut best: Option<(usize, Header)> = None;
-    let mut start = 0;
-    for (number, line) in head.split_inclusive('\n').enumerate().take(BEFORE_HEADER) {
-        let header = |separator| Header { start, line: number as u32 + 1, separator };
-        if let Some(separator) = text::separator(line).filter(|_| !line.trim_start().starts_with(['#', '%'])) {
-            let columns: Vec<Column> = line.split(separator).map(header::column).collect();
-            let recognised = signals.recognised(&columns, reading);
-            if best.as_ref().is_none_or(|(most, _)| recognised > *most) {
-                best = Some((recognised, header(separator)));
-            }
-        }
-        start += line.len();
-    }
-    best.map(|(_, header)| header)
+/// A cell of a row; empty if the row ends before it.
+fn cell(record: &StringRecord, column: usize) -> &str {
+    record.get(column).unwrap_or_default().trim()
 }

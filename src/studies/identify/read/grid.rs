@@ -1,0 +1,88 @@
+//! Where the rows of a table are among the samples, and how many samples there are.
+
+use super::header::TIME_AT;
+use super::pace::{Pace, Stamps};
+use super::table::Table;
+use super::{Reading, Unusable};
+use crate::studies::identify::units::time;
+
+/// So many samples of all positions a recording must have.
+const LEAST: usize = 20;
+
+/// The time stamps may lead away from the samples that are to be interpolated by so many sample times at the end of the recording.
+const NEAR: f64 = 0.05;
+
+/// A rate that is given and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
+const CLOCKS: f64 = 1e-3;
+
+/// Refuses too few rows in which something is known.
+pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
+    let count = rows.len();
+    if count < LEAST { Err(format!("{count} samples of {of}, {LEAST} at least are wanted")) } else { Ok(()) }
+}
+
+/// The pace of the positions, with a place for every row; currents may have a pace of their own.
+pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Unusable> {
+    let positions = table.signals.positions.clone();
+    let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
+    let is_timed = table.stamps.is_some();
+    let at = table.known(is_timed.then_some(TIME_AT).into_iter().chain(positions));
+    enough(&at, of)?;
+    if !is_timed {
+        let none = || "there are no time stamps and no rate; --rate is wanted".to_owned();
+        let place: Vec<f64> = (0..table.lines.len()).map(|row| row as f64).collect();
+        let count = place.len();
+        return Ok((Pace { start_s: 0.0, step_s: reading.rate_s.ok_or_else(none)?, place, notes: Vec::new() }, count));
+    }
+    let timed = table.known([TIME_AT]);
+    // Where a position is missing now and then its row still counts; where most rows have none, the others do.
+    let is_dense = 2 * at.len() > timed.len();
+    let rows = if is_dense { &timed } else { &at };
+    let stamp_s = &table.columns[TIME_AT];
+    let found = Stamps {
+        time_s: rows.iter().map(|row| stamp_s[*row]).collect(),
+        lines: rows.iter().map(|row| table.lines[*row]).collect(),
+    }
+    .pace();
+    let is_same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
+    let is_near = |wanted| found.as_ref().is_ok_and(|pace| is_same(pace.step_s, wanted, NEAR / at.len() as f64));
+    if let Some(wanted) = reading.resample_s.filter(|wanted| !is_near(*wanted)) {
+        table.check_rising(&timed)?;
+        return Ok(interpolated(stamp_s, &at, wanted)?);
+    }
+    let pace = found?;
+    if !is_dense {
+        table.check_rising(&timed)?;
+    }
+    let step_s = reading.rate_s.unwrap_or(pace.step_s);
+    if !is_same(pace.step_s, step_s, CLOCKS) {
+        return Err(format!(
+            "the stated rate has samples {} apart, the time stamps {}; they must agree within {} %",
+            time(step_s),
+            time(pace.step_s),
+            100.0 * CLOCKS
+        )
+        .into());
+    }
+    let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
+    rows.iter().zip(&pace.place).for_each(|(row, own)| place[*row] = *own);
+    // The grid reaches from the first row with all positions to the last.
+    let mut placed = at.iter().map(|row| place[*row]).filter(|place| place.is_finite());
+    let first = placed.next().unwrap_or(0.0);
+    let count = placed.next_back().unwrap_or(first) - first + 1.0;
+    place.iter_mut().for_each(|place| *place -= first);
+    Ok((Pace { start_s: pace.start_s + first * step_s, step_s, place, ..pace }, count as usize))
+}
+
+/// The samples of a recording that is interpolated to the wanted pace, from the first row with all positions to the last.
+fn interpolated(stamp_s: &[f64], at: &[usize], step_s: f64) -> Result<(Pace, usize), String> {
+    let start_s = stamp_s[at[0]];
+    let place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - start_s) / step_s).collect();
+    let count = place[at[at.len() - 1]] + 1e-6;
+    // The same limit as for a recording that is not interpolated.
+    if !(count >= LEAST as f64 && count < 100.0 * stamp_s.len() as f64) {
+        return Err(format!("--resample {step_s}: {count:.0} samples would come from {} rows", stamp_s.len()));
+    }
+    let note = "The recording was interpolated, at the price of errors that the standard deviation does not include.";
+    Ok((Pace { start_s, step_s, place, notes: vec![note.into()] }, count as usize + 1))
+}
