@@ -199,7 +199,7 @@ fn what_cannot_be_used_is_said() {
         let rows = (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time_s(f64::from(j))));
         header.to_owned() + &rows.collect::<String>()
     };
-    let back = "time goes back at 25 places, the first in line 3, from 25 s to 24 s";
+    let back = "in lines 3, 4, 5, 6, 7 and 20 more, first from 25 s to 24 s";
     // A comma parts the columns here, and so is no decimal one.
     for (text, words) in [
         ("", "no header"),

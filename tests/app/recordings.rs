@@ -138,7 +138,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
 fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
     let rows = BENCH.rows;
     let (wild, lost) = (jitter(3, rows, 4e-5), jitter(4, rows, 1.0));
-    let back = "time goes back at 1 places, the first in line 6003, from 600 ms to 100 µs";
+    let back = "time does not rise by a sample in line 6003, first from 600 ms to 100 µs";
     let one_back = |j: usize| match j {
         0..80 => at(j),
         80 => at(40),
@@ -147,12 +147,12 @@ fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
     let slower = |j: usize| at(j) + 2e-6 * (j as f64 - 5000.0).max(0.0);
     let jump = "time jumps from 900 ms in line 9002 to 1000.9 s in line 9003";
     let soon = |j: usize| if j == 40 { Some("soon".into()) } else { text(4, at(j)) };
-    let uneven = "no even pace explains them as rounding";
+    let uneven = "and no rounding explains it";
     let of_unix = ["a Unix time in ms?", "--unit time=ms"];
     let cases: [(&str, Stamp, &[&str]); 10] = [
-        ("twice", &|j| text(4, at(j - usize::from(j > 70))), &["line 73: the stamp of the row before", "7 ms"]),
+        ("twice", &|j| text(4, at(j - usize::from(j > 70))), &["in line 73, first from 7 ms to 7 ms"]),
         ("back", &|j| text(4, at(if j > 6000 { j - 6000 } else { j })), &[back]),
-        ("one row back", &|j| text(4, one_back(j)), &["line 82: time goes back"]),
+        ("one row back", &|j| text(4, one_back(j)), &["in line 82, first from"]),
         ("two paces", &|j| text(7, slower(j)), &["contradict", "100 µs in the first tenth, 102 µs in the last"]),
         ("wild", &|j| text(7, at(j) + wild[j]), &["contradict an even pace", "straight line"]),
         ("rounded and lost", &|j| text(3, at(j)).filter(|_| lost[j] < 0.8), &[uneven]),

@@ -15,8 +15,9 @@ use std::ops::Range;
 pub use self::answer::{Answer, Check, agreement, answer};
 use self::filter::Readings;
 use self::search::{Fit, fit, follow, log_likelihood};
-use super::read::{Samples, median, noise};
-use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood, mean};
+use super::samples::Samples;
+use super::statistics::{mean, median, noise};
+use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
 pub const UNKNOWNS: usize = 12;

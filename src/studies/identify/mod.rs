@@ -7,7 +7,11 @@ mod agreement;
 mod answer;
 mod diagnosis;
 mod faults;
+mod plausible;
 mod read;
+mod samples;
+mod signals;
+mod statistics;
 mod tolerance;
 mod track;
 mod twin;
@@ -24,7 +28,9 @@ pub use self::track::{Track, recording, said, track};
 pub use self::twin::Twin;
 
 use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Knowledge, Options, Part, Told};
-pub use self::read::{Reading, Rotation, Samples, Unusable};
+pub use self::read::{Reading, Unusable};
+pub use self::samples::{Rotation, Samples};
+use self::statistics::{mean, rms};
 use self::tolerance::plain;
 use self::track::chosen;
 use self::units::significant;
@@ -249,19 +255,6 @@ pub fn one_revolution(samples: &Samples) -> f64 {
     let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };
     // Two periods of the slowest that the window can see, eight samples at least.
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
-}
-
-/// The mean of the values that are known.
-fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
-    let known = values.into_iter().filter(|value| value.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
-    sum / count
-}
-
-/// The root of the mean square; 0 of nothing.
-fn rms(values: impl Iterator<Item = f64>) -> f64 {
-    let (sum, count) = values.fold((0.0, 0.0_f64), |(sum, count), value| (sum + value * value, count + 1.0));
-    (sum / count.max(1.0)).sqrt()
 }
 
 /// Acceleration of gravity, m/s².

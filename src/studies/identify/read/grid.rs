@@ -1,7 +1,7 @@
 //! Where the rows of a table are among the samples, and how many samples there are.
 
 use super::header::TIME_AT;
-use super::pace::{Pace, Stamps};
+use super::pace::Pace;
 use super::table::Table;
 use super::{Reading, Unusable};
 use crate::studies::identify::units::time;
@@ -39,20 +39,16 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
     let is_dense = 2 * at.len() > timed.len();
     let rows = if is_dense { &timed } else { &at };
     let stamp_s = &table.columns[TIME_AT];
-    let found = Stamps {
-        time_s: rows.iter().map(|row| stamp_s[*row]).collect(),
-        lines: rows.iter().map(|row| table.lines[*row]).collect(),
-    }
-    .pace();
+    let found = table.times(rows).pace();
     let is_same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
     let is_near = |wanted| found.as_ref().is_ok_and(|pace| is_same(pace.step_s, wanted, NEAR / at.len() as f64));
     if let Some(wanted) = reading.resample_s.filter(|wanted| !is_near(*wanted)) {
-        table.check_rising(&timed)?;
+        table.times(&timed).check_rising()?;
         return Ok(interpolated(stamp_s, &at, wanted)?);
     }
     let pace = found?;
     if !is_dense {
-        table.check_rising(&timed)?;
+        table.times(&timed).check_rising()?;
     }
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     if !is_same(pace.step_s, step_s, CLOCKS) {

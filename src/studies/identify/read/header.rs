@@ -7,14 +7,15 @@ use crate::machine::{self, MACHINES, Machine};
 use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SPEED, TIME};
 
 /// The time is the first signal of every machine.
-pub(super) const TIME_AT: usize = 0;
+pub(in crate::studies::identify) const TIME_AT: usize = 0;
+const TIME_NAME: &str = "time";
 
 /// The header is sought among so many lines.
 const BEFORE_HEADER: usize = 200;
 
 /// A signal that a recording may have.
 #[derive(Clone, Debug)]
-pub(super) struct Signal {
+pub(in crate::studies::identify) struct Signal {
     /// Name as in the interface.
     pub name: String,
     /// The names that a column of it may have, the best first; one that begins with a point may stand behind the name of any element.
@@ -42,6 +43,36 @@ impl Signal {
         options.iter().rev().find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
+    /// Where the signal stands in a row; nothing if it may be absent and is.
+    fn place(&self, columns: &[Column], reading: &Reading, is_optional: bool) -> Result<Option<Place>, String> {
+        let Self { name, meaning, quantity, .. } = self;
+        let given = self.given(&reading.columns);
+        let column = match (self.candidates(columns, given).as_slice(), given) {
+            ([column], _) => *column,
+            ([], Some(given)) => return Err(format!("--column {name}={given}: there is no column {given}")),
+            (_, None) if is_optional => return Ok(None),
+            ([], None) => {
+                let or_rate = if name == TIME_NAME { ", or --rate if there is none" } else { "" };
+                return Err(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"));
+            }
+            (several, _) => {
+                let several = joined(several.iter().map(|at| &columns[*at].name));
+                return Err(format!(
+                    "{name}: several columns go by this name: {several}; one is wanted: --column {name}=…"
+                ));
+            }
+        };
+        let Column { name: called, unit } = &columns[column];
+        let stated = self.given(&reading.units).or(unit.as_ref());
+        let known = |stated| {
+            let unit = units::find(quantity, stated);
+            unit.ok_or_else(|| {
+                format!("{name} (column {called}): the unit {stated} is none of {}", units::names(quantity))
+            })
+        };
+        Ok(Some(Place { column, unit: stated.map(|stated| known(stated)).transpose()? }))
+    }
+
     /// The columns that are the signal, one if all is well: the column that was given, with or without its unit, or those with its best name.
     fn candidates(&self, columns: &[Column], given: Option<&String>) -> Vec<usize> {
         let given = given.map(|given| vec![given.clone(), column(given).name]);
@@ -56,7 +87,7 @@ impl Signal {
 
 /// The signals of a machine: time, positions, currents, angle and speed. Positions and currents are needed, the time if no rate is given.
 #[derive(Clone, Debug)]
-pub(super) struct Signals {
+pub(in crate::studies::identify) struct Signals {
     pub list: Vec<Signal>,
     pub positions: Range<usize>,
     pub currents: Range<usize>,
@@ -67,7 +98,7 @@ pub(super) struct Signals {
 impl Signals {
     pub fn of(machine: &Machine) -> Self {
         let others = ["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"];
-        let mut list = vec![Signal::new("time", &others, TIME, "the time of the sample")];
+        let mut list = vec![Signal::new(TIME_NAME, &others, TIME, "the time of the sample")];
         for machine::Reading { name, place, .. } in machine.readings {
             let plain = name.trim_end_matches('m');
             let (bearing, axis) = plain.split_at(plain.len() - 1);
@@ -193,6 +224,11 @@ pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, find
     true
 }
 
+/// Names in a row, for messages.
+fn joined<'a>(names: impl Iterator<Item = &'a String>) -> String {
+    names.map(String::as_str).collect::<Vec<_>>().join(", ")
+}
+
 /// Finds the wanted signals, in the order of the list; all that is wrong goes to the findings.
 pub(super) fn places(
     signals: &Signals,
@@ -202,60 +238,33 @@ pub(super) fn places(
     findings: &mut Vec<String>,
 ) -> Vec<Option<Place>> {
     let before = findings.len();
-    let names = |names: Vec<&String>| names.into_iter().map(String::as_str).collect::<Vec<_>>().join(", ");
     for (option, pairs) in [("--column", &reading.columns), ("--unit", &reading.units)] {
-        for (name, _) in pairs.iter().filter(|(name, _)| !signals.list.iter().any(|known| known.name == *name)) {
-            let known = names(signals.list.iter().map(|known| &known.name).collect());
+        for (name, _) in pairs.iter().filter(|(name, _)| signals.list.iter().all(|known| known.name != *name)) {
+            let known = joined(signals.list.iter().map(|known| &known.name));
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {known}"));
         }
     }
-    let mut is_absent = false;
-    let mut places: Vec<Option<Place>> = vec![None; signals.list.len()];
+    let (mut places, mut is_absent) = (vec![None; signals.list.len()], false);
     for (at, signal) in signals.list.iter().enumerate().filter(|(at, _)| wanted(*at)) {
-        let Signal { name, meaning, quantity, .. } = signal;
-        let given = signal.given(&reading.columns);
-        let is_needed = at < signals.theta && (at != TIME_AT || reading.rate_s.is_none());
-        match (signal.candidates(columns, given).as_slice(), given) {
-            ([], Some(given)) => {
-                findings.push(format!("--column {name}={given}: there is no column {given}"));
-                is_absent = true;
+        let is_optional = at >= signals.theta || at == TIME_AT && reading.rate_s.is_some();
+        match signal.place(columns, reading, is_optional) {
+            Ok(place) => places[at] = place,
+            Err(finding) => {
+                findings.push(finding);
+                is_absent |= signal.candidates(columns, signal.given(&reading.columns)).is_empty();
             }
-            ([], None) if is_needed => {
-                let or_rate = if at == TIME_AT { ", or --rate if there is none" } else { "" };
-                findings
-                    .push(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"));
-                is_absent = true;
-            }
-            ([column], _) => {
-                let Column { name: called, unit } = &columns[*column];
-                if let Some(other) = (0..at).find(|other| places[*other].is_some_and(|place| place.column == *column)) {
-                    let other = &signals.list[other].name;
-                    findings.push(format!(
-                        "{other} and {name}: both are column {called}; one of its own is wanted for each"
-                    ));
-                }
-                let stated = signal.given(&reading.units).or(unit.as_ref());
-                let unit = stated.and_then(|unit| units::find(quantity, unit));
-                if let (Some(stated), None) = (stated, unit) {
-                    let known = units::names(quantity);
-                    findings.push(format!("{name} (column {called}): the unit {stated} is none of {known}"));
-                }
-                places[at] = Some(Place { column: *column, unit });
-            }
-            (several @ [_, _, ..], _) if at < signals.theta || given.is_some() => {
-                let several = names(several.iter().map(|at| &columns[*at].name).collect());
-                findings.push(format!(
-                    "{name}: several columns go by this name: {several}; one is wanted: --column {name}=…"
-                ));
-            }
-            _ => {}
+        }
+        let same =
+            |other: &usize| places[at].is_some_and(|at: Place| places[*other].is_some_and(|of| of.column == at.column));
+        if let (Some(place), Some(other)) = (places[at], (0..at).find(same)) {
+            let (one, name, column) = (&signals.list[other].name, &signal.name, &columns[place.column].name);
+            findings.push(format!("{one} and {name}: both are column {column}; one of its own is wanted for each"));
         }
     }
     let other = other_machine(columns, reading.machine).filter(|_| findings.len() > before);
     findings.extend(other.map(|other| format!("these are columns of the machine {0}: --machine {0}", other.name)));
     if is_absent {
-        findings
-            .push(format!("the header has the columns {}", names(columns.iter().map(|column| &column.name).collect())));
+        findings.push(format!("the header has the columns {}", joined(columns.iter().map(|column| &column.name))));
     }
     places
 }

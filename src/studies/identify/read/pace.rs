@@ -1,8 +1,7 @@
 //! The pace of a recording: a straight line through its time stamps, which scatter, are rounded, and lack rows.
 
 use super::Unusable;
-use super::signals::{median, range};
-use crate::studies::identify::rms;
+use crate::studies::identify::statistics::{median, range, rms};
 use crate::studies::identify::units::{rounded_time, time as shown};
 
 /// The stamps may scatter about the line by so many sample times (rms): rounding to half a sample time scatters by 0.5/√12 = 0.144.
@@ -25,7 +24,7 @@ const ROUNDED_STEPS: usize = 8;
 /// So many sample times may a recording last for each of its rows; a longer one has a stamp that is far off.
 const SPARSE: f64 = 20.0;
 
-/// So many findings of a kind, and lines of a note, are listed.
+/// So many lines are listed.
 const SHOWN: usize = 5;
 
 /// The samples on the straight line.
@@ -41,7 +40,7 @@ pub(super) struct Pace {
 }
 
 /// Time stamps, at least two of them and all finite, and the lines of the file in which they stand.
-pub(super) struct Stamps {
+pub(super) struct Times {
     pub time_s: Vec<f64>,
     pub lines: Vec<u32>,
 }
@@ -99,7 +98,7 @@ impl Line {
     }
 }
 
-impl Stamps {
+impl Times {
     /// Finds the pace.
     ///
     /// # Errors
@@ -115,7 +114,7 @@ impl Stamps {
         let allowed = ((time.len() as f64 * WRONG_PART) as usize).max(2);
         let mut points = rising(time);
         if time.len() - points.len() > allowed {
-            return Err(self.out_of_order());
+            return Err(self.out_of_order(&self.pairs(|step| step <= 0.0)));
         }
         let mut straight = self.follow(&mut points)?;
         // Stamps far off the line are wrong; without them it is fitted once more.
@@ -212,13 +211,13 @@ impl Stamps {
         // Stamps before the first and behind the last good one have no neighbours to go by.
         let (first, last) = (points[0].row, points[points.len() - 1].row);
         let mut discarded = [&self.lines[..first], &self.lines[last + 1..]].concat();
-        let (mut findings, mut corrected, mut holes, mut lost) = (Vec::new(), Vec::new(), Vec::new(), 0);
+        let (mut surplus, mut corrected, mut holes, mut lost) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for pair in points.windows(2) {
             let (from, to) = (pair[0].row, pair[1].row);
             let (between, free) = (to - from - 1, (pair[1].place - pair[0].place) as usize - 1);
             let lines = &self.lines[from + 1..to];
             if between > free {
-                findings.extend((from + 1..to).map(|row| self.surplus(from, row)));
+                surplus.extend((from + 1..to).map(|row| (from, row)));
             } else if between == free {
                 (from + 1..to).for_each(|row| place[row] = pair[0].place + (row - from) as f64);
                 corrected.extend(lines);
@@ -228,54 +227,49 @@ impl Stamps {
                 lost += free;
             }
         }
-        if !findings.is_empty() {
-            let more = findings.len().saturating_sub(SHOWN);
-            findings.truncate(SHOWN);
-            findings.extend((more > 0).then(|| format!("and {more} more of this kind")));
-            return Err(Unusable(findings));
+        if !surplus.is_empty() {
+            return Err(self.out_of_order(&surplus));
         }
-        let corrected = listed(&corrected)
-            .map(|lines| format!("Wrong time stamps in {lines} replaced: the rows follow from their neighbours."));
-        let discarded =
-            listed(&discarded).map(|lines| format!("Rows left out because their time stamps are wrong: {lines}."));
-        let lost = holes
-            .first()
-            .map(|first| format!("{lost} rows are missing at {} places, the first after line {first}.", holes.len()));
-        Ok((place, [corrected, discarded, lost].into_iter().flatten().collect()))
+        let mut notes = Vec::new();
+        if !corrected.is_empty() {
+            let lines = listed(&corrected);
+            notes.push(format!("Wrong time stamps in {lines} replaced: the rows follow from their neighbours."));
+        }
+        if !discarded.is_empty() {
+            notes.push(format!("Rows left out because their time stamps are wrong: {}.", listed(&discarded)));
+        }
+        if let Some(first) = holes.first() {
+            notes.push(format!("{lost} rows are missing at {} places, the first after line {first}.", holes.len()));
+        }
+        Ok((place, notes))
+    }
+
+    /// Refuses times that go back.
+    pub(super) fn check_rising(&self) -> Result<(), Unusable> {
+        let back = self.pairs(|step| step < 0.0);
+        if back.is_empty() { Ok(()) } else { Err(self.out_of_order(&back)) }
+    }
+
+    /// Rows with the one before whose steps are such ones.
+    fn pairs(&self, is_such: fn(f64) -> bool) -> Vec<(usize, usize)> {
+        let steps = self.steps();
+        (0..steps.len()).filter(|row| is_such(steps[*row])).map(|row| (row, row + 1)).collect()
     }
 
     fn steps(&self) -> Vec<f64> {
         self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect()
     }
 
-    /// The finding on a row for which there is no place behind the good row `from`.
-    fn surplus(&self, from: usize, row: usize) -> String {
-        let (line, time) = (self.lines[row], &self.time_s);
-        let [before, now] = [from, row].map(|row| shown(time[row]));
-        if time[row] == time[row - 1] || time[row] == time[from] {
-            format!("line {line}: the stamp of the row before stands here again ({now})")
-        } else if time[row] < time[from] {
-            format!("line {line}: time goes back from {before} to {now}")
-        } else {
-            format!("line {line}: there is a row too many at {now}")
-        }
-    }
-
-    /// Findings on stamps of which too many are out of order.
-    fn out_of_order(&self) -> Unusable {
-        let steps = self.steps();
-        let rows = |is: fn(&f64) -> bool| (1..=steps.len()).filter(|row| is(&steps[row - 1])).collect::<Vec<_>>();
-        let (back, twice) = (rows(|step| *step < 0.0), rows(|step| *step == 0.0));
-        let back = back.first().map(|row| {
-            let [from, to] = [row - 1, *row].map(|row| shown(self.time_s[row]));
-            let (count, line) = (back.len(), self.lines[*row]);
-            format!("time goes back at {count} places, the first in line {line}, from {from} to {to}; one recording with rising time is wanted")
-        });
-        let twice = twice.first().map(|row| {
-            let (count, line, at) = (twice.len(), self.lines[*row], shown(self.time_s[*row]));
-            format!("{count} rows have the time stamp of the row before, the first in line {line} ({at}), and no even pace explains them as rounding")
-        });
-        Unusable(back.into_iter().chain(twice).collect())
+    /// The finding on rows for which there is no place behind an earlier one.
+    fn out_of_order(&self, pairs: &[(usize, usize)]) -> Unusable {
+        let lines: Vec<u32> = pairs.iter().map(|(_, row)| self.lines[*row]).collect();
+        let (lines, (before, row)) = (listed(&lines), pairs[0]);
+        let [from, to] = [before, row].map(|row| shown(self.time_s[row]));
+        format!(
+            "time does not rise by a sample in {lines}, first from {from} to {to}, and no rounding explains it; one recording with \
+             rising time is wanted"
+        )
+        .into()
     }
 
     /// The finding on a recording that lasts far longer than its rows.
@@ -343,13 +337,12 @@ fn number(points: &mut [Point], step_s: f64, gain: f64) {
     }
 }
 
-/// A few lines by number; none if there are none.
-fn listed(lines: &[u32]) -> Option<String> {
+/// A few lines by number.
+fn listed(lines: &[u32]) -> String {
     let shown = lines.iter().take(SHOWN).map(u32::to_string).collect::<Vec<_>>().join(", ");
     match lines.len() {
-        0 => None,
-        1 => Some(format!("line {shown}")),
-        2..=SHOWN => Some(format!("lines {shown}")),
-        many => Some(format!("lines {shown} and {} more", many - SHOWN)),
+        1 => format!("line {shown}"),
+        2..=SHOWN => format!("lines {shown}"),
+        many => format!("lines {shown} and {} more", many - SHOWN),
     }
 }

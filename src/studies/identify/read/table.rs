@@ -5,6 +5,7 @@ use std::io::{self, Read};
 use csv::StringRecord;
 
 use super::header::{self, Column, Header, Place, Signals, TIME_AT};
+use super::pace::Times;
 use super::stamps::Stamps;
 use super::{Reading, Unusable, text};
 
@@ -32,26 +33,6 @@ pub(super) struct Table {
     separator: char,
 }
 
-/// The rows of a text, from the header on.
-struct Rows<R> {
-    reader: csv::Reader<R>,
-    record: StringRecord,
-    /// Lines of the file before the header.
-    before: u32,
-}
-
-impl<R: Read> Rows<R> {
-    /// Goes to the next row; whether there is one.
-    fn next(&mut self) -> Result<bool, Unusable> {
-        Ok(self.reader.read_record(&mut self.record).map_err(io::Error::from)?)
-    }
-
-    /// The line of the file in which the row stands.
-    fn line(&self) -> u32 {
-        self.before + self.record.position().map_or(1, csv::Position::line) as u32
-    }
-}
-
 impl Table {
     /// Reads the signals that are `wanted`.
     ///
@@ -69,13 +50,14 @@ impl Table {
         io::copy(&mut text.by_ref().take(start as u64), &mut io::sink())?;
         let mut builder = csv::ReaderBuilder::new();
         builder.delimiter(separator as u8).flexible(true).has_headers(false).comment(Some(b'#'));
-        let mut rows = Rows { reader: builder.from_reader(text), record: StringRecord::new(), before: line - 1 };
-        rows.next()?;
-        let mut columns: Vec<Column> = rows.record.iter().map(header::column).collect();
+        let mut rows = builder.from_reader(text).into_records();
+        let mut next = || rows.next().transpose().map_err(io::Error::from);
+        let mut columns: Vec<Column> = next()?.iter().flatten().map(header::column).collect();
         let mut findings = Vec::new();
-        let mut more = rows.next()?;
-        if more && header::take_units(&mut columns, &rows.record, &mut findings) {
-            more = rows.next()?;
+        // The row below the header, or the one below the units.
+        let mut first = next()?;
+        if first.as_ref().is_some_and(|units| header::take_units(&mut columns, units, &mut findings)) {
+            first = next()?;
         }
         let places = header::places(&signals, &columns, reading, &|at| wanted(&signals, at), &mut findings);
         let count = signals.list.len();
@@ -87,16 +69,18 @@ impl Table {
         table.notes.extend(
             larger.map(|other| format!("There are also columns of the machine {0}: --machine {0}?", other.name)),
         );
-        if more && let Err(why) = table.take_stamps(&rows.record) {
-            findings.push(format!("time, line {}: {why}", rows.line()));
+        let line = |row: &StringRecord| line - 1 + row.position().map_or(1, csv::Position::line) as u32;
+        if let Some(first) = &first
+            && let Err(why) = table.take_stamps(first)
+        {
+            findings.push(format!("time, line {}: {why}", line(first)));
         }
         if !findings.is_empty() {
             return Err(Unusable(findings));
         }
         table.take_units();
-        if more {
-            table.take_rows(rows, columns.len())?;
-        }
+        let rows = first.map(Ok).into_iter().chain(std::iter::from_fn(|| next().transpose()));
+        table.take_rows(rows.map(|row| row.map(|row| (line(&row), row))), columns.len())?;
         Ok(table)
     }
 
@@ -122,22 +106,28 @@ impl Table {
         }
     }
 
-    /// Takes the rows over, the first of which was read.
-    fn take_rows(&mut self, mut rows: Rows<impl Read>, width: usize) -> Result<(), Unusable> {
-        let (mut findings, mut short, mut more) = (Vec::new(), 0, true);
+    /// Takes the rows over, which come with their lines.
+    fn take_rows(
+        &mut self,
+        mut rows: impl Iterator<Item = io::Result<(u32, StringRecord)>>,
+        width: usize,
+    ) -> Result<(), Unusable> {
+        let (mut findings, mut short) = (Vec::new(), 0);
         // Whether the last row lacks cells, and how many findings there were before it.
         let mut last = (false, 0);
-        while more && findings.len() < SHOWN {
-            if !rows.record.iter().all(|cell| cell.trim().is_empty()) {
-                last = (rows.record.len() < width, findings.len());
+        while findings.len() < SHOWN
+            && let Some(row) = rows.next()
+        {
+            let (line, row) = row?;
+            if row.iter().any(|cell| !cell.trim().is_empty()) {
+                last = (row.len() < width, findings.len());
                 short += usize::from(last.0);
-                self.push(&rows.record, rows.line(), width, &mut findings);
+                self.push(&row, line, width, &mut findings);
             }
-            more = rows.next()?;
         }
         let (is_short, before) = last;
         if is_short
-            && !more
+            && rows.next().is_none()
             && let Some(line) = self.lines.pop()
         {
             // It may not have been written to its end.
@@ -183,11 +173,10 @@ impl Table {
         self.stamps.as_ref().map_or(0, Stamps::origin_ns)
     }
 
-    /// Refuses times that go back from one of these rows to the next.
-    pub(super) fn check_rising(&self, rows: &[usize]) -> Result<(), String> {
-        let time = &self.columns[TIME_AT];
-        let Some(back) = rows.windows(2).find(|pair| time[pair[1]] < time[pair[0]]) else { return Ok(()) };
-        Err(format!("time goes back from line {} to line {}", self.lines[back[0]], self.lines[back[1]]))
+    /// The time stamps of these rows.
+    pub(super) fn times(&self, rows: &[usize]) -> Times {
+        let time_s = rows.iter().map(|row| self.columns[TIME_AT][*row]).collect();
+        Times { time_s, lines: rows.iter().map(|row| self.lines[*row]).collect() }
     }
 
     /// Numbers of the rows in which all of these signals are known.

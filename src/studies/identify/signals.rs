@@ -2,34 +2,14 @@
 
 use std::f64::consts::TAU;
 
-use super::FILLED;
+use super::statistics::{median, range};
 use crate::estimation::Hold;
-use crate::studies::identify::mean;
+
+/// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
+const FILLED: usize = 3;
 
 /// A gap is filled by the cubic through neighbours that are no further apart than this, in samples.
 const SPAN: usize = 2 * FILLED + 1;
-
-/// The median of finite values; NaN if there are none.
-pub(in crate::studies::identify) fn median(values: impl IntoIterator<Item = f64>) -> f64 {
-    let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
-    if values.is_empty() {
-        return f64::NAN;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Lowest and highest of the known values; 0 if there are none.
-pub(in crate::studies::identify) fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
-    let known = values.into_iter().filter(|value| value.is_finite());
-    known.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
-}
-
-/// Standard deviation of white noise from fourth differences, whose squares sum to 70.
-pub(in crate::studies::identify) fn noise(values: &[f64]) -> f64 {
-    let fourth = |v: &[f64]| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4];
-    (mean(values.windows(5).map(|v| fourth(v).powi(2))) / 70.0).sqrt()
-}
 
 /// Known values by their places, in samples from the first one; the places rise.
 pub(super) type Known = Vec<(f64, f64)>;

@@ -2,11 +2,13 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::header::{Signals, TIME_AT};
-use super::signals::{median, noise, range};
-use super::{Rotation, Samples};
+use nalgebra::Complex;
+
+use super::read::{Signals, TIME_AT};
+use super::samples::{Rotation, Samples};
+use super::statistics::{median, noise, range};
+use super::units::{rounded_time, significant, time};
 use crate::estimation::Hold;
-use crate::studies::identify::units::{rounded_time, significant, time};
 
 /// Sample times of controllers and recorders of magnetic bearings, in s: 2 MHz to 500 Hz.
 const STEP_S: [f64; 2] = [0.5e-6, 2e-3];
@@ -31,20 +33,14 @@ impl Samples {
     #[must_use]
     pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
         let read = Read { samples: self, signals: Signals::of(self.machine) };
-        let mut findings: Vec<String> = read.pace().into_iter().collect();
-        let is_paced = findings.is_empty();
-        for (bearing, gap_m) in self.machine.bearings.iter().zip(gap_m) {
-            findings.extend(read.positions(bearing.prefix, *gap_m));
-        }
-        findings.extend(read.currents());
-        let before = findings.len();
-        findings.extend(read.wrapping());
-        findings.extend(read.angle_against_speed());
+        let pace = read.pace();
+        let mut rotation: Vec<String> = read.wrapping().into_iter().chain(read.angle_against_speed()).collect();
         // The other checks go by a speed that makes sense only if the time does, and say less than these.
-        if is_paced && findings.len() == before {
-            findings.extend(read.speed().or_else(|| read.motion_against_angle()));
+        if pace.is_none() && rotation.is_empty() {
+            rotation.extend(read.speed().or_else(|| read.motion_against_angle()));
         }
-        findings
+        let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| read.positions(bearing, *gap_m));
+        pace.into_iter().chain(positions).chain(read.currents()).chain(rotation).collect()
     }
 }
 
@@ -97,39 +93,39 @@ impl Read<'_> {
         (!fits(1.0)).then(|| self.misread(TIME_AT, &value, &[(TIME_AT, 1)], fits))
     }
 
-    /// Findings about the positions at the bearing with that prefix.
-    fn positions(&self, bearing: &str, gap_m: f64) -> Vec<String> {
-        let mut findings = Vec::new();
-        let (start, readings) = (self.signals.positions.start, self.samples.machine.readings);
-        let axes: Vec<usize> = (0..readings.len()).filter(|axis| readings[*axis].around.0 == bearing).collect();
-        let ranges: Vec<_> = self.samples.position_m.iter().map(|position| range(position.iter().copied())).collect();
+    /// Findings about the positions at a bearing.
+    fn positions(&self, bearing: usize, gap_m: f64) -> Vec<String> {
+        let axes: Vec<usize> = self.samples.machine.readings_of(bearing).collect();
+        let ranges: Vec<[f64; 2]> =
+            axes.iter().map(|axis| range(self.samples.position_m[*axis].iter().copied())).collect();
         let spans: Vec<f64> = ranges.iter().map(|[low, high]| high - low).collect();
-        let is_silent = |axis: usize| noise(&self.samples.position_m[axis]) < SILENT_M;
-        let is_still = axes.iter().all(|axis| spans[*axis] < STILL_M && is_silent(*axis));
-        for axis in axes.iter().copied() {
-            let (at, span, furthest) = (start + axis, spans[axis], ranges[axis][0].abs().max(ranges[axis][1].abs()));
+        let is_silent = |n: usize| noise(&self.samples.position_m[axes[n]]) < SILENT_M;
+        let is_still = (0..axes.len()).all(|n| spans[n] < STILL_M && is_silent(n));
+        let at = |n: usize| self.signals.positions.start + axes[n];
+        let finding = |n: usize| {
+            let (span, furthest) = (spans[n], ranges[n][0].abs().max(ranges[n][1].abs()));
             let value = if furthest > gap_m {
                 let [furthest, gap] = [furthest, gap_m].map(|length_m| significant(length_m * 1e3, 4));
                 format!("up to {furthest} mm from the centre, beyond the gap of {gap} mm")
             } else if is_still && span > 0.0 {
                 format!("it moves by {} nm only, and without noise", significant(span * 1e9, 3))
             } else {
-                continue;
+                return None;
             };
             let fits = |scale: f64| scale * furthest < gap_m && scale * span > STILL_M;
-            findings.push(self.misread(at, &value, &[(at, 1)], fits));
-        }
+            Some(self.misread(at(n), &value, &[(at(n), 1)], fits))
+        };
+        let mut findings: Vec<String> = (0..axes.len()).filter_map(finding).collect();
         // One axis in another unit than the other hides below the limits above.
-        let [one, other] = axes[..] else { return findings };
-        let (small, large) = if spans[other] < spans[one] { (other, one) } else { (one, other) };
-        let (least, most) = (spans[small], spans[large]);
-        if findings.is_empty() && least > 0.0 && most / least > 300.0 {
-            let at = start + small;
+        if let ([one, other], []) = (&spans[..], &findings[..]) {
+            let small = usize::from(other < one);
+            let (least, most) = (one.min(*other), one.max(*other));
             let fits = |scale: f64| (0.03..30.0).contains(&(scale * least / most));
-            if self.instead(at).any(|(_, scale)| fits(scale)) && is_silent(small) {
+            let is_hidden = least > 0.0 && most / least > 300.0 && is_silent(small);
+            if is_hidden && self.instead(at(small)).any(|(_, scale)| fits(scale)) {
                 let [own, other] = [least, most].map(|span| significant(span * 1e6, 3));
                 let value = format!("it moves by {own} µm, the other axis by {other} µm");
-                findings.push(self.misread(at, &value, &[(at, 1)], fits));
+                findings.push(self.misread(at(small), &value, &[(at(small), 1)], fits));
             }
         }
         findings
@@ -139,19 +135,18 @@ impl Read<'_> {
         let currents = self.samples.currents(Hold::Linear);
         let largest: Vec<f64> =
             currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
-        let is_misread = |k: &usize| {
-            let strongest = largest[*k];
-            // A magnet that is switched off is not misread.
-            let weak = strongest < CURRENT_A[0] && largest.iter().all(|other| *other < 50.0 * strongest);
-            let odd = largest.iter().any(|other| *other > 300.0 * strongest) && noise(&currents[*k]) < 2e-5;
-            strongest > CURRENT_A[1] || strongest > 0.0 && (weak || odd)
-        };
+        let most = range(largest.iter().copied())[1];
         let finding = |k: usize| {
-            let (at, value) = (self.signals.currents.start + k, format!("up to {} A", significant(largest[k], 4)));
-            let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * largest[k]));
-            self.misread(at, &value, &[(at, 1)], fits)
+            let (at, strongest) = (self.signals.currents.start + k, largest[k]);
+            // A magnet that is switched off is not misread.
+            let is_weak = strongest < CURRENT_A[0] && most < 50.0 * strongest;
+            let is_odd = most > 300.0 * strongest && noise(&currents[k]) < 2e-5;
+            let is_misread = strongest > CURRENT_A[1] || strongest > 0.0 && (is_weak || is_odd);
+            let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * strongest));
+            let value = || format!("up to {} A", significant(strongest, 4));
+            is_misread.then(|| self.misread(at, &value(), &[(at, 1)], fits))
         };
-        (0..currents.len()).filter(is_misread).map(finding).collect()
+        (0..currents.len()).filter_map(finding).collect()
     }
 
     /// A wrapped angle shows its unit by the size of a turn.
@@ -175,10 +170,10 @@ impl Read<'_> {
         let both = samples.theta_rad.windows(2).zip(samples.omega_rad_s.windows(2));
         let both = both.map(|(theta, omega)| ((theta[1] - theta[0]) / samples.step_s, 0.5 * (omega[0] + omega[1])));
         let known = both.filter(|(slope, omega)| slope.is_finite() && omega.is_finite());
-        let (slope, omega): (Vec<f64>, Vec<f64>) = known.unzip();
-        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let [up, speeds, slopes] = [product(&slope, &omega), product(&omega, &omega), product(&slope, &slope)];
-        let rest = REST_RAD_S * REST_RAD_S * slope.len() as f64;
+        let [up, speeds, slopes, count] = known.fold([0.0; 4], |[up, speeds, slopes, count], (slope, omega)| {
+            [up + slope * omega, speeds + omega * omega, slopes + slope * slope, count + 1.0]
+        });
+        let rest = REST_RAD_S * REST_RAD_S * count;
         let ratio = if speeds > 0.0 { up / speeds } else { f64::INFINITY };
         let agrees = |scale: f64| (ratio * scale - 1.0).abs() < AGREE;
         if speeds <= rest && slopes <= rest || agrees(1.0) {
@@ -252,21 +247,17 @@ fn synchronous(samples: &Samples, factor: f64) -> Option<f64> {
     if turned < 2.0 * TAU || turned / theta.len() as f64 > PI / f64::from(HARMONICS) {
         return None;
     }
-    let rows =
-        theta.iter().zip(&samples.position_m[0]).zip(&samples.position_m[1]).map(|((theta, y), z)| [*theta, *y, *z]);
-    let mut rows: Vec<[f64; 3]> = rows.filter(|row| row.iter().all(|value| value.is_finite())).collect();
+    let motion = samples.position_m[0].iter().zip(&samples.position_m[1]).map(|(y, z)| Complex::new(*y, *z));
+    let rows: Vec<_> = theta.iter().zip(motion).filter(|(theta, at)| theta.is_finite() && at.is_finite()).collect();
     let count = rows.len() as f64;
-    for axis in 1..3 {
-        let mean = rows.iter().map(|row| row[axis]).sum::<f64>() / count;
-        rows.iter_mut().for_each(|row| row[axis] -= mean);
-    }
-    let all: f64 = rows.iter().map(|[_, y, z]| y * y + z * z).sum::<f64>() / count;
+    let mean = rows.iter().map(|(_, at)| at).sum::<Complex<f64>>() / count;
+    let all = rows.iter().map(|(_, at)| (at - mean).norm_sqr()).sum::<f64>() / count;
     let part = |n: i32| {
-        let (re, im) = rows.iter().fold((0.0, 0.0), |(re, im), [theta, y, z]| {
-            let (sin, cos) = libm::sincos(f64::from(n) * factor * theta);
-            (re + y * cos + z * sin, im + z * cos - y * sin)
-        });
-        (re * re + im * im) / (count * count)
+        let turned_back = |(theta, at): &(&f64, Complex<f64>)| {
+            let (sin, cos) = libm::sincos(f64::from(n) * factor * **theta);
+            (at - mean) * Complex::new(cos, -sin)
+        };
+        (rows.iter().map(turned_back).sum::<Complex<f64>>() / count).norm_sqr()
     };
     (all > 0.0).then(|| (-HARMONICS..=HARMONICS).filter(|n| *n != 0).map(part).sum::<f64>() / all)
 }
