@@ -43,34 +43,33 @@ impl Signal {
         options.iter().rev().find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
-    /// Where the signal stands in a row; nothing if it may be absent and is.
-    fn place(&self, columns: &[Column], reading: &Reading, is_optional: bool) -> Result<Option<Place>, String> {
-        let Self { name, meaning, quantity, .. } = self;
+    /// The column of the signal; nothing if it may be absent and is.
+    fn column(&self, columns: &[Column], reading: &Reading, is_optional: bool) -> Result<Option<usize>, String> {
+        let Self { name, meaning, .. } = self;
         let given = self.given(&reading.columns);
-        let column = match (self.candidates(columns, given).as_slice(), given) {
-            ([column], _) => *column,
-            ([], Some(given)) => return Err(format!("--column {name}={given}: there is no column {given}")),
-            (_, None) if is_optional => return Ok(None),
+        match (self.candidates(columns, given).as_slice(), given) {
+            ([column], _) => Ok(Some(*column)),
+            ([], Some(given)) => Err(format!("--column {name}={given}: there is no column {given}")),
+            (_, None) if is_optional => Ok(None),
             ([], None) => {
                 let or_rate = if name == TIME_NAME { ", or --rate if there is none" } else { "" };
-                return Err(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"));
+                Err(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"))
             }
             (several, _) => {
                 let several = joined(several.iter().map(|at| &columns[*at].name));
-                return Err(format!(
-                    "{name}: several columns go by this name: {several}; one is wanted: --column {name}=…"
-                ));
+                Err(format!("{name}: several columns go by this name: {several}; one is wanted: --column {name}=…"))
             }
-        };
-        let Column { name: called, unit } = &columns[column];
-        let stated = self.given(&reading.units).or(unit.as_ref());
-        let known = |stated| {
-            let unit = units::find(quantity, stated);
-            unit.ok_or_else(|| {
-                format!("{name} (column {called}): the unit {stated} is none of {}", units::names(quantity))
-            })
-        };
-        Ok(Some(Place { column, unit: stated.map(|stated| known(stated)).transpose()? }))
+        }
+    }
+
+    /// The unit of the signal in that column; nothing if nobody said.
+    fn unit(&self, column: &Column, reading: &Reading) -> Result<Option<Unit>, String> {
+        let Some(stated) = self.given(&reading.units).or(column.unit.as_ref()) else { return Ok(None) };
+        let unit = units::find(self.quantity, stated);
+        unit.map(Some).ok_or_else(|| {
+            let (name, column, known) = (&self.name, &column.name, units::names(self.quantity));
+            format!("{name} (column {column}): the unit {stated} is none of {known}")
+        })
     }
 
     /// The columns that are the signal, one if all is well: the column that was given, with or without its unit, or those with its best name.
@@ -247,19 +246,25 @@ pub(super) fn places(
     let (mut places, mut is_absent) = (vec![None; signals.list.len()], false);
     for (at, signal) in signals.list.iter().enumerate().filter(|(at, _)| wanted(*at)) {
         let is_optional = at >= signals.theta || at == TIME_AT && reading.rate_s.is_some();
-        match signal.place(columns, reading, is_optional) {
-            Ok(place) => places[at] = place,
+        let column = match signal.column(columns, reading, is_optional) {
+            Ok(Some(column)) => column,
+            Ok(None) => continue,
             Err(finding) => {
                 findings.push(finding);
                 is_absent |= signal.candidates(columns, signal.given(&reading.columns)).is_empty();
+                continue;
             }
-        }
-        let same =
-            |other: &usize| places[at].is_some_and(|at: Place| places[*other].is_some_and(|of| of.column == at.column));
-        if let (Some(place), Some(other)) = (places[at], (0..at).find(same)) {
-            let (one, name, column) = (&signals.list[other].name, &signal.name, &columns[place.column].name);
+        };
+        let is_same = |place: &Option<Place>| place.is_some_and(|place| place.column == column);
+        if let Some(other) = places.iter().position(is_same) {
+            let (one, name, column) = (&signals.list[other].name, &signal.name, &columns[column].name);
             findings.push(format!("{one} and {name}: both are column {column}; one of its own is wanted for each"));
         }
+        let unit = signal.unit(&columns[column], reading).unwrap_or_else(|finding| {
+            findings.push(finding);
+            None
+        });
+        places[at] = Some(Place { column, unit });
     }
     let other = other_machine(columns, reading.machine).filter(|_| findings.len() > before);
     findings.extend(other.map(|other| format!("these are columns of the machine {0}: --machine {0}", other.name)));

@@ -1,6 +1,6 @@
 //! The text of a recording: compression, encoding, separator, and cells as numbers.
 
-use std::io::{self, Chain, Cursor, Read};
+use std::io::{self, Cursor, Read};
 
 use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 use encoding_rs_io::DecodeReaderBytesBuilder;
@@ -23,7 +23,7 @@ pub(super) fn open(from: &mut dyn Read) -> io::Result<(String, impl Read)> {
 }
 
 /// The first bytes, and all of them.
-fn peek<R: Read>(mut from: R) -> io::Result<(Vec<u8>, Chain<Cursor<Vec<u8>>, R>)> {
+fn peek(mut from: impl Read) -> io::Result<(Vec<u8>, impl Read)> {
     let mut start = Vec::new();
     from.by_ref().take(HEAD).read_to_end(&mut start)?;
     Ok((start.clone(), Cursor::new(start).chain(from)))
