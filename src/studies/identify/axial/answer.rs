@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 use super::filter::Readings;
 use super::search::{Fit, follow};
 use super::{
-    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
+    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
     UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
@@ -171,62 +171,10 @@ fn percent(part: f64) -> String {
 
 impl Answer {
     fn judge(&mut self, mean_a: &[f64]) {
-        let (axis, fit) = (&self.found.axis, &self.found.fit);
-        let from_s = self.found.start_s + self.found.rows.start as f64 * self.found.step_s;
-        let left_out =
-            format!("Readings before {} do not follow the law (a start at rest?) and were left out.", time(from_s));
-        let mut findings: Vec<String> = (self.found.rows.start > 0).then_some(left_out).into_iter().collect();
-        let mut refusal = None;
         let [_, ki, ks, ..] = &self.operating;
-        // Effects that are not significant are not mentioned.
-        for effect in self.found.effects.iter().filter(|effect| effect.is_significant) {
-            let worth = format!("worth {} in log-likelihood", significant(effect.gain, 3));
-            match effect.at {
-                DYNAMICS => {
-                    let Estimate { value, noise_std, .. } = self.dynamics;
-                    findings.push(words_on_dynamics("", value, noise_std, &format!(", {worth}")));
-                }
-                SLOW => findings.push(format!(
-                    "A slow force that nothing explains wanders by {} mN/√s ({worth}).",
-                    significant(1e3 * libm::exp(fit.point[SLOW]), 2)
-                )),
-                EXPONENT => findings.push(format!(
-                    "The noise of the position grows with the gap to the power of {} ({worth}).",
-                    significant(fit.point[EXPONENT], 2)
-                )),
-                _ => {}
-            }
-        }
-        let slow = libm::exp(fit.point[SLOW]);
-        if slow > BADLY * axis.weight_n() {
-            refusal = Some(format!("the law fits badly: slow force of {} mN/√s", significant(1e3 * slow, 2)));
-        }
-        if let Some(delayed) = &self.found.delayed {
-            let moved = operating(axis, &delayed.point, mean_a);
-            let far = |of: &Estimate, to: f64| (to - of.value).abs() / of.total_std;
-            let furthest = far(ki, moved[1]).max(far(ks, moved[2]));
-            let delay = format!(
-                "positions {} later than currents are more likely by {}",
-                time(delayed.point[DELAY]),
-                significant(delayed.log_likelihood - fit.log_likelihood, 3)
-            );
-            if furthest > MOVED {
-                let far = significant(furthest, 2);
-                refusal = Some(format!("{delay}, and with them ki or ks moves by {far} deviations (--estimate delay)"));
-            }
-        }
         let worst = (ki.total_std / ki.value).max(ks.total_std / ks.value);
-        if worst.is_nan() || worst > STD_LIMIT {
-            refusal = Some(format!(
-                "ki or ks is known to {} % only, the limit is {} %: a longer recording with more positions is wanted",
-                percent(worst),
-                100.0 * STD_LIMIT
-            ));
-        }
-        if !fit.converged {
-            refusal = Some("the search did not converge".into());
-        }
-        self.findings = findings;
+        let refusal = self.refusal(mean_a, worst);
+        self.findings = self.remarks();
         self.valid = refusal.is_none();
         self.verdict = match refusal {
             Some(why) => format!("Not valid: {why}."),
@@ -237,6 +185,62 @@ impl Answer {
                 100.0 * FLOOR
             ),
         };
+    }
+
+    /// What was left out, and the effects that the bench has; those that are not significant are not mentioned.
+    fn remarks(&self) -> Vec<String> {
+        let Found { fit, rows, effects, start_s, step_s, .. } = &self.found;
+        let from = time(start_s + rows.start as f64 * step_s);
+        let left_out = format!("Readings before {from} do not follow the law (a start at rest?) and were left out.");
+        let effect = |effect: &Effect| {
+            let worth = format!("worth {} in log-likelihood", significant(effect.gain, 3));
+            let power = significant(fit.point[EXPONENT], 2);
+            let Estimate { value, noise_std, .. } = self.dynamics;
+            match effect.at {
+                DYNAMICS => Some(words_on_dynamics("", value, noise_std, &format!(", {worth}"))),
+                SLOW => Some(format!("A slow force that nothing explains wanders by {} ({worth}).", self.slow_force())),
+                EXPONENT => {
+                    Some(format!("The noise of the position grows with the gap to the power of {power} ({worth})."))
+                }
+                _ => None,
+            }
+        };
+        let effects = effects.iter().filter(|effect| effect.is_significant).filter_map(effect);
+        (rows.start > 0).then_some(left_out).into_iter().chain(effects).collect()
+    }
+
+    /// The level of the slow force.
+    fn slow_force(&self) -> String {
+        format!("{} mN/√s", significant(1e3 * libm::exp(self.found.fit.point[SLOW]), 2))
+    }
+
+    /// Why the answer is not valid: the first reason, if there is one. ki or ks is known within `worst`.
+    fn refusal(&self, mean_a: &[f64], worst: f64) -> Option<String> {
+        let Found { axis, fit, delayed, .. } = &self.found;
+        if !fit.converged {
+            return Some("the search did not converge".into());
+        }
+        if worst.is_nan() || worst > STD_LIMIT {
+            let (known, limit) = (percent(worst), 100.0 * STD_LIMIT);
+            return Some(format!(
+                "ki or ks is known to {known} % only, the limit is {limit} %: a longer recording with more positions is wanted"
+            ));
+        }
+        let moved = delayed.as_ref().map(|delayed| {
+            let moved = operating(axis, &delayed.point, mean_a);
+            let far = |at: usize| (moved[at] - self.operating[at].value).abs() / self.operating[at].total_std;
+            (delayed, far(1).max(far(2)))
+        });
+        if let Some((delayed, furthest)) = moved.filter(|(_, furthest)| *furthest > MOVED) {
+            let gain = significant(delayed.log_likelihood - fit.log_likelihood, 3);
+            let (delay, far) = (time(delayed.point[DELAY]), significant(furthest, 2));
+            return Some(format!(
+                "positions {delay} later than currents are more likely by {gain}, and with them ki or ks moves by {far} deviations \
+                 (--estimate delay)"
+            ));
+        }
+        let is_bad = libm::exp(fit.point[SLOW]) > BADLY * axis.weight_n();
+        is_bad.then(|| format!("the law fits badly: slow force of {}", self.slow_force()))
     }
 
     /// The answer in words, numbers and JSON.
