@@ -419,11 +419,6 @@ impl Machine {
         if self.tilts() { direction.replace('x', "x, the shaft") } else { direction }
     }
 
-    /// The number of angles of magnets if all are in one bearing: an axial one has none.
-    pub fn angles(&self) -> usize {
-        if self.is_planar() { self.magnets() } else { 0 }
-    }
-
     /// Names of what belongs to the load on each coordinate: `p` and `Hat` give `pYHat`, and `MYHat` for a moment.
     pub fn of_loads(&self, force: &str, end: &str) -> Vec<String> {
         let of = |coordinate: &Coordinate| {
@@ -562,6 +557,11 @@ macro_rules! of_shaft {
     };
 }
 
+/// Plant, controller and estimator of a machine, each with its description.
+macro_rules! models {
+    ($($name:literal: $description:literal,)*) => { [$(($name, $description)),*] };
+}
+
 /// The coordinates of a rotor that is held in a plane.
 const IN_PLANE: [Coordinate; 2] = [in_one_bearing!("Y" "y"), in_one_bearing!("Z" "z")];
 
@@ -585,17 +585,11 @@ const OF_SHAFT: [Coordinate; 5] = [
 /// The planar rotor of the paper.
 pub const PLANAR: Machine = Machine {
     name: "planar",
-    models: [
-        (
-            "MagneticBearing",
-            "Rotor in a three-phase radial magnetic bearing, with unbalance, perturbation forces and sensors",
-        ),
-        (
-            "FlatnessController",
-            "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
-        ),
-        ("AlgebraicEstimator", "On-line estimator of the force constants of a three-phase magnetic bearing"),
-    ],
+    models: models! {
+        "MagneticBearing": "Rotor in a three-phase radial magnetic bearing, with unbalance, perturbation forces and sensors",
+        "FlatnessController": "Flatness-based tracking controller with perturbation observer for a three-phase magnetic bearing",
+        "AlgebraicEstimator": "On-line estimator of the force constants of a three-phase magnetic bearing",
+    },
     bearings: &[Bearing::radial("", 3)],
     planes: 1,
     coordinates: &IN_PLANE,
@@ -609,17 +603,11 @@ pub const PLANAR: Machine = Machine {
 /// A radial bearing with two opposed pairs of magnets.
 pub const PLANAR4: Machine = Machine {
     name: "planar4",
-    models: [
-        (
-            "MagneticBearing4",
-            "Rotor in a radial magnetic bearing with four magnets, with unbalance, perturbation forces and sensors",
-        ),
-        (
-            "FlatnessController4",
-            "Flatness-based tracking controller with perturbation observer for a magnetic bearing with four magnets",
-        ),
-        ("AlgebraicEstimator4", "On-line estimator of the force constants of a magnetic bearing with four magnets"),
-    ],
+    models: models! {
+        "MagneticBearing4": "Rotor in a radial magnetic bearing with four magnets, with unbalance, perturbation forces and sensors",
+        "FlatnessController4": "Flatness-based tracking controller with perturbation observer for a magnetic bearing with four magnets",
+        "AlgebraicEstimator4": "On-line estimator of the force constants of a magnetic bearing with four magnets",
+    },
     bearings: &[Bearing::radial("", 4)],
     ..PLANAR
 };
@@ -627,17 +615,11 @@ pub const PLANAR4: Machine = Machine {
 /// One axis held by a magnet on either side.
 pub const AXIAL: Machine = Machine {
     name: "axial",
-    models: [
-        (
-            "AxialBearing",
-            "Rotor in an axial magnetic bearing with one or two magnets, with perturbation forces and sensors",
-        ),
-        (
-            "AxialController",
-            "Flatness-based tracking controller with perturbation observer for an axial magnetic bearing",
-        ),
-        ("AxialEstimator", "On-line estimator of the force constants of an axial magnetic bearing"),
-    ],
+    models: models! {
+        "AxialBearing": "Rotor in an axial magnetic bearing with one or two magnets, with perturbation forces and sensors",
+        "AxialController": "Flatness-based tracking controller with perturbation observer for an axial magnetic bearing",
+        "AxialEstimator": "On-line estimator of the force constants of an axial magnetic bearing",
+    },
     bearings: &[Bearing::axial("")],
     planes: 0,
     coordinates: &ALONG_AXIS,
@@ -675,39 +657,21 @@ const WORDS: &[(&str, [&str; 2])] = &[
 /// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.
 pub const SPINDLE: Machine = Machine::shaft::<5, 8>(
     "spindle",
-    [
-        (
-            "MagneticSpindle",
-            "Rigid rotor in two radial magnetic bearings and an axial one, with two-plane unbalance, loads and sensors",
-        ),
-        (
-            "SpindleController",
-            "Flatness-based tracking controller with perturbation observers for a spindle in two radial bearings and an axial one",
-        ),
-        (
-            "SpindleEstimator",
-            "On-line estimator of the force constants and the two-plane unbalance of a spindle in magnetic bearings",
-        ),
-    ],
+    models! {
+        "MagneticSpindle": "Rigid rotor in two radial magnetic bearings and an axial one, with two-plane unbalance, loads and sensors",
+        "SpindleController": "Flatness-based tracking controller with perturbation observers for a spindle in two radial bearings and an axial one",
+        "SpindleEstimator": "On-line estimator of the force constants and the two-plane unbalance of a spindle in magnetic bearings",
+    },
 );
 
 /// The spindle with two opposed pairs of magnets in each radial bearing.
 pub const SPINDLE4: Machine = Machine::shaft::<5, 10>(
     "spindle4",
-    [
-        (
-            "MagneticSpindle4",
-            "Rigid rotor in two radial magnetic bearings with four magnets each and an axial one, with two-plane unbalance, loads and sensors",
-        ),
-        (
-            "SpindleController4",
-            "Flatness-based tracking controller with perturbation observers for a spindle with four magnets in each radial bearing",
-        ),
-        (
-            "SpindleEstimator4",
-            "On-line estimator of the force constants and the two-plane unbalance of a spindle with four magnets in each radial bearing",
-        ),
-    ],
+    models! {
+        "MagneticSpindle4": "Rigid rotor in two radial magnetic bearings with four magnets each and an axial one, with two-plane unbalance, loads and sensors",
+        "SpindleController4": "Flatness-based tracking controller with perturbation observers for a spindle with four magnets in each radial bearing",
+        "SpindleEstimator4": "On-line estimator of the force constants and the two-plane unbalance of a spindle with four magnets in each radial bearing",
+    },
 );
 
 /// All machines, in the order in which they are shown; a scenario that names none is of the first.
