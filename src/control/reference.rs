@@ -537,19 +537,13 @@ impl<const B: usize> ReferenceConfig<B> {
         let [r_1, r_2] = [-a * n * sin_n, -a * n * n * cos_n];
         let PathConfig { r_y_m, r_z_m, .. } = self.paths[0];
         let [r_y, r_z] = [r_y_m + a * cos_n, r_z_m + a * cos_n];
-        let omega_2 = omega_rad_s * omega_rad_s;
-        [
-            RefPoint {
-                position_m: r_y * cos,
-                velocity_m_s: omega_rad_s * (r_1 * cos - r_y * sin),
-                acceleration_m_s2: omega_2 * (r_2 * cos - 2.0 * r_1 * sin - r_y * cos),
-            },
-            RefPoint {
-                position_m: r_z * sin,
-                velocity_m_s: omega_rad_s * (r_1 * sin + r_z * cos),
-                acceleration_m_s2: omega_2 * (r_2 * sin + 2.0 * r_1 * cos - r_z * sin),
-            },
-        ]
+        // The radius times a function of θ with this derivative.
+        let axis = |r: f64, f: f64, f_1: f64| RefPoint {
+            position_m: r * f,
+            velocity_m_s: omega_rad_s * (r_1 * f + r * f_1),
+            acceleration_m_s2: omega_rad_s * omega_rad_s * (r_2 * f + 2.0 * r_1 * f_1 - r * f),
+        };
+        [axis(r_y, cos, -sin), axis(r_z, sin, cos)]
     }
 }
 
@@ -564,31 +558,21 @@ fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magne
     if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
         return;
     }
-    for (k, e_k) in magnets.directions().iter().enumerate() {
-        let [y, z] = [r_y * e_k[0], r_z * e_k[1]];
-        let reach = (y * y + z * z).sqrt() + a;
-        if reach >= s {
-            let (name, value) = if a >= y.abs() && a >= z.abs() {
-                ("reference.lobeAmplitude".to_owned(), lobes_m)
-            } else if y.abs() >= z.abs() {
-                (along_first("reference.r", bearing), r_y)
-            } else {
-                ("reference.rZ".to_owned(), r_z)
-            };
-            let number = k + 1;
-            checks.require(
-                false,
-                name,
-                format_args!("{value} m"),
-                format!(
-                    "a reference trajectory that does not touch magnet {number} (it extends to {} m, the gap is {} m)",
-                    Short(reach),
-                    Short(s)
-                ),
-            );
-            return;
-        }
-    }
+    let towards = magnets.directions().iter().map(|e_k| [r_y * e_k[0], r_z * e_k[1]]);
+    let reach = |[y, z]: [f64; 2]| (y * y + z * z).sqrt() + a;
+    let Some((number, [y, z])) = (1..).zip(towards).find(|(_, towards)| reach(*towards) >= s) else { return };
+    let (name, value) = if a >= y.abs() && a >= z.abs() {
+        ("reference.lobeAmplitude".to_owned(), lobes_m)
+    } else if y.abs() >= z.abs() {
+        (along_first("reference.r", bearing), r_y)
+    } else {
+        ("reference.rZ".to_owned(), r_z)
+    };
+    let (reach, gap) = (Short(reach([y, z])), Short(s));
+    let wanted = format!(
+        "a reference trajectory that does not touch magnet {number} (it extends to {reach} m, the gap is {gap} m)"
+    );
+    checks.require(false, name, format_args!("{value} m"), wanted);
 }
 
 /// Refuses a sine that no magnet or no sample time allows.
