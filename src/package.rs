@@ -120,12 +120,11 @@ pub fn package_for(
     let mut loops = Vec::new();
     for machine in machines {
         let name = format!("{}.ssp", machine.models[0].0);
-        let inside = |fmu: &str| machine.models.iter().any(|(model, _)| fmu == format!("{model}.fmu"));
-        let mut members: Vec<Member> = systems(machine).iter().flat_map(|of| system(of).members()).collect();
-        let needed = archives.iter().filter(|(fmu, _)| inside(fmu));
+        let mut members: Vec<Member> = systems(machine).iter().flat_map(System::members).collect();
+        let fmus = machine.models.map(|(model, _)| format!("{model}.fmu"));
+        let needed = archives.iter().filter(|(file, _)| fmus.contains(file));
         members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
-        let archive = package::archive(&name, &members)?;
-        loops.push((name, archive));
+        loops.push((name.clone(), package::archive(&name, &members)?));
     }
     archives.extend(loops);
     for (name, _) in &archives {
@@ -161,23 +160,20 @@ pub fn variables() -> String {
     head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
 }
 
-/// The structures in the archive of the closed loop of a machine: of each its file, its name, and the scenario with the parameters.
+/// The structures in the archive of the closed loop of a machine, with the parameters of scenarios that come with the program.
 ///
 /// libcosim and ecos ignore parameters of type Enumeration. So the default structure is one whose enumerations have their start
 /// values: it gives the same results in all tools. The paper's simulation needs `method = paper`.
-fn systems(machine: &Machine) -> Vec<[&'static str; 3]> {
-    let own = |scenario| [ssp::DEFAULT, machine.models[0].0, scenario];
+fn systems(machine: &Machine) -> Vec<System> {
+    let system = |file: &str, name: &str, parameters: &str| {
+        let scenario = Scenario::open(Path::new(parameters)).expect("a scenario that comes with the program is sound");
+        system_of(&scenario, file, name, parameters)
+    };
+    let own = |parameters: &str| system(ssp::DEFAULT, machine.models[0].0, parameters);
     match machine.name {
-        "planar" => vec![own("unbalanced"), ["PaperSimulation.ssd", "PaperSimulation", "paper"]],
-        _ => vec![own(machine.name)],
+        "planar" => vec![own("unbalanced"), system("PaperSimulation.ssd", "PaperSimulation", "paper")],
+        name => vec![own(name)],
     }
-}
-
-/// The closed loop of a machine, with the parameters of a scenario that comes with the program.
-fn system([file, name, scenario]: &[&'static str; 3]) -> System {
-    let parameters = *scenario;
-    let scenario = Scenario::open(Path::new(scenario)).expect("a scenario that comes with the program is sound");
-    system_of(&scenario, file, name, parameters)
 }
 
 /// The closed loop of a scenario, without the estimators that run beside it for comparison.
