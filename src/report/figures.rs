@@ -67,20 +67,13 @@ impl Figure {
     }
 }
 
-/// The paper's figures that correspond to those of a report.
-fn in_paper(paper: Option<Paper>, id: &str) -> Option<&'static str> {
-    match (paper?, id) {
-        (Paper::Simulation, "methods") => Some("the paper’s Fig. 2"),
-        (Paper::Experiment, "methods") => Some("the paper’s Fig. 6"),
-        (Paper::Simulation, "tracking") => Some("the paper’s Fig. 3; Figs. 7 to 10 are of its experiment"),
-        (Paper::Experiment, "tracking") => Some("the paper’s Figs. 7 to 10"),
-        (Paper::Simulation, "currents") => Some("as Fig. 5 of the paper’s experiment"),
-        (Paper::Experiment, "currents") => Some("the paper’s Fig. 5"),
-        (Paper::Simulation, "orbit") => Some("as Figs. 11 and 12 of the paper’s experiment"),
-        (Paper::Experiment, "orbit") => Some("the paper’s Figs. 11 and 12"),
-        _ => None,
-    }
-}
+/// The figures of the report that are in the paper as well: of its simulation, and of its experiment.
+const IN_PAPER: [(&str, [&str; 2]); 4] = [
+    ("methods", ["the paper’s Fig. 2", "the paper’s Fig. 6"]),
+    ("tracking", ["the paper’s Fig. 3; Figs. 7 to 10 are of its experiment", "the paper’s Figs. 7 to 10"]),
+    ("currents", ["as Fig. 5 of the paper’s experiment", "the paper’s Fig. 5"]),
+    ("orbit", ["as Figs. 11 and 12 of the paper’s experiment", "the paper’s Figs. 11 and 12"]),
+];
 
 /// A run, and what its figures show beside its signals.
 pub(super) struct Signals<'r> {
@@ -189,7 +182,8 @@ impl<'r> Signals<'r> {
         if figure.plots.is_empty() {
             figure.caption = "Not drawn: the recording has no usable signals for it.".into();
         }
-        Figure { paper: in_paper(self.paper, id), ..figure }
+        let in_paper = IN_PAPER.iter().find(|(same, _)| *same == id).zip(self.paper);
+        Figure { paper: in_paper.map(|((_, figures), paper)| figures[paper as usize]), ..figure }
     }
 }
 
@@ -218,12 +212,10 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     plot = plot.range(1, [0.0, 1.15 * most]);
     let Some(valid) = run.get(&format!("{element}.valid")) else { return plot };
     let is_valid = |at: usize| valid[at] > 0.5;
-    let changes = (0..run.time_s().len()).filter(|at| *at == 0 || is_valid(*at) != is_valid(at - 1));
-    let mut changes = changes.chain([run.time_s().len() - 1]).peekable();
-    while let Some(from) = changes.next() {
-        if let Some(to) = changes.peek().filter(|_| !is_valid(from)) {
-            plot.shade(run.time_s()[from], run.time_s()[*to]);
-        }
+    let rows: Vec<usize> = (0..run.time_s().len()).collect();
+    for stretch in rows.chunk_by(|one, next| is_valid(*one) == is_valid(*next)).filter(|rows| !is_valid(rows[0])) {
+        // Until the next sample is valid.
+        plot.shade(run.time_s()[stretch[0]], run.time_s()[(stretch[0] + stretch.len()).min(rows.len() - 1)]);
     }
     let std = of_magnets("lambdaStdTotal").unwrap_or_default();
     for (k, lambda) in lambda.into_iter().enumerate() {
@@ -341,18 +333,14 @@ pub(super) fn all(run: &Signals) -> Vec<Figure> {
 
 fn estimates(run: &Signals) -> Figure {
     let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing, 300.0));
-    let mut caption = String::from(
-        "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
-         deviations; dotted and shaded where not; dashed: the truth.",
-    );
-    match run.paper {
-        Some(Paper::Simulation) => caption += " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",
-        Some(Paper::Experiment) => {
-            caption += " The paper ends at (2.53, 2.04, 2.42)·10⁻⁶ after 0.2 s on its test bench."
-        }
-        None => {}
-    }
-    run.figure("methods", "Estimates of the force constants", plots, &caption)
+    let caption = "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
+                   deviations; dotted and shaded where not; dashed: the truth.";
+    let in_paper = match run.paper {
+        Some(Paper::Simulation) => " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",
+        Some(Paper::Experiment) => " The paper ends at (2.53, 2.04, 2.42)·10⁻⁶ after 0.2 s on its test bench.",
+        None => "",
+    };
+    run.figure("methods", "Estimates of the force constants", plots, &format!("{caption}{in_paper}"))
 }
 
 fn errors(run: &Signals) -> Figure {
@@ -365,10 +353,10 @@ fn errors(run: &Signals) -> Figure {
         columns.into_iter().zip(&truth[magnets]).map(|(values, truth)| relative(values, *truth)).collect()
     };
     // Down to typical errors: an error that changes its sign is small for an instant.
-    let bearings = 0..machine.bearings.len();
-    let pairs = run.methods.iter().flat_map(|[element, _]| bearings.clone().map(move |b| (element, b)));
-    let mut all: Vec<f64> =
-        pairs.flat_map(|(element, b)| lambda(element, b)).flatten().filter(|error| *error > 0.0).collect();
+    let of_method = |[element, _]: &[String; 2]| {
+        (0..machine.bearings.len()).flat_map(|b| lambda(element, b)).flatten().collect::<Vec<_>>()
+    };
+    let mut all: Vec<f64> = run.methods.iter().flat_map(of_method).filter(|error| *error > 0.0).collect();
     all.sort_by(f64::total_cmp);
     let least = all.get(all.len() / 50).map_or(1e-4, |error| 10f64.powf(error.log10().floor()).clamp(1e-7, 1e-3));
     let positive = |values: &[f64]| where_shown(values, |at| values[at] > 0.0);
@@ -495,13 +483,11 @@ fn orbit(run: &Signals) -> Option<Figure> {
         plots.push((titled("Orbit", bearing), path));
         plots.push((titled("Error", bearing), errors));
     }
-    let mut caption = String::from(
-        "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.",
-    );
-    if run.paper.is_some() {
-        caption += " The paper states about 5 µm for its experiment on a non-circular path, and that up to 1000 rpm the \
+    let caption =
+        "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.";
+    let in_paper = " The paper states about 5 µm for its experiment on a non-circular path, and that up to 1000 rpm the \
                     industry asks for less than 1 µm on circular paths and 3 µm on others.";
-    }
+    let caption = if run.paper.is_some() { format!("{caption}{in_paper}") } else { caption.into() };
     (!plots.is_empty()).then(|| run.figure("orbit", "Orbit of the rotor", plots, &caption))
 }
 
@@ -575,12 +561,8 @@ fn sensitivity(run: &Signals) -> Option<Figure> {
         for (limit, zone) in ZONES {
             plot.level(limit, &format!("zone {zone}: below {limit} ({:.1} dB)", 20.0 * limit.log10()));
         }
-        let name = match *stretch {
-            "before" => "With λ before the update",
-            "after" => "With λ after the update",
-            _ => "",
-        };
-        plots.push((name.into(), plot));
+        let is_compared = run.sensitivities.len() > 1;
+        plots.push((if is_compared { format!("With λ {stretch} the update") } else { String::new() }, plot));
     }
     let caption = "Gain from an error of one position sensor to its reading, with the rotor in the centre under the static load, from the \
                    response in time. Zones of ISO 14839-3.";

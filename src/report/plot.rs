@@ -62,46 +62,47 @@ impl PlotUnit {
     pub const VOLT: PlotUnit = PlotUnit { name: "V", factor: 1.0 };
 }
 
-/// How a line is drawn.
+/// How a line is drawn: what plotly.js is told besides its points.
 #[derive(Clone, Debug)]
-pub struct Line {
-    name: String,
-    colour: &'static str,
-    dash: &'static str,
-    width: f64,
-    group: Option<String>,
-    legend: bool,
-}
+pub struct Line(Json);
 
 impl Line {
     /// A solid line with a legend entry.
     pub fn new(name: &str, colour: &'static str) -> Line {
-        Line { name: name.into(), colour, dash: "solid", width: 1.6, group: None, legend: true }
+        Line(json!({
+            "type": "scatter", "mode": "lines", "name": name, "showlegend": true,
+            "line": {"color": colour, "dash": "solid", "width": 1.6},
+        }))
     }
 
     /// Dashed, for a reference.
-    pub fn dashed(self) -> Line {
-        Line { dash: "dash", ..self }
+    pub fn dashed(mut self) -> Line {
+        self.0["line"]["dash"] = json!("dash");
+        self
     }
 
     /// Dotted, for invalid values.
-    pub fn dotted(self) -> Line {
-        Line { dash: "dot", ..self }
+    pub fn dotted(mut self) -> Line {
+        self.0["line"]["dash"] = json!("dot");
+        self
     }
 
     /// With this width in pixels.
-    pub fn width(self, width: f64) -> Line {
-        Line { width, ..self }
+    pub fn width(mut self, width: f64) -> Line {
+        self.0["line"]["width"] = json!(width);
+        self
     }
 
     /// Switched together with the other lines of that group.
-    pub fn group(self, name: &str) -> Line {
-        Line { group: Some(name.into()), ..self }
+    pub fn group(mut self, name: &str) -> Line {
+        self.0["legendgroup"] = json!(name);
+        self
     }
 
     /// Without a legend entry.
-    pub fn unlisted(self) -> Line {
-        Line { legend: false, ..self }
+    pub fn unlisted(mut self) -> Line {
+        self.0["showlegend"] = json!(false);
+        self
     }
 }
 
@@ -180,14 +181,9 @@ impl Plot {
         }
         let unit = self.units[1].name;
         let space = if unit.is_empty() { "" } else { " " };
-        let mut trace = json!({
-            "type": "scatter", "mode": "lines", "name": line.name, "showlegend": line.legend,
-            "line": {"color": line.colour, "dash": line.dash, "width": line.width},
-            "hovertemplate": format!("{} %{{y:.5~g}}{space}{unit}<extra></extra>", line.name),
-        });
-        if let Some(group) = line.group {
-            trace["legendgroup"] = json!(group);
-        }
+        let Line(mut trace) = line;
+        let name = trace["name"].as_str().unwrap_or_default();
+        trace["hovertemplate"] = json!(format!("{name} %{{y:.5~g}}{space}{unit}<extra></extra>"));
         self.trace(trace, &thinned(&x, &y));
     }
 

@@ -171,7 +171,7 @@ pub fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
 }
 
 /// Tracking errors and peak-to-peak values of the perturbation estimates, before and after the update or at the end of the run.
-fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
+fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
     let machine = scenario.machine;
     let stretches = evaluation::stretches(&run.recording);
     let is_update = stretches.len() > 1;
@@ -183,7 +183,8 @@ fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
         cells.push(unit.into());
         if let [before, after] = values[..] {
             cells.push(if after > 0.0 { format!("{:.1}", before / after) } else { String::new() });
-            cells.push(paper.into());
+            // The paper's numbers belong to its own scenario only.
+            cells.extend(is_paper.then(|| paper.to_owned()));
         }
         rows.push(cells);
     };
@@ -203,12 +204,8 @@ fn tracking(scenario: &Scenario, run: &Run, paper: bool) -> Option<Table> {
     let names = stretches.iter().map(|stretch| stretch.name);
     let mut head: Vec<_> = [""].into_iter().chain(names).chain(["unit"]).map(String::from).collect();
     if is_update {
-        head.extend(["before : after", "paper"].map(String::from));
-    }
-    if is_update && !paper {
-        // The paper's numbers belong to its own scenario only.
-        head.pop();
-        rows.iter_mut().for_each(|row| drop(row.pop()));
+        head.push("before : after".into());
+        head.extend(is_paper.then(|| "paper".into()));
     }
     let update_s = evaluation::update_s(&run.recording).unwrap_or_default();
     let interval = evaluation::interval(&run.recording, &stretches);
