@@ -13,7 +13,6 @@ static IS_TAKEN: AtomicBool = AtomicBool::new(false);
 static HAS_FAILED: AtomicBool = AtomicBool::new(false);
 
 /// Whether a name means the standard output, or input.
-#[must_use]
 pub fn is_standard(path: &Path) -> bool {
     path == Path::new("-")
 }

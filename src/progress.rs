@@ -23,14 +23,6 @@ impl Progress {
     }
 
     /// Reports how many steps are done.
-    pub fn set(&self, done: u64) {
-        // Reading the clock may cost more than a step of the work.
-        if done.is_multiple_of(1024) && self.since.elapsed() > PATIENCE {
-            self.bar.get_or_init(|| self.show()).set_position(done);
-        }
-    }
-
-    /// As [`Self::set`], for work whose steps take longer than reading the clock.
     pub fn tell(&self, done: u64) {
         if self.since.elapsed() > PATIENCE {
             self.bar.get_or_init(|| self.show()).set_position(done);

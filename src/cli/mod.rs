@@ -379,11 +379,11 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
         design.run(out).map_err(|error| error.to_string())?
     };
     let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
-    say!("{}: {} rows{there}", out.display(), design.len());
+    say!("{}: {} rows{there}", out.display(), design.count());
     match outcome.failed {
         0 => Ok(()),
-        1 => Err(format!("1 of {} cases failed: its row says why", design.len()).into()),
-        failed => Err(format!("{failed} of {} cases failed: their rows say why", design.len()).into()),
+        1 => Err(format!("1 of {} cases failed: its row says why", design.count()).into()),
+        failed => Err(format!("{failed} of {} cases failed: their rows say why", design.count()).into()),
     }
 }
 

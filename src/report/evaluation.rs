@@ -31,7 +31,6 @@ pub struct Stretch {
 
 impl Stretch {
     /// The name as a heading.
-    #[must_use]
     pub fn title(&self) -> &'static str {
         match self.name {
             "before" => "Before the update",
@@ -79,7 +78,6 @@ pub(super) fn errors(machine: &Machine, recording: &Recording) -> Option<Vec<Vec
 }
 
 /// The sample at which the controller first used an estimate, if any.
-#[must_use]
 pub fn update(recording: &Recording) -> Option<usize> {
     let used = recording
         .columns
@@ -90,14 +88,12 @@ pub fn update(recording: &Recording) -> Option<usize> {
 }
 
 /// When the controller first used an estimate, in s: at the begin of the step after which its output shows it.
-#[must_use]
 pub fn update_s(recording: &Recording) -> Option<f64> {
     update(recording).map(|update| recording.time_s[update - 1])
 }
 
 /// The last whole revolutions before the update and those of the run; only the latter if there was no update, or if the final
 /// speed differs, which leaves nothing to compare.
-#[must_use]
 pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     let time_s = &recording.time_s;
     let end = time_s.len();

@@ -9,7 +9,6 @@ use super::{Report, after_colon, cards, evaluation, instant, tables};
 use crate::estimation::{self, STD_LIMIT, Verdict};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate::Run;
-use crate::studies::montecarlo::real;
 use crate::table::Table;
 use crate::variables::Choice;
 use fmu_export::variable::{Type, Value, Variable};
@@ -26,24 +25,6 @@ pub(super) enum Paper {
     Simulation,
     /// Section IV.B.
     Experiment,
-}
-
-/// The final estimate of an estimator.
-struct Answer {
-    /// Name of the element whose λ̂ it is.
-    element: String,
-    /// Its method.
-    method: String,
-    /// Whether the estimate is valid at the end of the run.
-    valid: bool,
-    /// The verdict in words, and since when it holds.
-    verdict: String,
-    /// λ̂ of each magnet that is used and its standard deviation with tolerances, in N·m²/A².
-    lambda: Vec<Option<[f64; 2]>>,
-    /// The relative standard deviation below which an estimate of this method becomes valid.
-    limit: f64,
-    /// The expected value if it differs from the true one, with the reason; may be empty.
-    expectation: String,
 }
 
 /// The section of the paper that a scenario repeats, so that its numbers and figures can be compared with ours.
@@ -73,7 +54,7 @@ pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
 /// The error that a harmonic perturbation in phase with the reference trajectory causes in any estimator that does not model
 /// it.
 pub(super) fn coherence_note(scenario: &Scenario) -> String {
-    let of = |element: &str, name: &str| real(scenario, element, name);
+    let of = |element: &str, name: &str| scenario.number(element, name);
     let force_n = scenario.real("perturbation.amplitudeZ").unwrap_or_default();
     let omega = of("plant", "perturbation.omega");
     // The two come from different conversions of the same speed.
@@ -89,17 +70,19 @@ pub(super) fn coherence_note(scenario: &Scenario) -> String {
     )
 }
 
-/// The best final answer, and that of the estimator which the controller uses if it is another.
-fn answers(scenario: &Scenario, run: &Run) -> Vec<Answer> {
+/// The best final answer, and that of the estimator which the controller uses if it is another, each with its element.
+fn answers(scenario: &Scenario, run: &Run) -> Vec<(&'static str, Markup)> {
     const BEST: &str = "predictionError";
-    let used = answer(scenario, run, "estimator");
+    const USED: &str = "estimator";
+    let used = answer(scenario, run, USED);
     let beside = scenario.observers().iter().any(|element| element.name == BEST);
-    let best = used.as_ref().filter(|used| used.method != BEST && beside).and_then(|_| answer(scenario, run, BEST));
-    best.into_iter().chain(used).collect()
+    let is_better = used.is_some() && beside && scenario.method(USED) != Some(BEST);
+    let best = is_better.then(|| answer(scenario, run, BEST)).flatten();
+    [(BEST, best), (USED, used)].into_iter().filter_map(|(element, answer)| Some((element, answer?))).collect()
 }
 
-/// The final answer of an estimator.
-fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
+/// The final answer of an estimator: λ̂ ± beside the true value, and whether it is valid.
+fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
     let machine = scenario.machine;
     let column = |name: &str| run.recording.get(&format!("{element}.{name}"));
     let names = machine.of_magnets("lambdaHat").into_iter().zip(machine.of_magnets("lambdaStdTotal")).enumerate();
@@ -107,7 +90,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
         let last = |name: &str| column(name)?.last().copied();
         Some(scenario.uses(k).then_some([last(&hat)?, last(&std)?]))
     };
-    let lambda = names.map(of_magnet).collect::<Option<_>>()?;
+    let lambda = names.map(of_magnet).collect::<Option<Vec<_>>>()?;
     let valid = *column("valid")?.last()? == 1.0;
     // That of the part of the motion whose tests fail, if one fails.
     let verdicts = machine.of_parts("verdict").into_iter().filter_map(|name| column(&name));
@@ -129,14 +112,33 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Answer> {
     }
     let method = scenario.method(element);
     let is_paper = method.is_some_and(|method| method.starts_with("paper"));
-    Some(Answer {
-        element: element.into(),
-        method: method.unwrap_or_default().into(),
-        valid,
-        verdict,
-        lambda,
-        limit: if is_paper { estimation::paper::STD_LIMIT } else { STD_LIMIT },
-        expectation: if is_paper { coherence_note(scenario) } else { String::new() },
+    let limit = if is_paper { estimation::paper::STD_LIMIT } else { STD_LIMIT };
+    Some(html! {
+        p class=(if valid { "verdict good" } else { "verdict bad" }) {
+            strong { (if valid { "Valid" } else { "Not valid" }) } " " (verdict)
+        }
+        @if let Some(table) = tables::balance(scenario, run) {
+            h2 { (table.title) }
+            div.cards {
+                @for row in &table.rows {
+                    div.card {
+                        span.name { (row[0]) }
+                        span.value { (row[1]) " → " (row[2]) }
+                        span.truth { (row[3]) " removed" }
+                    }
+                }
+            }
+            p.soft { (table.note) }
+            h2 { "Force constants" }
+        }
+        (cards(machine, &lambda, Some(&scenario.truth())))
+        p.soft {
+            "In 10⁻⁶ N·m²/A², at the end of the run"
+            @if let Some(method) = method { ", by the method " code { (method) } }
+            "; ± is two standard deviations as stated by the \
+             estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * limit))
+            " % of each λ. " @if is_paper { (coherence_note(scenario)) }
+        }
     })
 }
 
@@ -193,7 +195,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         scenario,
         recording: &run.recording,
         methods: methods(scenario),
-        best: answers.first().map_or("estimator", |answer| answer.element.as_str()),
+        best: answers.first().map_or("estimator", |(element, _)| element),
         truth: scenario.truth(),
         stretches: evaluation::stretches(&run.recording),
         events: events(scenario, run),
@@ -201,12 +203,12 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         paper: paper(name, scenario),
     };
     let answer = html! {
-        @for (place, answer) in answers.iter().enumerate() {
-            @if place == 1 { h2 { "Beside it: the estimate that the controller uses" } }
-            (answer_of(answer, scenario, run))
-            @if place == 0 { (figures::first(&signals)) }
+        @if let Some((_, best)) = answers.first() { (best) }
+        (figures::first(&signals))
+        @if let Some((_, used)) = answers.get(1) {
+            h2 { "Beside it: the estimate that the controller uses" }
+            (used)
         }
-        @if answers.is_empty() { (figures::first(&signals)) }
     };
     let report = Report {
         description: &scenario.description,
@@ -218,37 +220,6 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         ..Report::new(&scenario.title, &run.recording.time_s)
     };
     report.page(&answer, &figures::all(&signals))
-}
-
-/// λ̂ ± beside the true value, and whether it is valid.
-fn answer_of(answer: &Answer, scenario: &Scenario, run: &Run) -> Markup {
-    html! {
-        p class=(if answer.valid { "verdict good" } else { "verdict bad" }) {
-            strong { (if answer.valid { "Valid" } else { "Not valid" }) } " " (answer.verdict)
-        }
-        @if let Some(table) = tables::balance(scenario, run) {
-            h2 { (table.title) }
-            div.cards {
-                @for row in &table.rows {
-                    div.card {
-                        span.name { (row[0]) }
-                        span.value { (row[1]) " → " (row[2]) }
-                        span.truth { (row[3]) " removed" }
-                    }
-                }
-            }
-            p.soft { (table.note) }
-            h2 { "Force constants" }
-        }
-        (cards(scenario.machine, &answer.lambda, Some(&scenario.truth())))
-        p.soft {
-            "In 10⁻⁶ N·m²/A², at the end of the run"
-            @if !answer.method.is_empty() { ", by the method " code { (answer.method) } }
-            "; ± is two standard deviations as stated by the \
-             estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * answer.limit))
-            " % of each λ. " (answer.expectation)
-        }
-    }
 }
 
 /// All parameters and unconnected inputs of the loop.

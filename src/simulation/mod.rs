@@ -3,11 +3,9 @@
 //! In reading order:
 //!
 //! - [`scenario`]: connections and start values; [`contour`]: a closed curve of points as a Fourier series;
-//! - [`closed_loop`]: a scenario as configurations of plant, controller and estimator;
 //! - [`simulate`]: runs a scenario as an importer would run the FMUs; [`recording`]: the signals of a run;
 //! - [`summary`]: the results for other programs; [`synchronous`]: signals at the frequency of the rotor.
 
-pub mod closed_loop;
 pub mod contour;
 pub mod recording;
 pub mod scenario;

@@ -34,13 +34,6 @@ impl Recording {
     /// # Errors
     /// Whatever the writer reports.
     pub fn write_csv(&self, to: impl io::Write) -> io::Result<()> {
-        self.write_fields(to).map_err(|error| match error.into_kind() {
-            csv::ErrorKind::Io(error) => error,
-            other => io::Error::other(format!("{other:?}")),
-        })
-    }
-
-    fn write_fields(&self, to: impl io::Write) -> csv::Result<()> {
         let mut writer = csv::Writer::from_writer(to);
         let unit = |unit: &str| if unit.is_empty() || unit == "1" { String::new() } else { format!(" [{unit}]") };
         writer.write_field("time [s]")?;
@@ -55,6 +48,6 @@ impl Recording {
             }
             writer.write_record(None::<&[u8]>)?;
         }
-        Ok(writer.flush()?)
+        writer.flush()
     }
 }

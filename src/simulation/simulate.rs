@@ -10,7 +10,7 @@ use fmu_export::{Instance, Step};
 use crate::invalid::Short;
 use crate::progress::Progress;
 use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::{Element, Profile, Scenario, Setting};
+use crate::simulation::scenario::{Connection, Element, Scenario, Setting};
 
 /// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]
@@ -31,16 +31,8 @@ pub struct Refused(pub Vec<String>);
 /// Memory that a recording may take, in bytes.
 const MOST_BYTES: f64 = 8e9;
 
-struct Running {
-    name: String,
-    instance: Box<dyn Instance>,
-}
-
-/// An output and the input connected to it, by index.
-struct Wire {
-    from: (usize, usize),
-    to: (usize, usize),
-}
+/// A variable, by the indices of its element and its own.
+type Place = (usize, usize);
 
 struct Messages<'a> {
     name: &'a str,
@@ -64,7 +56,13 @@ impl Log for Messages<'_> {
 /// reason.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let progress = Progress::new("simulating", steps(scenario) as u64);
-    run_for(scenario, |_| true, |step| progress.set(step as u64))
+    // Reading the clock may cost more than a step.
+    let tell = |step: usize| {
+        if step.is_multiple_of(1024) {
+            progress.tell(step as u64)
+        }
+    };
+    run_for(scenario, |_| true, tell)
 }
 
 /// As [`run`], recording only the outputs whose paths are `wanted`; reports every step done.
@@ -99,34 +97,32 @@ pub fn run_altered(
     for step in 0..=steps {
         let time_s = step as f64 * scenario.step_s;
         run.recording.time_s.push(time_s);
-        for (column, (element, index)) in run.recording.columns.iter_mut().zip(&outputs) {
-            column.values.push(read(&mut instances, (*element, *index)).as_f64());
+        for (column, place) in run.recording.columns.iter_mut().zip(&outputs) {
+            column.values.push(read(&mut instances, *place).as_f64());
         }
         if step == steps {
             break;
         }
         for profile in &scenario.profiles {
-            if let Err(error) = apply(profile, time_s, &mut instances) {
-                run.error = Some(error);
-            }
+            let value = profile.at(time_s);
+            let values = profile.targets.iter().filter_map(|target| Some((*target, value.clone()?)));
+            set(scenario, &mut instances, values).unwrap_or_else(|error| run.error = Some(error));
         }
-        if balance_s.is_some_and(|balance_s| time_s >= balance_s * (1.0 - 1e-9)) {
-            balance_s = None;
-            for (of_plant, of_estimator) in unbalances(scenario) {
-                if let Err(error) = balance(&mut instances, &of_plant, &of_estimator) {
-                    run.error = Some(error);
-                }
+        if balance_s.take_if(|balance_s| time_s >= *balance_s * (1.0 - 1e-9)).is_some() {
+            for (of_plant, of_estimator) in unbalances(scenario, 0).into_iter().zip(unbalances(scenario, 2)) {
+                let values = balanced(&mut instances, of_plant, of_estimator);
+                set(scenario, &mut instances, values).unwrap_or_else(|error| run.error = Some(error));
             }
         }
         // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
         carried.clear();
-        carried.extend(wires.iter().map(|wire| read(&mut instances, wire.from)));
+        carried.extend(wires.iter().map(|[from, _]| read(&mut instances, *from)));
         alter(time_s, &mut carried);
-        for (wire, value) in wires.iter().zip(&carried) {
-            let set = instances[wire.to.0].instance.set(wire.to.1, value.clone());
+        for ([_, (element, index)], value) in wires.iter().zip(&carried) {
+            let set = instances[*element].set(*index, value.clone());
             debug_assert!(set.is_ok(), "an input takes any value");
         }
-        for Running { name, instance } in &mut instances {
+        for (Element { name, .. }, instance) in scenario.elements.iter().zip(&mut instances) {
             let mut messages = Messages { name, lines: &mut run.messages };
             if let Err(error) = instance.step(Step { time_s, length_s: scenario.step_s }, &mut messages) {
                 run.error = Some(format!("{name}: {error}"));
@@ -146,60 +142,58 @@ pub fn refused(scenario: &Scenario) -> Vec<String> {
 }
 
 /// Starts an instance of every element, or returns every parameter that a model refuses.
-fn instances(scenario: &Scenario) -> Result<Vec<Running>, Vec<String>> {
+fn instances(scenario: &Scenario) -> Result<Vec<Box<dyn Instance>>, Vec<String>> {
     let mut instances = Vec::new();
     let mut refused = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
-        // A profile's value at time 0 is set before the instance starts.
-        let at_start = scenario.profiles.iter().flat_map(|profile| {
-            let given = profile.targets.iter().filter(move |target| target.0 == at);
-            profile.at(0.0).into_iter().flat_map(move |value| {
-                given.clone().map(move |(_, index)| Setting { index: *index, value: value.clone() })
-            })
-        });
         let mut element = element.clone();
-        element.settings.extend(at_start);
+        // A profile's value at time 0 is set before the instance starts.
+        for profile in &scenario.profiles {
+            let (value, own) = (profile.at(0.0), profile.targets.iter().filter(|target| target.0 == at));
+            element
+                .settings
+                .extend(own.filter_map(|(_, index)| Some(Setting { index: *index, value: value.clone()? })));
+        }
         match start(&element) {
-            Ok(instance) => instances.push(Running { name: element.name.clone(), instance }),
+            Ok(instance) => instances.push(instance),
             Err(findings) => refused.extend(findings),
         }
     }
     if refused.is_empty() { Ok(instances) } else { Err(refused) }
 }
 
-/// Magnitude and phase of an unbalance, by element and variable.
-type Unbalance = [(usize, usize); 2];
-
-/// The unbalances of the plant and of the estimator in its loop, plane by plane.
-fn unbalances(scenario: &Scenario) -> Vec<(Unbalance, Unbalance)> {
+/// Magnitude and phase of the unbalance of an element in each plane.
+fn unbalances(scenario: &Scenario, element: usize) -> Vec<[Place; 2]> {
+    let place = |name: &String| Some((element, scenario.elements[element].index(name)?));
     let names = ["magnitude", "phase"].map(|what| scenario.machine.of_planes(what));
-    let one = |element: usize, name: &str| Some((element, scenario.elements[element].index(name)?));
-    let of = |element: usize, plane: usize| Some([one(element, &names[0][plane])?, one(element, &names[1][plane])?]);
-    (0..scenario.machine.planes).filter_map(|plane| Some((of(0, plane)?, of(2, plane)?))).collect()
+    names[0].iter().zip(&names[1]).filter_map(|(magnitude, phase)| Some([place(magnitude)?, place(phase)?])).collect()
 }
 
-/// Fits a correction mass: the estimated unbalance is subtracted from that of the plant.
-fn balance(instances: &mut [Running], of_plant: &Unbalance, of_estimator: &Unbalance) -> Result<(), String> {
-    let mut vector = |[magnitude, phase]: &Unbalance| {
-        let (magnitude, phase) = (read(instances, *magnitude).as_f64(), read(instances, *phase).as_f64());
+/// The unbalance of the plant with a correction mass: without the estimated one.
+fn balanced(
+    instances: &mut [Box<dyn Instance>],
+    of_plant: [Place; 2],
+    of_estimator: [Place; 2],
+) -> [(Place, Value); 2] {
+    let mut vector = |places: [Place; 2]| {
+        let [magnitude, phase] = places.map(|place| read(instances, place).as_f64());
         [magnitude * libm::cos(phase), magnitude * libm::sin(phase)]
     };
     let ([y, z], [y_hat, z_hat]) = (vector(of_plant), vector(of_estimator));
     let left = [y - y_hat, z - z_hat];
-    let values = [libm::hypot(left[0], left[1]), libm::atan2(left[1], left[0])];
-    for ((element, index), value) in of_plant.iter().zip(values) {
-        let Running { name, instance } = &mut instances[*element];
-        instance.set(*index, Value::Real(value)).map_err(|error| format!("{name}: {error}"))?;
-    }
-    Ok(())
+    let [magnitude, phase] = of_plant;
+    [(magnitude, Value::Real(libm::hypot(left[0], left[1]))), (phase, Value::Real(libm::atan2(left[1], left[0])))]
 }
 
-/// Sets the targets of a profile; the error names the element that refuses the value.
-fn apply(profile: &Profile, time_s: f64, instances: &mut [Running]) -> Result<(), String> {
-    let Some(value) = profile.at(time_s) else { return Ok(()) };
-    for (element, index) in &profile.targets {
-        let Running { name, instance } = &mut instances[*element];
-        instance.set(*index, value.clone()).map_err(|error| format!("{name}: {error}"))?;
+/// Sets variables; the error names the element that refuses its value.
+fn set(
+    scenario: &Scenario,
+    instances: &mut [Box<dyn Instance>],
+    values: impl IntoIterator<Item = (Place, Value)>,
+) -> Result<(), String> {
+    for ((element, index), value) in values {
+        let refused = |error| format!("{}: {error}", scenario.elements[element].name);
+        instances[element].set(index, value).map_err(refused)?;
     }
     Ok(())
 }
@@ -228,8 +222,8 @@ fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
     )]))
 }
 
-fn read(instances: &mut [Running], (element, index): (usize, usize)) -> Value {
-    instances[element].instance.get(index).expect("indices come from the model's table")
+fn read(instances: &mut [Box<dyn Instance>], (element, index): Place) -> Value {
+    instances[element].get(index).expect("indices come from the model's table")
 }
 
 /// Starts an instance of an element.
@@ -249,20 +243,20 @@ pub(crate) fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>>
     }
 }
 
-fn wires(scenario: &Scenario) -> Vec<Wire> {
-    let find = |[element, variable]: &[String; 2]| {
-        let at = scenario.elements.iter().position(|candidate| candidate.name == *element)?;
-        Some((at, scenario.elements[at].index(variable)?))
+/// The connections: where to read the output, and where to set the input.
+fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
+    let place = |[element, variable]: [String; 2]| {
+        let at = scenario.elements.iter().position(|candidate| candidate.name == element)?;
+        Some((at, scenario.elements[at].index(&variable)?))
     };
-    let wire = |connection: crate::simulation::scenario::Connection| {
-        let (from, to) = (find(&connection.from), find(&connection.to));
-        Wire { from: from.expect("an output of the model"), to: to.expect("an input of the model") }
-    };
-    scenario.connections().into_iter().map(wire).collect()
+    let connections = scenario.connections().into_iter();
+    connections
+        .map(|Connection { from, to }| [from, to].map(|end| place(end).expect("a variable of a model")))
+        .collect()
 }
 
 /// Makes a column for every wanted output and returns where to read each.
-fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<(usize, usize)> {
+fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<Place> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         for (index, variable) in element.model_type.variables().iter().enumerate() {

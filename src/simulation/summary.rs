@@ -7,7 +7,6 @@ use crate::simulation::simulate::Run;
 
 /// The run as JSON: scenario, whether the run was completed, the final estimates of every method beside the true values, and
 /// last, smallest and largest value of every output. Values are in the units of the interface.
-#[must_use]
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
     let names = |name: &str| scenario.machine.of_magnets(name);
     let truth: Vec<_> = names("lambda").iter().map(|name| scenario.real(name)).collect();

@@ -46,7 +46,6 @@ pub struct Precision {
 
 impl Precision {
     /// The worst λ at the requested instant.
-    #[must_use]
     pub fn worst(&self) -> f64 {
         self.std.last().map_or(f64::INFINITY, |std| std.iter().copied().fold(0.0, f64::max))
     }
@@ -57,17 +56,14 @@ impl Precision {
 /// # Errors
 /// Every parameter that a model refuses, and every invalid condition.
 pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Refused> {
-    let refuse =
-        |name: &str, value: f64, wanted: &str| Refused(vec![format!("--{name} {value} is refused: expected {wanted}")]);
-    if !(conditions.rpm.is_finite() && conditions.rpm >= 0.0) {
-        return Err(refuse("speed", conditions.rpm, "a speed in rpm, 0 or above"));
-    }
-    if !(conditions.instant_s.is_finite() && conditions.instant_s > 0.0) {
-        return Err(refuse("at", conditions.instant_s, "a time in s above 0"));
-    }
-    for (name, noise) in ["position-noise", "current-noise"].into_iter().zip(conditions.noise) {
-        if !(noise.is_finite() && noise > 0.0) {
-            return Err(refuse(name, noise, "a standard deviation above 0"));
+    for (name, value, may_be_0, wanted) in [
+        ("speed", conditions.rpm, true, "a speed in rpm, 0 or above"),
+        ("at", conditions.instant_s, false, "a time in s above 0"),
+        ("position-noise", conditions.noise[0], false, "a standard deviation above 0"),
+        ("current-noise", conditions.noise[1], false, "a standard deviation above 0"),
+    ] {
+        if !(value.is_finite() && (value > 0.0 || may_be_0 && value == 0.0)) {
+            return Err(Refused(vec![format!("--{name} {value} is refused: expected {wanted}")]));
         }
     }
     let mut scenario = montecarlo::study("", scenario, conditions.noise, true, 1).scenario;
@@ -83,24 +79,19 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
     scenario.duration_s = instants_s.iter().copied().fold(0.0, f64::max);
     let precision = |modulation: f64| {
         let mut scenario = scenario.clone();
-        scenario.set("controller", "F0.modulation", modulation);
-        scenario.set("controller", "F0.modulationFrequency", MODULATION.1);
+        cases::modulation(&mut scenario, modulation, MODULATION.1);
         let run = simulate::run(&scenario)?;
         if let Some(error) = run.error {
             return Err(Refused(vec![error]));
         }
-        let mut std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
-        for std in &mut std {
-            let mut magnets = (0..).map(|k| scenario.uses(k));
-            std.retain(|_| magnets.next() == Some(true));
-        }
-        Ok(Precision { modulation, instants_s: instants_s.clone(), std })
+        let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
+        let of_used = |std: Vec<f64>| scenario.used().into_iter().map(|k| std[k]).collect();
+        Ok(Precision { modulation, instants_s: instants_s.clone(), std: std.into_iter().map(of_used).collect() })
     };
     Ok([precision(0.0)?, precision(MODULATION.0)?])
 }
 
 /// Whether modulation is recommended.
-#[must_use]
 pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
     alone.worst() > WORTH * modulated.worst()
 }
@@ -111,11 +102,10 @@ fn frequencies(scenario: &Scenario) -> Vec<(String, f64)> {
     if let [name] = &names[..] {
         return vec![(name.clone(), MODULATION.1)];
     }
-    names.into_iter().map(|name| (name.clone(), montecarlo::real(scenario, "controller", &name))).collect()
+    names.into_iter().map(|name| (name.clone(), scenario.number("controller", &name))).collect()
 }
 
 /// The recommendation in a sentence.
-#[must_use]
 pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> String {
     let [alone, modulated] = precisions;
     let recommended = is_modulation_recommended(precisions);
@@ -149,18 +139,17 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
 }
 
 /// The results as a table: a column for each λ, or, where there are several bearings, for the worst of each.
-#[must_use]
 pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
-    let mut columns = montecarlo::of_bearings(scenario);
-    let several = columns.len() > 1;
-    if let [(names, magnets)] = &columns[..] {
-        let names = names.split(' ').map(String::from);
-        columns = names.zip(magnets.iter().map(|k| vec![*k])).collect();
-    } else {
-        columns.iter_mut().for_each(|(names, _)| names.truncate(names.find(' ').unwrap_or(names.len())));
-    }
-    let head =
-        |modulated: &str| columns.iter().map(move |(names, _)| format!("{names}{modulated}")).collect::<Vec<_>>();
+    let bearings = montecarlo::of_bearings(scenario);
+    let several = bearings.len() > 1;
+    let columns: Vec<(String, Vec<usize>)> = match &bearings[..] {
+        [(_, magnets)] => magnets.iter().map(|(name, at)| (name.clone(), vec![*at])).collect(),
+        _ => bearings
+            .iter()
+            .map(|(bearing, magnets)| (bearing.to_string(), magnets.iter().map(|(_, at)| *at).collect()))
+            .collect(),
+    };
+    let head = |modulated: &str| columns.iter().map(move |(name, _)| format!("{name}{modulated}")).collect::<Vec<_>>();
     let rows = (0..precisions[0].std.len()).map(|at| {
         let std = |precision: &Precision| {
             let worst = |magnets: &[usize]| magnets.iter().map(|k| precision.std[at][*k]).fold(0.0, f64::max);

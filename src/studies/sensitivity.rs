@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField};
 
-use super::montecarlo::{cases, real};
+use super::montecarlo::cases;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 use crate::table::Table;
@@ -93,7 +93,7 @@ fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scen
     scenario.profiles.clear();
     scenario.balance_s = None;
     cases::centred(&mut scenario);
-    let step_s = real(&scenario, "controller", "Ts");
+    let step_s = scenario.number("controller", "Ts");
     let plant = scenario.plant().model_type.clone();
     let of_errors = |name: &str| name.contains("sensor.") || name.starts_with("perturbation.amplitude");
     for variable in plant.variables().iter().filter(|variable| variable.is_settable()) {
@@ -177,11 +177,11 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
 pub fn table(scenario: &Scenario) -> Table {
     let machine = scenario.machine;
     let lambda = |element: &str, name: &str| {
-        machine.of_magnets(name).iter().map(|name| real(scenario, element, name)).collect::<Vec<_>>()
+        machine.of_magnets(name).iter().map(|name| scenario.number(element, name)).collect::<Vec<_>>()
     };
     let found =
         [lambda("controller", "lambda0"), lambda("plant", "lambda")].map(|lambda| Sensitivity::new(scenario, &lambda));
-    let rpm = real(scenario, "plant", "omega") * 60.0 / TAU;
+    let rpm = scenario.number("plant", "omega") * 60.0 / TAU;
     let speed = if machine.planes > 0 { format!(" at {rpm:.0} rpm") } else { String::new() };
     let mut note = format!(
         "Gain from an error of one position sensor to its reading, with the rotor in the centre{speed} under its static load. Zones of \

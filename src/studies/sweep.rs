@@ -8,9 +8,8 @@
 //! A case that cannot be run, or ends early, gives a row with the reason.
 
 use std::collections::{BTreeMap, HashSet};
-use std::fmt::Write as _;
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Seek, SeekFrom, Write as _};
+use std::io::{self, Seek, SeekFrom, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
@@ -135,22 +134,15 @@ impl Sweep {
     }
 
     /// Number of cases.
-    #[must_use]
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.cases.len()
-    }
-
-    /// Whether there is no case at all.
-    #[must_use]
-    pub fn is_empty(&self) -> bool {
-        self.cases.is_empty()
     }
 
     /// Writes the design as CSV, with the values drawn.
     ///
     /// # Errors
     /// Whatever the writer reports.
-    pub fn write(&self, mut to: impl io::Write) -> io::Result<()> {
+    pub fn write(&self, mut to: impl Write) -> io::Result<()> {
         to.write_all(&lines(std::iter::once(&self.columns).chain(&self.cases))?)?;
         to.flush()
     }
@@ -166,16 +158,11 @@ impl Sweep {
     fn fingerprint(&self, case: usize) -> String {
         let mut hash = Sha256::new();
         hash.update(self.scenario_text.as_bytes());
-        for (column, cell) in self.columns.iter().zip(&self.cases[case]) {
+        for text in self.columns.iter().zip(&self.cases[case]).flat_map(|(column, cell)| [column, cell]) {
             hash.update([0]);
-            hash.update(column.as_bytes());
-            hash.update([0]);
-            hash.update(cell.as_bytes());
+            hash.update(text);
         }
-        hash.finalize().iter().take(6).fold(String::new(), |mut text, byte| {
-            let _ = write!(text, "{byte:02x}");
-            text
-        })
+        hash.finalize().iter().take(6).map(|byte| format!("{byte:02x}")).collect()
     }
 
     /// The scenario of a case.
@@ -241,7 +228,7 @@ impl Sweep {
             return Err(refusal(path, "another sweep is using it"));
         }
         let done = self.resume(path, &mut file)?;
-        let todo: Vec<usize> = (0..self.len()).filter(|case| !done.contains(case)).collect();
+        let todo: Vec<usize> = (0..self.count()).filter(|case| !done.contains(case)).collect();
         self.work(&todo, |batch| {
             file.write_all(&lines(&batch)?)?;
             file.sync_data()
@@ -255,9 +242,9 @@ impl Sweep {
     ///
     /// # Errors
     /// Whatever the writer reports.
-    pub fn run_to(&self, mut to: impl io::Write) -> io::Result<Outcome> {
+    pub fn run_to(&self, mut to: impl Write) -> io::Result<Outcome> {
         to.write_all(&lines(&[self.header()])?)?;
-        let todo: Vec<usize> = (0..self.len()).collect();
+        let todo: Vec<usize> = (0..self.count()).collect();
         let (mut waiting, mut next, mut failed) = (BTreeMap::new(), 1, 0);
         self.work(&todo, |batch| {
             failed += batch.iter().filter(|row| is_failed(row)).count();
@@ -316,7 +303,7 @@ impl Sweep {
             let row = row.map_err(|error| refusal(path, error))?;
             let number: usize = row[0].parse().unwrap_or(0);
             let case = number.wrapping_sub(1);
-            if case >= self.len() || row[at] != *self.fingerprint(case) {
+            if case >= self.count() || row[at] != *self.fingerprint(case) {
                 return Err(foreign(format!("case {} in it is of another design or scenario", &row[0])));
             }
             done.insert(case);
@@ -327,8 +314,7 @@ impl Sweep {
     /// Rewrites the rows in the order of the cases, atomically. Returns how many cases failed.
     fn put_in_order(&self, path: &Path) -> io::Result<usize> {
         let mut reader = csv::Reader::from_path(path)?;
-        let mut rows: Vec<Vec<String>> =
-            reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<io::Result<_>>()?;
+        let mut rows: Vec<Vec<String>> = reader.deserialize().collect::<Result<_, _>>()?;
         rows.sort_by_key(|row| number(row));
         let failed = rows.iter().filter(|row| is_failed(row)).count();
         rows.insert(0, self.header());
@@ -442,9 +428,7 @@ fn split(column: &str) -> (&str, Option<&str>) {
 fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
     let columns = reader.headers()?.iter().map(String::from).collect();
-    let cases =
-        reader.records().map(|row| Ok(row?.iter().map(String::from).collect())).collect::<Result<_, csv::Error>>()?;
-    Ok((columns, cases))
+    Ok((columns, reader.deserialize().collect::<Result<_, _>>()?))
 }
 
 /// Draws the cases of a design.

@@ -51,7 +51,7 @@ impl Whirl {
                 those.join(", ")
             ));
         }
-        let real = |name: &str| scenario.real(name).unwrap_or(f64::NAN);
+        let real = |name: &str| scenario.number("plant", name);
         let found = Self {
             m_kg: real("m"),
             inertia_kgm2: [real("Jt"), real("Jp")],

@@ -172,27 +172,31 @@ pub struct Scenario {
     pub changes: Vec<String>,
 }
 
+/// The places of the elements of the closed loop.
+const PLANT: usize = 0;
+const CONTROLLER: usize = 1;
+const ESTIMATOR: usize = 2;
+
 /// Which element's outputs are connected to which element's inputs: those of the same name, and of these pairs of names.
-const LOOP: [([&str; 2], &[[&str; 2]]); 4] = [
-    (["plant", "controller"], &[]),
-    (["controller", "plant"], &[]),
-    (["estimator", "controller"], &[["valid", "lambdaValid"]]),
-    (["plant", "estimator"], &[["omegam", "omega"]]),
+const LOOP: [([usize; 2], &[[&str; 2]]); 4] = [
+    ([PLANT, CONTROLLER], &[]),
+    ([CONTROLLER, PLANT], &[]),
+    ([ESTIMATOR, CONTROLLER], &[["valid", "lambdaValid"]]),
+    ([PLANT, ESTIMATOR], &[["omegam", "omega"]]),
 ];
 
 /// The connections of a closed loop.
 fn connected(elements: &[Element]) -> Vec<Connection> {
-    let model = |name: &str| elements.iter().find(|element| element.name == name).map(|element| &element.model_type);
     let mut connections = Vec::new();
     for ([source, sink], renamed) in LOOP {
-        let (Some(from), Some(to)) = (model(source), model(sink)) else { continue };
-        for input in to.variables().iter().filter(|variable| variable.causality == Causality::Input) {
+        let (from, to) = (&elements[source], &elements[sink]);
+        for input in to.model_type.variables().iter().filter(|variable| variable.causality == Causality::Input) {
             let renamed = renamed.iter().find(|[_, name]| *name == input.name).map(|[name, _]| *name);
             let name = renamed.unwrap_or(&input.name);
-            let outputs = from.variables().iter().filter(|variable| variable.causality == Causality::Output);
-            if outputs.into_iter().any(|output| output.name == name) {
-                let path = |element: &str, variable: &str| [element.to_owned(), variable.to_owned()];
-                connections.push(Connection { from: path(source, name), to: path(sink, &input.name) });
+            let mut outputs = from.model_type.variables().iter().filter(|of| of.causality == Causality::Output);
+            if outputs.any(|output| output.name == name) {
+                let path = |element: &Element, variable: &str| [element.name.clone(), variable.to_owned()];
+                connections.push(Connection { from: path(from, name), to: path(to, &input.name) });
             }
         }
     }
@@ -241,7 +245,7 @@ impl Scenario {
             let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
             ScenarioError { origin: origin.clone(), findings: vec![finding] }
         })?;
-        Self::parse_requiring(&origin, &text, required, changes)
+        read::scenario(&origin, &text, required, changes)
     }
 
     /// The machine that a scenario names, a built-in one or a file; none if it names none or cannot be read.
@@ -253,7 +257,7 @@ impl Scenario {
     /// A scenario of a machine in which all variables have their start values.
     pub fn plain(machine: &Machine) -> Self {
         let text = format!("machine = \"{}\"", machine.name);
-        Self::parse_requiring(machine.name, &text, &[], &[]).expect("a scenario without values is sound")
+        read::scenario(machine.name, &text, &[], &[]).expect("a scenario without values is sound")
     }
 
     /// Parses a scenario. `origin` names its source in messages.
@@ -261,18 +265,48 @@ impl Scenario {
     /// # Errors
     /// As for [`Self::open`].
     pub fn parse(origin: &str, text: &str) -> Result<Self, ScenarioError> {
-        Self::parse_requiring(origin, text, &read::REQUIRED, &[])
+        read::scenario(origin, text, &read::REQUIRED, &[])
     }
 
-    fn parse_requiring(
-        origin: &str,
-        text: &str,
-        required: &[&str],
-        changes: &[(String, String)],
-    ) -> Result<Self, ScenarioError> {
-        let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
-        let read = read::scenario(text, folder, required, changes);
-        read.map_err(|findings| ScenarioError { origin: origin.into(), findings })
+    /// The plant.
+    pub fn plant(&self) -> &Element {
+        &self.elements[PLANT]
+    }
+
+    /// The controller.
+    pub fn controller(&self) -> &Element {
+        &self.elements[CONTROLLER]
+    }
+
+    /// The estimator in the loop.
+    pub fn estimator(&self) -> &Element {
+        &self.elements[ESTIMATOR]
+    }
+
+    /// Plant, controller and estimator.
+    pub fn in_loop(&self) -> &[Element] {
+        &self.elements[..3]
+    }
+
+    /// Estimators that run beside the loop on the same data.
+    pub fn observers(&self) -> &[Element] {
+        self.elements.get(3..).unwrap_or_default()
+    }
+
+    /// Removes the estimators beside the loop.
+    pub fn remove_observers(&mut self) {
+        self.elements.truncate(3);
+    }
+
+    /// The element of that name.
+    fn element(&self, name: &str) -> Option<&Element> {
+        self.elements.iter().find(|element| element.name == name)
+    }
+
+    /// The path of a variable, such as `plant.lambda[1]`, from the indices of its element and its own.
+    pub fn path(&self, (element, variable): (usize, usize)) -> String {
+        let element = &self.elements[element];
+        format!("{}.{}", element.name, element.model_type.variables()[variable].name)
     }
 
     /// The connections, including those of the estimators beside the loop.
@@ -367,16 +401,20 @@ impl Scenario {
 
     /// Whether the scenario states a value for a variable.
     pub fn is_stated(&self, element: &str, variable: &str) -> bool {
-        let states = |element: &Element| {
+        self.element(element).is_some_and(|element| {
             let index = element.index(variable);
             element.settings.iter().any(|setting| Some(setting.index) == index)
-        };
-        self.elements.iter().any(|candidate| candidate.name == element && states(candidate))
+        })
     }
 
     /// The start value of a variable.
     pub fn value(&self, element: &str, variable: &str) -> Option<Value> {
-        self.elements.iter().find(|candidate| candidate.name == element)?.value(variable)
+        self.element(element)?.value(variable)
+    }
+
+    /// The start value of a numeric variable; not a number if there is none of this name.
+    pub fn number(&self, element: &str, variable: &str) -> f64 {
+        self.value(element, variable).map_or(f64::NAN, Value::as_f64)
     }
 
     /// The method of an estimator that has several.
@@ -391,7 +429,6 @@ impl Scenario {
 
     /// The true λ of all magnets, in N·m²/A².
     pub fn truth(&self) -> Vec<f64> {
-        let names = self.machine.of_magnets("lambda");
-        names.iter().map(|name| self.real(name).unwrap_or(f64::NAN)).collect()
+        self.machine.of_magnets("lambda").iter().map(|name| self.number("plant", name)).collect()
     }
 }

@@ -6,12 +6,12 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, Setting, connected, foreign};
+use super::{Connection, Element, Profile, Scenario, ScenarioError, Setting, connected, foreign};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
 use crate::machine::{self, AXIAL, MACHINES, PLANAR};
-use crate::simulation::contour::Fit;
+use crate::simulation::contour::{self, Fit};
 use crate::simulation::simulate;
 use crate::variables::{Choice, numbers};
 
@@ -21,18 +21,20 @@ pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
 /// The elements of a closed loop.
 pub const ELEMENTS: [&str; 3] = ["plant", "controller", "estimator"];
 
-/// Reads a scenario with these required keys and with changes; contour files are named relative to the folder.
+/// Reads a scenario with these required keys and with changes. `origin` names its source in messages; contour files are named
+/// relative to its folder.
 ///
 /// # Errors
 /// All findings.
 pub fn scenario(
+    origin: &str,
     text: &str,
-    folder: &Path,
     required: &[&str],
     changes: &[(String, String)],
-) -> Result<Scenario, Vec<String>> {
+) -> Result<Scenario, ScenarioError> {
+    let refuse = |findings: Vec<String>| ScenarioError { origin: origin.into(), findings };
     let mut findings = Vec::new();
-    let mut table: toml::Table = toml::from_str(text).map_err(|error| vec![error.to_string()])?;
+    let mut table: toml::Table = toml::from_str(text).map_err(|error| refuse(vec![error.to_string()]))?;
     let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
         .iter()
         .map(|(name, text)| (name.clone(), value_of(text)))
@@ -42,8 +44,9 @@ pub fn scenario(
     // Other findings would be about the wrong machine.
     if let Some(finding) = foreign::finding(&document.machine, &document.keys()) {
         findings.push(finding);
-        return Err(findings);
+        return Err(refuse(findings));
     }
+    let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
     let mut scenario = read(document, folder, &of_elements, &mut findings);
     scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
     if findings.is_empty() {
@@ -51,7 +54,7 @@ pub fn scenario(
     }
     // The models refuse values as well; a user sees all findings at once.
     findings.extend(simulate::refused(&scenario));
-    Err(findings)
+    Err(refuse(findings))
 }
 
 /// The text of a scenario as TOML has it, taken apart key by key, so that one error does not hide others.
@@ -150,8 +153,8 @@ struct ProfileText {
 const SECOND: Type =
     Type::Real { start: 0.0, unit: fmu_export::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
 
-/// The contours used by built-in scenarios.
-const BUILT_IN_CONTOURS: [(&str, &str); 1] = [("hole.csv", include_str!("../scenarios/hole.csv"))];
+/// The contour of a built-in scenario: its file and the text.
+const BUILT_IN_CONTOUR: (&str, &str) = ("hole.csv", include_str!("../scenarios/hole.csv"));
 
 /// Largest deviation of the reference trajectory from the points of its contour, relative to its size.
 const CONTOUR_MISS: f64 = 0.01;
@@ -161,40 +164,6 @@ fn value_of(text: &str) -> toml::Value {
     let parsed = toml::from_str::<toml::Table>(&format!("value = {text}"));
     let value = parsed.ok().filter(|table| table.len() == 1).and_then(|mut table| table.remove("value"));
     value.unwrap_or_else(|| toml::Value::String(text.into()))
-}
-
-/// Applies changes to the elements, after the scenario itself.
-fn change(
-    changes: &[(String, toml::Value)],
-    elements: &mut [Element],
-    connected: &[Connection],
-    findings: &mut Vec<String>,
-) {
-    for (path, value) in changes {
-        let (owner, key) = match path.split_once('.') {
-            Some((name, key)) if elements.iter().any(|element| element.name == name) => (Some(name), key),
-            _ => (None, path.as_str()),
-        };
-        let concerned = elements.iter_mut().filter(|element| owner.is_none_or(|name| element.name == name));
-        let (known, others): (Vec<_>, Vec<_>) = concerned.partition(|element| knows(&element.model_type, key));
-        if known.is_empty() {
-            let models: Vec<_> = others.iter().map(|element| &*element.model_type).collect();
-            let suggestion = suggestion(key, &names(&models));
-            findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
-        }
-        // A name without an element means all elements where the variable can be set: speed is an input of plant and estimator,
-        // but that of the estimator is connected.
-        let is_open = |element: &Element| {
-            let variable = first(&element.model_type, key).map(|index| &element.model_type.variables()[index]);
-            variable.is_some_and(|variable| permitted(&element.name, variable, connected).is_ok())
-        };
-        let is_open_anywhere = known.iter().any(|element| is_open(element));
-        for element in known {
-            if is_open(element) || !is_open_anywhere {
-                set(element, connected, "--set", key, value, findings);
-            }
-        }
-    }
 }
 
 fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], findings: &mut Vec<String>) -> Scenario {
@@ -228,41 +197,43 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         let model_type = fmu::find(model).expect("a model of this project");
         Element { name: name.into(), model_type, settings: Vec::new() }
     };
-    let mut elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
-    let connected = connected(&elements);
+    let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
+    let mut reading = Reading { connected: connected(&elements), elements, findings };
     let all = flatten(&document.all);
-    for (element, (_, table)) in elements.iter_mut().zip(document.elements()) {
+    for (at, (name, table)) in document.elements().into_iter().enumerate() {
         // Keys of other elements are skipped; names that no element knows are reported below.
-        let (name, model_type) = (element.name.clone(), element.model_type.clone());
+        let model_type = reading.elements[at].model_type.clone();
         for (key, value) in all.iter().filter(|(key, _)| knows(&model_type, key)) {
-            set(element, &connected, "all", key, value, findings);
+            reading.set(at, "all", key, value);
         }
         for (key, value) in flatten(table) {
             if knows(&model_type, &key) {
-                set(element, &connected, &name, &key, value, findings);
+                reading.set(at, name, &key, value);
             } else {
-                findings.push(unknown(&name, &key, &names(&[&model_type])));
+                reading.findings.push(unknown(name, &key, &names(&[&model_type])));
             }
         }
     }
-    let models: Vec<_> = elements.iter().map(|element| &*element.model_type).collect();
+    let models: Vec<_> = reading.elements.iter().map(|element| &*element.model_type).collect();
     for (key, _) in all.iter().filter(|(key, _)| !models.iter().any(|model_type| knows(model_type, key))) {
-        findings.push(unknown("all", key, &names(&models)));
+        reading.findings.push(unknown("all", key, &names(&models)));
     }
     if let Some(file) = &document.contour {
-        match contour(file, folder, &elements[1].model_type) {
-            Ok(settings) => elements[1].settings.extend(settings),
-            Err(why) => findings.push(format!("contour = \"{file}\" is refused: {why}")),
+        match contour_settings(file, folder, models[1]) {
+            Ok(settings) => reading.elements[1].settings.extend(settings),
+            Err(why) => reading.findings.push(format!("contour = \"{file}\" is refused: {why}")),
         }
     }
-    change(changes, &mut elements, &connected, findings);
-    beside(&document.compare, &mut elements, findings);
-    let profiles = document
-        .profile
-        .iter()
-        .enumerate()
-        .filter_map(|(index, text)| profile(index, text, &elements, &connected, findings));
-    let profiles = profiles.collect();
+    changes.iter().for_each(|(path, value)| reading.change(path, value));
+    reading.compare(&document.compare);
+    let mut profiles = Vec::new();
+    for (number, text) in (1..).zip(&document.profile) {
+        match reading.profile(text) {
+            Ok(profile) => profiles.push(profile),
+            Err(all) => reading.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
+        }
+    }
+    let Reading { elements, connected, findings } = reading;
     if !document.identify.is_empty() && machine.name != AXIAL.name {
         findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
     }
@@ -283,13 +254,153 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     }
 }
 
+/// The elements of a loop while they take their values.
+struct Reading<'f> {
+    elements: Vec<Element>,
+    connected: Vec<Connection>,
+    findings: &'f mut Vec<String>,
+}
+
+impl Reading<'_> {
+    /// Applies one key of a table to the element of that index.
+    fn set(&mut self, at: usize, table: &str, key: &str, value: &toml::Value) {
+        let Element { name, model_type, settings } = &mut self.elements[at];
+        let (indices, values) = match position(model_type, key) {
+            Some(index) => (vec![index], std::slice::from_ref(value)),
+            None => (
+                (0..).map_while(|k| position(model_type, &element(key, k))).collect(),
+                value.as_array().map_or(&[][..], Vec::as_slice),
+            ),
+        };
+        if values.len() != indices.len() {
+            let wanted = format!("expected a list of {}", indices.len());
+            self.findings.push(format!("[{table}] {key} = {value} is refused: {wanted}"));
+            return;
+        }
+        for (index, value) in indices.into_iter().zip(values) {
+            let variable = &model_type.variables()[index];
+            match permitted(name, variable, &self.connected).and_then(|()| convert(&variable.data_type, value)) {
+                Ok(value) => settings.push(Setting { index, value }),
+                Err(why) => {
+                    self.findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name));
+                }
+            }
+        }
+    }
+
+    /// Applies a change, after the scenario itself.
+    fn change(&mut self, path: &str, value: &toml::Value) {
+        let (owner, key) = match path.split_once('.') {
+            Some((name, key)) if self.elements.iter().any(|element| element.name == name) => (Some(name), key),
+            _ => (None, path),
+        };
+        let is_concerned = |at: &usize| owner.is_none_or(|name| self.elements[*at].name == name);
+        let concerned: Vec<usize> = (0..self.elements.len()).filter(is_concerned).collect();
+        let model = |at: &usize| &*self.elements[*at].model_type;
+        let known: Vec<usize> = concerned.iter().copied().filter(|at| knows(model(at), key)).collect();
+        if known.is_empty() {
+            let suggestion = suggestion(key, &names(&concerned.iter().map(model).collect::<Vec<_>>()));
+            self.findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
+        }
+        // A name without an element means all elements where the variable can be set: speed is an input of plant and estimator,
+        // but that of the estimator is connected.
+        let is_open = |at: &usize| {
+            let variable = first(model(at), key).map(|index| &model(at).variables()[index]);
+            variable.is_some_and(|variable| permitted(&self.elements[*at].name, variable, &self.connected).is_ok())
+        };
+        let open: Vec<usize> = known.iter().copied().filter(is_open).collect();
+        for at in if open.is_empty() { known } else { open } {
+            self.set(at, "--set", key, value);
+        }
+    }
+
+    /// Adds estimators with other methods beside the loop.
+    fn compare(&mut self, methods: &[String]) {
+        let estimator = self.elements[2].clone();
+        let Some(index) = estimator.index("method") else {
+            if !methods.is_empty() {
+                let model = estimator.model_type.info.name;
+                self.findings.push(format!("compare = {methods:?} is refused: {model} has one method"));
+            }
+            return;
+        };
+        for method in methods {
+            let is_new = self.elements.iter().all(|element| element.name != *method);
+            match Method::ENUMERATION.find(method) {
+                Err(wanted) => self.findings.push(format!("compare = \"{method}\" is refused: {wanted}")),
+                Ok(_) if !is_new => {
+                    self.findings.push(format!("compare = \"{method}\" is refused: it is listed twice"));
+                }
+                Ok(value) => {
+                    let mut beside = Element { name: method.clone(), ..estimator.clone() };
+                    beside.settings.push(Setting { index, value: Value::Integer(value) });
+                    self.elements.push(beside);
+                }
+            }
+        }
+    }
+
+    /// Parses a `[[profile]]`, or returns all findings.
+    fn profile(&self, text: &ProfileText) -> Result<Profile, Vec<String>> {
+        let mut refused: Vec<String> = Vec::new();
+        let mut targets = Vec::new();
+        for path in &text.of {
+            let found = path.split_once('.').and_then(|(name, variable)| {
+                let at = self.elements.iter().position(|element| element.name == name)?;
+                Some((at, self.elements[at].index(variable)?))
+            });
+            let Some((at, index)) = found else {
+                refused.push(format!("there is no variable {path}; expected element.variable, as in plant.omega"));
+                continue;
+            };
+            let Element { name, model_type, .. } = &self.elements[at];
+            let variable = &model_type.variables()[index];
+            match permitted(name, variable, &self.connected) {
+                Err(why) => refused.push(format!("{path}: {why}")),
+                Ok(())
+                    if variable.causality == Causality::Parameter && variable.variability != Variability::Tunable =>
+                {
+                    let wanted = "expected an input or a tunable parameter";
+                    refused.push(format!("{path} is fixed once the run has begun; {wanted}"));
+                }
+                Ok(()) => targets.push((at, index)),
+            }
+        }
+        let Some(&(at, variable)) = targets.first() else {
+            if text.of.is_empty() {
+                refused.push("of = [] names no variable".into());
+            }
+            return Err(refused);
+        };
+        let data_type = &self.elements[at].model_type.variables()[variable].data_type;
+        let mut all = |data_type: &Type, values: &[toml::Value]| -> Vec<Value> {
+            let mut found = Vec::new();
+            for value in values {
+                match convert(data_type, value) {
+                    Ok(value) => found.push(value),
+                    Err(why) => refused.push(format!("{value} is refused: {why}")),
+                }
+            }
+            found
+        };
+        let time_s: Vec<f64> = all(&SECOND, &text.time).into_iter().map(Value::as_f64).collect();
+        let values = all(data_type, &text.value);
+        let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
+        if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
+            refused.push("expected as many values as times, at least one, with increasing times".into());
+        }
+        let hold = text.hold || !matches!(data_type, Type::Real { .. });
+        if refused.is_empty() { Ok(Profile { targets, time_s, values, hold }) } else { Err(refused) }
+    }
+}
+
 /// The settings of the controller for a contour file, named relative to the scenario.
-fn contour(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Setting>, String> {
-    let text = match BUILT_IN_CONTOURS.iter().find(|(name, _)| *name == file) {
-        Some((_, text)) if !folder.join(file).exists() => (*text).to_owned(),
-        _ => std::fs::read_to_string(folder.join(file)).map_err(|error| error.to_string())?,
+fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Setting>, String> {
+    let path = folder.join(file);
+    let Fit { contour, largest_m } = match BUILT_IN_CONTOUR {
+        (name, text) if name == file && !path.exists() => contour::read(text)?,
+        _ => contour::read(&std::fs::read_to_string(path).map_err(|error| error.to_string())?)?,
     };
-    let Fit { contour, largest_m } = crate::simulation::contour::read(&text)?;
     let largest_size = |values: &[f64]| values.iter().fold(0.0f64, |size, value| size.max(value.abs()));
     let size_m = largest_size(&contour.cos_y_m).max(largest_size(&contour.sin_z_m));
     if largest_m > CONTOUR_MISS * size_m {
@@ -308,90 +419,6 @@ fn contour(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Sett
             Ok(Setting { index, value })
         })
         .collect()
-}
-
-/// Parses a `[[profile]]`; each finding names it by its number.
-fn profile(
-    index: usize,
-    text: &ProfileText,
-    elements: &[Element],
-    connected: &[Connection],
-    findings: &mut Vec<String>,
-) -> Option<Profile> {
-    let before = findings.len();
-    let mut refuse = |why: String| findings.push(format!("[[profile]] number {}: {why}", index + 1));
-    let mut targets = Vec::new();
-    for path in &text.of {
-        let found = path.split_once('.').and_then(|(name, variable)| {
-            let at = elements.iter().position(|element| element.name == name)?;
-            Some((at, position(&elements[at].model_type, variable)?))
-        });
-        let Some((at, variable)) = found else {
-            refuse(format!("there is no variable {path}; expected element.variable, as in plant.omega"));
-            continue;
-        };
-        let known = &elements[at].model_type.variables()[variable];
-        match permitted(&elements[at].name, known, connected) {
-            Err(why) => refuse(format!("{path}: {why}")),
-            Ok(()) if known.causality == Causality::Parameter && known.variability != Variability::Tunable => {
-                refuse(format!("{path} is fixed once the run has begun; expected an input or a tunable parameter"));
-            }
-            Ok(()) => targets.push((at, variable)),
-        }
-    }
-    let Some(&(at, variable)) = targets.first() else {
-        if text.of.is_empty() {
-            refuse("of = [] names no variable".into());
-        }
-        return None;
-    };
-    let data_type = &elements[at].model_type.variables()[variable].data_type;
-    let real = matches!(data_type, Type::Real { .. });
-    let mut all = |data_type: &Type, values: &[toml::Value]| -> Vec<Value> {
-        let one = |value| match convert(data_type, value) {
-            Ok(value) => Some(value),
-            Err(why) => {
-                refuse(format!("{value} is refused: {why}"));
-                None
-            }
-        };
-        values.iter().filter_map(one).collect()
-    };
-    let time_s: Vec<f64> = all(&SECOND, &text.time).into_iter().map(Value::as_f64).collect();
-    let values = all(data_type, &text.value);
-    let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
-    if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
-        refuse("expected as many values as times, at least one, with increasing times".into());
-    }
-    (findings.len() == before).then_some(Profile { targets, time_s, values, hold: text.hold || !real })
-}
-
-/// Adds estimators with other methods beside the loop.
-fn beside(methods: &[String], elements: &mut Vec<Element>, findings: &mut Vec<String>) {
-    let settings = elements[2].settings.clone();
-    let model_type = elements[2].model_type.clone();
-    let Some(index) = position(&model_type, "method") else {
-        if !methods.is_empty() {
-            findings.push(format!("compare = {methods:?} is refused: {} has one method", model_type.info.name));
-        }
-        return;
-    };
-    for method in methods {
-        let value = match Method::ENUMERATION.find(method) {
-            Ok(value) => value,
-            Err(wanted) => {
-                findings.push(format!("compare = \"{method}\" is refused: {wanted}"));
-                continue;
-            }
-        };
-        if elements.iter().any(|element| element.name == *method) {
-            findings.push(format!("compare = \"{method}\" is refused: it is listed twice"));
-            continue;
-        }
-        let mut settings = settings.clone();
-        settings.push(Setting { index, value: Value::Integer(value) });
-        elements.push(Element { name: method.clone(), model_type: model_type.clone(), settings });
-    }
 }
 
 /// The leaves of a table with their keys joined by dots, so that `reference.rY` may be a dotted key in TOML.
@@ -468,38 +495,6 @@ pub fn suggestion(key: &str, known: &[String]) -> String {
     match near {
         Some((_, name)) => format!("did you mean {name}?"),
         None => format!("known are {}", known.join(", ")),
-    }
-}
-
-/// Applies one key of a table to one element.
-fn set(
-    element: &mut Element,
-    connected: &[Connection],
-    table: &str,
-    key: &str,
-    value: &toml::Value,
-    findings: &mut Vec<String>,
-) {
-    let Element { name, model_type, settings } = element;
-    let variables = model_type.variables();
-    let mut one = |index: usize, value: &toml::Value| {
-        let variable = &variables[index];
-        match permitted(name, variable, connected).and_then(|()| convert(&variable.data_type, value)) {
-            Ok(value) => settings.push(Setting { index, value }),
-            Err(why) => findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name)),
-        }
-    };
-    if let Some(index) = position(model_type, key) {
-        return one(index, value);
-    }
-    let indices: Vec<usize> = (0..).map_while(|k| position(model_type, &self::element(key, k))).collect();
-    match value.as_array() {
-        Some(values) if values.len() == indices.len() => {
-            for (index, value) in indices.into_iter().zip(values) {
-                one(index, value);
-            }
-        }
-        _ => findings.push(format!("[{table}] {key} = {value} is refused: expected a list of {}", indices.len())),
     }
 }
 

@@ -2,7 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::real;
 use crate::fmu::plant;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -52,7 +51,6 @@ pub struct Rotor {
 
 impl Rotor {
     /// That of a scenario.
-    #[must_use]
     pub fn of(scenario: &Scenario) -> Self {
         match scenario.machine.name {
             "planar" => Self::with::<2, 3, 1>(scenario),
@@ -166,7 +164,6 @@ pub struct Bound {
 impl Bound {
     /// Before the first sample. The prior standard deviations are so large that they carry no information: 1 m/s, 30 times
     /// λ, an eccentricity of 10 gaps, 100 times the weight; of angles and moments the same at the radius of gyration.
-    #[must_use]
     pub fn new(rotor: Rotor) -> Self {
         let (n, sigma, m_kg) = (rotor.coordinates(), rotor.position_noise_m, rotor.inertia[0]);
         let (eccentric, weight) = (m_kg * rotor.gap_m[0], 9.81 * m_kg);
@@ -235,7 +232,6 @@ impl Bound {
     }
 
     /// The bound for the standard deviation of each λ, relative to λ.
-    #[must_use]
     pub fn lambda(&self) -> Vec<f64> {
         let first = 2 * self.rotor.coordinates();
         (first..first + self.rotor.lambda_nm2_a2.len()).map(|n| self.p[(n, n)].max(0.0).sqrt()).collect()
@@ -245,7 +241,6 @@ impl Bound {
 /// The bound at instants in s, relative to λ, from a recording of the scenario with one row per sample; see [`Bound`].
 ///
 /// `None` without noise, or if the recording lacks true coordinates, forces, gaps, angle or speed of the plant.
-#[must_use]
 pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> Option<Vec<Vec<f64>>> {
     let rotor = Rotor::of(scenario);
     if rotor.position_noise_m.is_nan() || rotor.position_noise_m <= 0.0 {
@@ -261,7 +256,7 @@ pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> 
     // The outputs of a row are read before the next inputs are set: the current is that at the end of the interval.
     let current = |k: usize, row: usize| gap[k][row] * (force[k][row] / truth[k]).max(0.0).sqrt();
     // The first of the two drives.
-    let held = real(scenario, "plant", "drive") == 1.0;
+    let held = scenario.number("plant", "drive") == 1.0;
     let rows = recording.time_s.len();
     let mut found = vec![vec![f64::NAN; truth.len()]; instants_s.len()];
     let mut bound = Bound::new(rotor);

@@ -5,7 +5,6 @@ use std::f64::consts::{PI, TAU};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-use super::real;
 use crate::machine::Machine;
 use crate::plant::noise::Noise;
 use crate::simulation::scenario::Scenario;
@@ -202,8 +201,8 @@ pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
     let course = scenario.profiles[scenario.profiles.len() - 1].clone();
     let at = |time_s: f64| course.at(time_s).map_or(f64::NAN, Value::as_f64);
     let step_s = scenario.step_s;
-    let [magnitude, phase] = ["unbalance.magnitude", "unbalance.phase"].map(|name| real(scenario, "plant", name));
-    let mut theta = real(scenario, "plant", "theta0");
+    let [magnitude, phase] = ["unbalance.magnitude", "unbalance.phase"].map(|name| scenario.number("plant", name));
+    let mut theta = scenario.number("plant", "theta0");
     let steps = (time_s.last().copied().unwrap_or(0.0) / step_s).round() as usize;
     let instants: Vec<f64> = (0..=steps).map(|step| step as f64 * step_s).collect();
     let forces = instants.iter().map(|time_s| {
@@ -215,14 +214,14 @@ pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
     });
     add(scenario, &["pY", "pZ"], &instants, &forces.collect::<Vec<_>>());
     let first = omega.first().copied().unwrap_or(0.0);
-    let radius = ["reference.rY", "reference.rZ"].map(|name| real(scenario, "controller", name));
+    let radius = ["reference.rY", "reference.rZ"].map(|name| scenario.number("controller", name));
     path(scenario, radius, (3, 0.0), first);
 }
 
 /// λ of one of three magnets, which follows from the seed, changes by a part at an instant in s.
 pub fn step_of_lambda(scenario: &mut Scenario, seed: u64, part: f64, at_s: f64) {
     let path = format!("lambda[{}]", 1 + seed % 3);
-    let value = real(scenario, "plant", &path) * (1.0 + part);
+    let value = scenario.number("plant", &path) * (1.0 + part);
     scenario.follow(&[&format!("plant.{path}")], &[at_s], [value], true);
 }
 
@@ -244,9 +243,9 @@ impl Tolerance {
 
     /// Draws the error and states the tolerance to the estimator.
     pub fn draw(&self, scenario: &mut Scenario, draw: &mut Draw) {
-        let std = self.std * if ["m", "s"].contains(&self.name) { real(scenario, "plant", self.name) } else { 1.0 };
+        let std = self.std * if ["m", "s"].contains(&self.name) { scenario.number("plant", self.name) } else { 1.0 };
         for variable in (self.variables)(scenario.machine) {
-            let value = real(scenario, self.element, &variable) + std * draw.normal();
+            let value = scenario.number(self.element, &variable) + std * draw.normal();
             scenario.set(self.element, &variable, value);
         }
         scenario.set("estimator", &format!("tolerance.{}", self.name), std);
@@ -283,7 +282,7 @@ pub const FAULTS: [(&str, &str, &[&str], f64); 11] = [
 /// Makes one of the [`FAULTS`].
 pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &str, &[&str], f64)) {
     for variable in variables {
-        let value = real(scenario, element, variable) + change;
+        let value = scenario.number(element, variable) + change;
         scenario.set(element, variable, value);
     }
     if variables.is_empty() {
@@ -298,7 +297,7 @@ pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, length_s: f64
 
 /// Adds a force in N that turns so many times as fast as the rotor, from an angle in rad on and for a length of time in s.
 pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, length_s: f64) {
-    let omega = order * real(scenario, "plant", "omega");
+    let omega = order * scenario.number("plant", "omega");
     push(scenario, &["pY", "pZ"], length_s, |time_s| {
         let (sin, cos) = libm::sincos(omega * time_s + phase);
         [force_n * cos, force_n * sin]
@@ -321,7 +320,7 @@ pub fn push<const N: usize>(
 /// Adds to these inputs of the plant what is given for each instant in s; it stays until the next one.
 fn add<const N: usize>(scenario: &mut Scenario, inputs: &[&str; N], time_s: &[f64], more: &[[f64; N]]) {
     for (n, name) in inputs.iter().enumerate() {
-        let constant = real(scenario, "plant", name);
+        let constant = scenario.number("plant", name);
         scenario.follow(&[&format!("plant.{name}")], time_s, more.iter().map(|more| constant + more[n]), true);
     }
 }

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
-use super::{bound, real};
+use super::bound;
 use crate::estimation::Verdict;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{Profile, Scenario};
@@ -121,7 +121,7 @@ fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>
     let names = ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
     let of_magnet = |k: usize| {
         let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
-        let (start, course) = (real(scenario, "plant", truth), course(scenario, truth));
+        let (start, course) = (scenario.number("plant", truth), course(scenario, truth));
         // That of the interval which ends at the row.
         let at = |time_s: &f64| course.and_then(|course| course.at(time_s - 0.5 * scenario.step_s));
         let truth = recording.time_s.iter().map(|time_s| at(time_s).map_or(start, Value::as_f64));
@@ -171,7 +171,7 @@ pub fn judge(
     let lambda = machine.of_magnets("lambda");
     let jump = used.iter().filter_map(|k| course(scenario, &lambda[*k])).find(|course| course.hold);
     let jump_s = jump.map(|course| course.time_s[0]);
-    let granted_s = GRANTED_REVOLUTIONS * TAU / real(scenario, "plant", "omega").abs().max(1.0);
+    let granted_s = GRANTED_REVOLUTIONS * TAU / scenario.number("plant", "omega").abs().max(1.0);
     let time_s = &recording.time_s;
     let rows = touched.unwrap_or(time_s.len());
     let counted = || (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
@@ -214,7 +214,7 @@ pub fn judge(
         let of = |part: fn(&Estimate) -> &[f64]| estimates.iter().map(|estimate| part(estimate)[row]).collect();
         let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);
         let unbalances = planes.iter().map(|(magnitude, phase)| {
-            let (size, turned) = (real(scenario, "plant", magnitude), read(phase) - real(scenario, "plant", phase));
+            let (size, turned) = (scenario.number("plant", magnitude), read(phase) - scenario.number("plant", phase));
             if size > 0.0 { [read(magnitude) / size - 1.0, turned - TAU * (turned / TAU).round()] } else { [0.0; 2] }
         });
         let unbalances: Vec<_> = unbalances.collect();

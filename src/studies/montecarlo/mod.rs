@@ -12,6 +12,7 @@ pub mod offline;
 pub mod spindle;
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -24,7 +25,6 @@ use crate::studies::parallel::in_order;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled, touched};
-use fmu_export::variable::Value;
 use offline::Offline;
 
 /// Changes the study's scenario for a run, from the seed of the run and how often the rotor touched down with the former.
@@ -135,27 +135,34 @@ impl Study {
         scenario
     }
 
-    /// One run. A rotor that touches down before it takes an estimate over says nothing about the estimator: its bearing is
-    /// drawn again. After that, what was said until then counts.
+    /// One run. If the rotor touches down before it takes an estimate over, its bearing is drawn again.
     fn trial(&self, seed: u64) -> Result<Trial, Refused> {
-        let mut attempt = 0;
-        loop {
+        drawn_again(|attempt| {
             let scenario = self.case(seed, attempt);
             let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
             if let Some(error) = run.error {
                 return Err(Refused(vec![format!("{}, seed {seed}: {error}", self.title)]));
             }
-            let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
             let trial = match &self.offline {
                 None => judge(&scenario, &run.recording, &self.instants_s, seed, touched(&run.recording)),
                 Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
             };
-            let trial = trial.ok_or_else(missing)?;
-            let update_s = real(&scenario, "controller", "update.time");
-            attempt += 1;
-            if trial.touched_s.is_none_or(|touched_s| touched_s > update_s) || attempt == ATTEMPTS {
-                return Ok(trial);
-            }
+            Ok((trial, scenario.number("controller", "update.time")))
+        })
+    }
+}
+
+/// A run whose rotor touches down too early says nothing about the estimator: its bearing is drawn again. After that, what was said
+/// until then counts. `run` makes the run that is drawn for the n-th time, and says until when, in s, contact is too early.
+fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Refused>) -> Result<Trial, Refused> {
+    let mut attempt = 0;
+    loop {
+        let (trial, early_s) = run(attempt)?;
+        let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
+        let trial = trial.ok_or_else(missing)?;
+        attempt += 1;
+        if trial.touched_s.is_none_or(|touched_s| touched_s > early_s) || attempt == ATTEMPTS {
+            return Ok(trial);
         }
     }
 }
@@ -170,7 +177,6 @@ const TENFOLD: [f64; 2] = [10.0 * NOISE[0], NOISE[1]];
 pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 
 /// A study of one scenario over seeds of this noise, which the estimator, of the default method, is told or not.
-#[must_use]
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
     scenario.remove_observers();
@@ -192,7 +198,6 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
 }
 
 /// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
-#[must_use]
 pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
     let study = study(title, &nominal(), NOISE, told, bearings * SEEDS as usize).at(&INSTANTS_S);
     // Seeds of the n-th drawing are far from those of the others.
@@ -206,7 +211,6 @@ pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
 ///
 /// # Panics
 /// Never: the scenario comes with the program.
-#[must_use]
 pub fn nominal() -> Scenario {
     built_in("unbalanced")
 }
@@ -217,9 +221,9 @@ fn built_in(name: &str) -> Scenario {
 
 /// The scenario at another speed; a rotor that starts on its path keeps to it.
 pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
-    let (omega, before) = (rpm * TAU / 60.0, real(scenario, "plant", "omega"));
+    let (omega, before) = (rpm * TAU / 60.0, scenario.number("plant", "omega"));
     for rate in scenario.machine.at_start(|coordinate| coordinate.rate) {
-        let value = real(scenario, "plant", &rate);
+        let value = scenario.number("plant", &rate);
         if value != 0.0 && before != 0.0 {
             scenario.set("plant", &rate, value * omega / before);
         }
@@ -227,23 +231,9 @@ pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
     cases::turning_at(scenario, omega);
 }
 
-/// Pairs of noise from the least to the most that an estimator must find by itself, in µm and mA.
-const PAIRS: [[f64; 2]; 14] = [
-    [0.02, 1.0],
-    [0.02, 10.0],
-    [0.02, 100.0],
-    [0.05, 3.0],
-    [0.1, 1.0],
-    [0.1, 10.0],
-    [0.1, 100.0],
-    [0.3, 30.0],
-    [1.0, 1.0],
-    [1.0, 10.0],
-    [1.0, 100.0],
-    [3.0, 30.0],
-    [5.0, 1.0],
-    [5.0, 100.0],
-];
+/// Pairs of noise from the least to the most that an estimator must find by itself: of the position in µm, of the current in mA.
+const POSITION_UM: [f64; 14] = [0.02, 0.02, 0.02, 0.05, 0.1, 0.1, 0.1, 0.3, 1.0, 1.0, 1.0, 3.0, 5.0, 5.0];
+const CURRENT_MA: [f64; 14] = [1.0, 10.0, 100.0, 3.0, 1.0, 10.0, 100.0, 30.0, 1.0, 10.0, 100.0, 30.0, 1.0, 100.0];
 
 /// When λ steps, in s, and by which part.
 const STEP: (f64, f64) = (0.6, 0.05);
@@ -252,7 +242,6 @@ const STEP: (f64, f64) = (0.6, 0.05);
 const LONG: (f64, usize) = (50.0, 20);
 
 /// All studies of the command without arguments, each with so many runs (of drawn bearings: with so many bearings).
-#[must_use]
 pub fn studies(runs: usize) -> Vec<Study> {
     let nominal = nominal();
     let of = |title: &str, noise: [f64; 2], told: bool| study(title, &nominal, noise, told, runs);
@@ -279,8 +268,8 @@ pub fn studies(runs: usize) -> Vec<Study> {
 
     let title = "14 pairs of noise from 20 nm and 1 mA to 5 µm and 0.1 A, estimated";
     let pairs = study(title, &nominal, NOISE, false, runs.max(14)).at(&INSTANTS_S).varied(|scenario, seed, _| {
-        let [position, current] = PAIRS[seed as usize % PAIRS.len()];
-        cases::noise(scenario, [position * 1e-6, current * 1e-3], false);
+        let pair = seed as usize % POSITION_UM.len();
+        cases::noise(scenario, [POSITION_UM[pair] * 1e-6, CURRENT_MA[pair] * 1e-3], false);
     });
     studies.push(Study { mixed: true, ..pairs });
 
@@ -310,18 +299,14 @@ pub fn studies(runs: usize) -> Vec<Study> {
     studies
 }
 
-/// The magnets of each bearing that are used: their names, and their places among all that are used.
-pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(String, Vec<usize>)> {
-    let machine = scenario.machine;
+/// The bearings by their names, each with its magnets that are used: their names, and their places among all that are used.
+pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(&'static str, Vec<(String, usize)>)> {
     let used = scenario.used();
-    let of = |(b, bearing): (usize, &Bearing)| {
-        let own = |at: &usize| machine.magnet(used[*at]).is_some_and(|(bearing, _)| bearing == b);
-        let places: Vec<usize> = (0..used.len()).filter(own).collect();
-        let numbers = places.iter().filter_map(|at| machine.magnet(used[*at])).map(|(_, number)| format!("λ{number}"));
-        let prefix = bearing.prefix.strip_suffix('.').map(|name| format!("{name} ")).unwrap_or_default();
-        (prefix + &numbers.collect::<Vec<_>>().join(" "), places)
+    let of = |(bearing, magnets): (&'static Bearing, Range<usize>)| {
+        let own = (0..used.len()).filter(|at| magnets.contains(&used[*at]));
+        (bearing.name(), own.map(|at| (format!("λ{}", used[at] + 1 - magnets.start), at)).collect())
     };
-    machine.bearings.iter().enumerate().map(of).collect()
+    scenario.machine.magnets_of_bearings().into_iter().map(of).collect()
 }
 
 /// A number with so many decimals if it is known.
@@ -352,9 +337,11 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     if !study.mixed {
         let bearings = of_bearings(&study.scenario);
         let mut rows_of = |what: &str, of: &dyn Fn(&Figures) -> &[f64]| {
-            for (names, magnets) in &bearings {
-                row(&format!("{what} of {names}, %"), &|figures| {
-                    percent(&mut magnets.iter().filter_map(|k| of(figures).get(*k)).copied())
+            for (bearing, magnets) in &bearings {
+                let names: Vec<_> =
+                    [*bearing].into_iter().chain(magnets.iter().map(|(name, _)| name.as_str())).collect();
+                row(&format!("{what} of {}, %", names.join(" ").trim_start()), &|figures| {
+                    percent(&mut magnets.iter().filter_map(|(_, at)| of(figures).get(*at)).copied())
                 });
             }
         };
@@ -368,7 +355,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
             });
         }
         // A rotor at rest shows no unbalance.
-        if study.scenario.machine.planes > 0 && real(&study.scenario, "plant", "omega") != 0.0 {
+        if study.scenario.machine.planes > 0 && study.scenario.number("plant", "omega") != 0.0 {
             row("rms error of U, %; of φ, rad", &|figures| {
                 let [magnitude, phase] = figures.unbalance;
                 format!("{} {}", known(100.0 * magnitude, 3), known(phase, 4))
@@ -425,8 +412,4 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         .chain(study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3)))
         .collect();
     Table { title: study.title.clone(), note, head, rows }
-}
-
-pub(crate) fn real(scenario: &Scenario, element: &str, variable: &str) -> f64 {
-    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
 }

@@ -6,7 +6,7 @@ use std::sync::LazyLock;
 use super::bound;
 use super::cases::{self, Draw};
 use super::figures::{Sample, Trial, Worst, touched};
-use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, real, study};
+use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, study};
 use crate::machine::PLANAR;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -58,7 +58,7 @@ fn value(errors: &[f64], name: &str) -> f64 {
 fn differ(scenario: &mut Scenario, errors: &[f64]) {
     let of = |name: &str| value(errors, name);
     let base = nominal();
-    let turning = ["theta0", "omega"].map(|name| real(&base, "plant", name));
+    let turning = ["theta0", "omega"].map(|name| base.number("plant", name));
     for (name, value) in Stated::of(&PLANAR, base.estimator()).with(turning, of) {
         scenario.set("plant", &name, value);
     }
@@ -124,7 +124,7 @@ pub fn judge(
 ) -> Option<Trial> {
     let whole = misread(recording, scenario.step_s, &offline.errors(seed))?;
     let truth = scenario.truth();
-    let unbalance = |name: &str| real(scenario, "plant", &format!("unbalance.{name}"));
+    let unbalance = |name: &str| scenario.number("plant", &format!("unbalance.{name}"));
     let touched = touched(recording);
     let mut stated = Stated::of(&PLANAR, scenario.estimator());
     offline.tolerances.iter().for_each(|(at, std)| stated.know(*at, Knowledge::Tolerance(*std)));

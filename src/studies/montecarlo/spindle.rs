@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::cases::{self, Draw};
-use super::{NOISE, NOISE_KNOWN, Study, at_speed, built_in, real, study};
+use super::{NOISE, NOISE_KNOWN, Study, at_speed, built_in, study};
 use crate::simulation::scenario::Scenario;
 use fmu_export::variable::Value;
 
@@ -11,7 +11,6 @@ use fmu_export::variable::Value;
 ///
 /// # Panics
 /// Never: the scenarios come with the program.
-#[must_use]
 pub fn studies(runs: usize) -> Vec<Study> {
     let mut studies = Vec::new();
     for (told, says) in NOISE_KNOWN {
@@ -26,7 +25,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
         }
         add("at rest", &|scenario| {
             // The axial magnets are told apart by motion.
-            let amplitude = Value::Real(real(scenario, "controller", "X.reference.amplitude"));
+            let amplitude = Value::Real(scenario.number("controller", "X.reference.amplitude"));
             cases::at_rest(scenario);
             scenario.set("controller", "X.reference.amplitude", amplitude);
         });

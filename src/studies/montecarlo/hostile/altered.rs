@@ -44,8 +44,8 @@ pub type Alter = Box<dyn Fn(&Scenario, u64) -> Change + Send + Sync>;
 pub struct Wires {
     position: Vec<usize>,
     current: Vec<usize>,
-    theta: usize,
-    omega: usize,
+    /// Angle and speed.
+    rotation: [usize; 2],
     /// Positions and currents, λ and whether they are valid, on their way to the controller.
     to_controller: Vec<usize>,
     lambda: Vec<usize>,
@@ -66,8 +66,7 @@ impl Wires {
         Self {
             position: to("estimator", &is_position),
             current: to("estimator", &is_current),
-            theta: one("estimator", "theta"),
-            omega: one("estimator", "omega"),
+            rotation: ["theta", "omega"].map(|name| one("estimator", name)),
             to_controller: [to("controller", &is_position), to("controller", &is_current)].concat(),
             lambda: to("controller", &|name| name.contains("lambdaHat")),
             valid: one("controller", "lambdaValid"),
@@ -77,32 +76,22 @@ impl Wires {
     /// Changes the readings among these values.
     pub fn alter(&self, time_s: f64, values: &mut [Value], change: &mut Change) {
         let all = |places: &[usize]| places.iter().map(|at| values[*at].clone().as_f64()).collect();
-        let mut readings = Readings {
-            time_s,
-            position_m: all(&self.position),
-            current_a: all(&self.current),
-            theta_rad: values[self.theta].clone().as_f64(),
-            omega_rad_s: values[self.omega].clone().as_f64(),
-            lambda_nm2_a2: None,
-        };
+        let [theta_rad, omega_rad_s] = self.rotation.map(|at| values[at].clone().as_f64());
+        let (position_m, current_a) = (all(&self.position), all(&self.current));
+        let mut readings = Readings { time_s, position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2: None };
         change.apply(&mut readings);
-        let Readings { position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2, .. } = readings;
-        let measured = [position_m, current_a].concat();
-        let angle = [(&self.theta, theta_rad), (&self.omega, omega_rad_s)];
-        let places = self.position.iter().chain(&self.current);
-        for (at, value) in places.zip(measured.iter().copied()).chain(angle) {
-            values[*at] = Value::Real(value);
-        }
+        let mut put = |places: &[usize], numbers: &[f64]| {
+            places.iter().zip(numbers).for_each(|(at, number)| values[*at] = Value::Real(*number));
+        };
+        put(&self.position, &readings.position_m);
+        put(&self.current, &readings.current_a);
+        put(&self.rotation, &[readings.theta_rad, readings.omega_rad_s]);
         if change.of_sensor {
-            for (at, value) in self.to_controller.iter().zip(measured) {
-                values[*at] = Value::Real(value);
-            }
+            put(&self.to_controller, &[readings.position_m, readings.current_a].concat());
         }
-        if let Some(lambda) = lambda_nm2_a2 {
+        if let Some(lambda) = readings.lambda_nm2_a2 {
+            put(&self.lambda, &lambda);
             values[self.valid] = Value::Boolean(true);
-            for (at, value) in self.lambda.iter().zip(lambda) {
-                values[*at] = Value::Real(value);
-            }
         }
     }
 }

@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use super::altered::{self, Alter, Missing};
 use super::cases::RPM;
-use super::{Asked, Course, Draw, NOISE, cases, real};
+use super::{Asked, Course, Draw, NOISE, cases};
 use crate::simulation::scenario::Scenario;
 
 impl Course {
@@ -117,7 +117,7 @@ fn changes() -> Vec<Course> {
         Course {
             drawn: true,
             ..Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", Asked::NotWrong, |scenario, seed| {
-                let told = real(scenario, "estimator", "sensor.positionNoise") > 0.0;
+                let told = scenario.number("estimator", "sensor.positionNoise") > 0.0;
                 *scenario = cases::drawn(scenario, seed, told);
                 load_ramp(scenario, 5.0, seed);
                 drift(scenario, [0.0, 1.0], 0.01);
@@ -271,8 +271,8 @@ fn spindle() -> Vec<Course> {
         .with(altered::taught(0.02)),
         spindle("first guess × 0.2", Asked::Valid, |scenario, _| guess(scenario, 0.2)),
         spindle("0.5 N backward in bearing A", Asked::Valid, |scenario, seed| {
-            let (omega, phase) = (real(scenario, "plant", "omega"), Draw::new(seed).between(-PI, PI));
-            let at_m = real(scenario, "plant", "A.position");
+            let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).between(-PI, PI));
+            let at_m = scenario.number("plant", "A.position");
             cases::push(scenario, &["pY", "pZ", "MY", "MZ"], scenario.duration_s, |time_s| {
                 let (sin, cos) = libm::sincos(omega * time_s + phase);
                 let [y, z] = [0.5 * cos, -0.5 * sin];
@@ -286,7 +286,7 @@ fn spindle() -> Vec<Course> {
 
 fn scale(scenario: &mut Scenario, path: &str, factor: f64) {
     let (element, variable) = path.split_once('.').expect("a path");
-    scenario.set(element, variable, real(scenario, element, variable) * factor);
+    scenario.set(element, variable, scenario.number(element, variable) * factor);
 }
 
 /// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force
@@ -302,7 +302,7 @@ fn guess(scenario: &mut Scenario, factor: f64) {
 
 /// A variable of the plant grows by a part between two instants in s.
 fn change(scenario: &mut Scenario, variable: &str, time_s: [f64; 2], part: f64) {
-    let value = real(scenario, "plant", variable);
+    let value = scenario.number("plant", variable);
     scenario.follow(&[&format!("plant.{variable}")], &time_s, [value, value * (1.0 + part)], false);
 }
 

@@ -9,7 +9,7 @@ mod courses;
 
 use super::cases::Draw;
 use super::figures::{self, CONFIDENT, is_contact, touched};
-use super::{ATTEMPTS, NOISE, built_in, cases, known, real, study};
+use super::{NOISE, built_in, cases, drawn_again, known, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused};
@@ -104,8 +104,7 @@ impl Case<'_> {
     }
 
     fn trial(&self, seed: u64) -> Result<Trial, Refused> {
-        let mut attempt = 0;
-        loop {
+        drawn_again(|attempt| {
             let scenario = self.scenario(seed, attempt);
             let wires = Wires::new(&scenario);
             let mut alter = self.course.alter.as_ref().map(|alter| alter(&scenario, seed));
@@ -119,17 +118,13 @@ impl Case<'_> {
                 }
             };
             let run = simulate::run_altered(&scenario, wanted, altered, |_| ())?;
-            let missing = || Refused(vec!["plant or estimator lacks an output that a study needs".into()]);
-            let mut trial = judge(&scenario, &run.recording, seed, self.course.rubs).ok_or_else(missing)?;
-            if run.error.is_some() {
+            let mut trial = judge(&scenario, &run.recording, seed, self.course.rubs);
+            if let Some(trial) = trial.as_mut().filter(|_| run.error.is_some()) {
                 trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
             }
-            attempt += 1;
-            let early = trial.touched_s.is_some_and(|ended_s| ended_s < VALID_FROM_S);
-            if !(self.course.drawn && early && attempt < ATTEMPTS) {
-                return Ok(trial);
-            }
-        }
+            // The same bearing would touch down again.
+            Ok((trial, if self.course.drawn { VALID_FROM_S } else { f64::NEG_INFINITY }))
+        })
     }
 }
 
