@@ -14,14 +14,14 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_export::package::platforms::{self, Platform};
 
-use crate::machine::{MACHINES, Machine};
+use crate::machine::MACHINES;
 use crate::output::{self, Format};
 use crate::package;
 use crate::report::frame;
 use crate::report::{campbell, experiment};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{self, Scenario, ScenarioError};
-use crate::simulation::simulate::{self, Run};
+use crate::simulation::simulate;
 use crate::simulation::summary;
 use crate::studies::design;
 use crate::studies::montecarlo::{self, hostile, hostile::Case};
@@ -32,6 +32,9 @@ use crate::studies::whirl::{self, Whirl};
 /// Default folders, relative to the one in which the program is run.
 const FMU_FOLDER: &str = "target/fmu";
 const REPORT_FOLDER: &str = "target/report";
+
+/// Steps of the speed in the table of `whirl`.
+const SPEEDS: usize = 12;
 
 /// The exit codes, for `--help`.
 const EXIT_CODES: &str = "Exit codes:
@@ -61,7 +64,7 @@ enum Command {
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
         /// Machines: planar, spindle, planar4, spindle4, axial; by default the first two.
-        #[arg(value_name = "MACHINE", conflicts_with = "all")]
+        #[arg(value_name = "MACHINE", conflicts_with = "all", default_values = package::USUAL, hide_default_value = true)]
         machines: Vec<String>,
         /// Packages all machines.
         #[arg(long)]
@@ -148,32 +151,7 @@ enum Command {
     /// Without a scenario: random bearings; the unbalanced rotor with several noise levels, controllers, speeds and drives;
     /// wrong parameters; a step of λ; long runs; hostile courses. With a scenario: that scenario with many seeds of the sensor
     /// noise.
-    Montecarlo {
-        /// A file or a built-in scenario, run with the default method.
-        #[arg(value_name = "SCENARIO", conflicts_with = "only")]
-        scenario: Option<PathBuf>,
-        /// Number of runs of each study; of random bearings, number of bearings.
-        #[arg(long, value_name = "N", default_value = "100", value_parser = count)]
-        runs: usize,
-        /// Seed of the first run; each further run takes the next one.
-        #[arg(long, value_name = "N", default_value_t = 1)]
-        seed: u32,
-        /// Runs only studies with this text in their title.
-        #[arg(long, value_name = "TEXT")]
-        only: Option<String>,
-        /// Standard deviation of the position noise, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
-        position_noise: f64,
-        /// Standard deviation of the current noise, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
-        current_noise: f64,
-        /// The estimator estimates the noise instead of knowing it.
-        #[arg(long, requires = "scenario")]
-        estimate_noise: bool,
-        /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
-        #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
-        at: Vec<f64>,
-    },
+    Montecarlo(MonteCarlo),
     /// Runs a scenario many times with varied values, on all processors; every case is a row of the design and a row of the
     /// result.
     ///
@@ -236,6 +214,34 @@ struct Simulation {
     print: bool,
 }
 
+#[derive(clap::Args)]
+struct MonteCarlo {
+    /// A file or a built-in scenario, run with the default method.
+    #[arg(value_name = "SCENARIO", conflicts_with = "only")]
+    scenario: Option<PathBuf>,
+    /// Number of runs of each study; of random bearings, number of bearings.
+    #[arg(long, value_name = "N", default_value = "100", value_parser = count)]
+    runs: usize,
+    /// Seed of the first run; each further run takes the next one.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    seed: u32,
+    /// Runs only studies with this text in their title.
+    #[arg(long, value_name = "TEXT")]
+    only: Option<String>,
+    /// Standard deviation of the position noise, in m.
+    #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
+    position_noise: f64,
+    /// Standard deviation of the current noise, in A.
+    #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
+    current_noise: f64,
+    /// The estimator estimates the noise instead of knowing it.
+    #[arg(long, requires = "scenario")]
+    estimate_noise: bool,
+    /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
+    #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
+    at: Vec<f64>,
+}
+
 /// Prints a line to the standard output.
 macro_rules! say {
     () => { $crate::output::tell(format_args!("")) };
@@ -254,44 +260,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
     // clap wants a version that lives as long as the program.
     let matches = Arguments::command().version(&*version.leak()).get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
-    let outcome = match arguments.command {
-        None => everything(),
-        Some(Command::Package { machines, all, binaries, arrays, out }) => {
-            let chosen = match (all, &machines[..]) {
-                (true, _) => Ok(MACHINES.iter().collect()),
-                (false, []) => package::machines(&package::USUAL),
-                (false, names) => package::machines(names),
-            };
-            chosen.map_err(refused).and_then(|machines| package(&binaries, &machines, arrays, &out))
-        }
-        Some(Command::Simulate(arguments)) if arguments.print => print_scenario(&arguments.scenario),
-        Some(Command::Simulate(arguments)) => simulate(&arguments),
-        Some(Command::Montecarlo { scenario, runs, seed, only, position_noise, current_noise, estimate_noise, at }) => {
-            match &scenario {
-                None => monte_carlo(runs, only.as_deref(), seed, &at),
-                Some(name) => Scenario::open(name).map_err(Into::into).and_then(|scenario| {
-                    let (title, noise) = (scenario.title.clone(), [position_noise, current_noise]);
-                    judge(montecarlo::study(&title, &scenario, noise, !estimate_noise, runs), seed, &at)
-                }),
-            }
-        }
-        Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
-            sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
-        }
-        Some(Command::Describe { out }) => package::write_descriptions(&out).map_err(Into::into),
-        Some(Command::Completions { shell }) => completions(shell),
-        Some(Command::Identify(arguments)) => identify::run(&arguments),
-        Some(Command::Sensitivity { scenario, changes }) => judge_loop(&scenario, &changes),
-        Some(Command::Whirl { scenario, stiffness, damping, to, report }) => {
-            whirl(&scenario, [stiffness, damping], to, report.as_deref())
-        }
-        Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
-            let noise = [position_noise, current_noise];
-            let conditions = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
-            choose_excitation(&scenario, &conditions)
-        }
-    };
-    match outcome {
+    match run(arguments.command) {
         Ok(()) if output::has_failed() => ExitCode::FAILURE,
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -304,6 +273,67 @@ pub fn main(commit: Option<&str>) -> ExitCode {
                 ExitCode::FAILURE
             }
         }
+    }
+}
+
+fn run(command: Option<Command>) -> Result<()> {
+    match command {
+        None => {
+            package(&[], &package::USUAL, false, Path::new(FMU_FOLDER))?;
+            say!();
+            let report = Some(REPORT_FOLDER.into());
+            simulate(&Simulation { scenario: "paper".into(), report, ..Simulation::default() })
+        }
+        Some(Command::Package { all: true, binaries, arrays, out, .. }) => {
+            package(&binaries, &MACHINES.map(|machine| machine.name), arrays, &out)
+        }
+        Some(Command::Package { machines, binaries, arrays, out, .. }) => package(&binaries, &machines, arrays, &out),
+        Some(Command::Simulate(arguments)) if arguments.print => {
+            let name = arguments.scenario;
+            let wanted = || refused(format!("{}: --print needs one of {}", name.display(), scenario::built_in_names()));
+            say!("{}", scenario::built_in(&name).ok_or_else(wanted)?.trim_end());
+            Ok(())
+        }
+        Some(Command::Simulate(arguments)) => simulate(&arguments),
+        Some(Command::Identify(arguments)) => identify::run(&arguments),
+        Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
+            let noise = [position_noise, current_noise];
+            let conditions = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
+            let scenario = Scenario::open(&scenario)?;
+            let precisions = design::design(&scenario, &conditions)?;
+            print::table(&design::table(&scenario, &conditions, &precisions));
+            say!();
+            print::paragraph(&design::advice(&scenario, &conditions, &precisions));
+            Ok(())
+        }
+        Some(Command::Sensitivity { scenario, changes }) => {
+            let scenario = Scenario::open_with(&scenario, &changes)?;
+            match simulate::refused(&scenario) {
+                findings if findings.is_empty() => print::table(&sensitivity::table(&scenario)),
+                findings => return Err(simulate::Refused(findings).into()),
+            }
+            Ok(())
+        }
+        Some(Command::Whirl { scenario: name, stiffness, damping, to, report }) => {
+            let whirl = Whirl::new(&Scenario::open(&name)?, stiffness, damping);
+            let whirl = whirl.map_err(|why| refused(format!("{}: {why}", name.display())))?;
+            let table = whirl::table(&whirl, to, SPEEDS);
+            print::table(&table);
+            match report {
+                Some(folder) => write_page(&folder, &campbell::page(&frame::command_line(), &whirl, to, &table)),
+                None => Ok(()),
+            }
+        }
+        Some(Command::Montecarlo(arguments)) => monte_carlo(&arguments),
+        Some(Command::Sweep { design, out, scenario, jobs, expand: _ }) => {
+            sweep(&design, scenario.as_deref(), out.as_deref(), jobs)
+        }
+        Some(Command::Completions { shell }) => {
+            let mut script = Vec::new();
+            clap_complete::generate(shell, &mut Arguments::command(), env!("CARGO_PKG_NAME"), &mut script);
+            output::unless_closed(io::stdout().lock().write_all(&script)).map_err(named(Path::new("standard output")))
+        }
+        Some(Command::Describe { out }) => Ok(package::write_descriptions(&out)?),
     }
 }
 
@@ -327,12 +357,6 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
     move |error| format!("{}: {error}", path.display()).into()
 }
 
-fn everything() -> Result<()> {
-    package(&[], &package::machines(&package::USUAL).map_err(refused)?, false, Path::new(FMU_FOLDER))?;
-    say!();
-    simulate(&Simulation { scenario: "paper".into(), report: Some(REPORT_FOLDER.into()), ..Simulation::default() })
-}
-
 /// Reads the argument `PLATFORM=FILE`.
 fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), String> {
     let (name, path) = argument.split_once('=').ok_or("expected PLATFORM=FILE, as in win64=magnetic_bearing.dll")?;
@@ -341,21 +365,16 @@ fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), S
 
 fn package(
     binaries: &[(&'static Platform, PathBuf)],
-    machines: &[&Machine],
+    machines: &[impl AsRef<str>],
     arrays: bool,
     folder: &Path,
 ) -> Result<()> {
-    for written in package::package_for(&package::binaries(binaries)?, machines, arrays, folder)? {
+    let machines = package::machines(machines).map_err(refused)?;
+    for written in package::package_for(&package::binaries(binaries)?, &machines, arrays, folder)? {
         let platforms = written.platforms.join(", ");
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }
     Ok(())
-}
-
-fn completions(shell: Shell) -> Result<()> {
-    let mut script = Vec::new();
-    clap_complete::generate(shell, &mut Arguments::command(), env!("CARGO_PKG_NAME"), &mut script);
-    output::unless_closed(io::stdout().lock().write_all(&script)).map_err(named(Path::new("standard output")))
 }
 
 fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
@@ -399,30 +418,22 @@ fn say_how_to_resume(out: &Path) -> Result<()> {
     ctrlc::set_handler(handler).map_err(Into::into)
 }
 
-fn print_scenario(name: &Path) -> Result<()> {
-    let wanted = || refused(format!("{}: --print needs one of {}", name.display(), scenario::built_in_names()));
-    say!("{}", scenario::built_in(name).ok_or_else(wanted)?.trim_end());
-    Ok(())
-}
-
 /// A destination of a result: the option, its path if it is given, and the format.
 type Destination<'a> = (&'static str, Option<&'a Path>, Format);
 
 /// Checks before a long run that all destinations can be written, and reserves the standard output if a result goes there, so that
 /// messages go to the standard error.
 fn claim(destinations: &[Destination<'_>]) -> Result<()> {
-    let given = || destinations.iter().filter_map(|(option, path, format)| Some((*option, (*path)?, *format)));
-    let standard: Vec<_> =
-        given().filter(|(_, path, _)| output::is_standard(path)).map(|(option, ..)| option).collect();
-    match standard.as_slice() {
-        [] => {}
-        [_] => output::take_standard_output(),
-        several => {
-            let several = several.iter().map(|option| format!("{option} -")).collect::<Vec<_>>().join(" and ");
-            return Err(Refused(format!("{several}: only one of them can use the standard output")).into());
-        }
+    let given = destinations.iter().filter_map(|(option, path, format)| Some((*option, (*path)?, *format)));
+    let (standard, files): (Vec<_>, Vec<_>) = given.partition(|(_, path, _)| output::is_standard(path));
+    if standard.len() > 1 {
+        let several = standard.iter().map(|(option, ..)| format!("{option} -")).collect::<Vec<_>>().join(" and ");
+        return Err(refused(format!("{several}: only one of them can use the standard output")));
     }
-    for (option, path, format) in given().filter(|(_, path, _)| !output::is_standard(path)) {
+    if !standard.is_empty() {
+        output::take_standard_output();
+    }
+    for (option, path, format) in files {
         // The folder of a report is created.
         let folder = path.parent().filter(|folder| option != "--report" && !folder.as_os_str().is_empty());
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
@@ -443,7 +454,14 @@ fn simulate(arguments: &Simulation) -> Result<()> {
     ])?;
     let scenario = Scenario::open_with(name, changes)?;
     let run = simulate::run(&scenario)?;
-    print_run(name, &scenario, &run);
+    say!("{}", scenario.title);
+    for message in &run.messages {
+        say!("  {message}");
+    }
+    for table in experiment::tables(name, &scenario, &run) {
+        say!();
+        print::table(&table);
+    }
     // Results are written even if the run ended early.
     if let Some(path) = csv {
         write_table(path, &run.recording)?;
@@ -483,42 +501,6 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
     Ok((name.trim().into(), value.trim().into()))
 }
 
-fn choose_excitation(name: &Path, conditions: &design::Conditions) -> Result<()> {
-    let scenario = Scenario::open(name)?;
-    let precisions = design::design(&scenario, conditions)?;
-    let table = design::table(&scenario, conditions, &precisions);
-    print::table(&table);
-    say!();
-    print::paragraph(&design::advice(&scenario, conditions, &precisions));
-    Ok(())
-}
-
-fn judge_loop(name: &Path, changes: &[(String, String)]) -> Result<()> {
-    let scenario = Scenario::open_with(name, changes)?;
-    let findings = simulate::refused(&scenario);
-    if !findings.is_empty() {
-        return Err(simulate::Refused(findings).into());
-    }
-    print::table(&sensitivity::table(&scenario));
-    Ok(())
-}
-
-/// Steps of the speed in the table of `whirl`.
-const SPEEDS: usize = 12;
-
-fn whirl(name: &Path, [stiffness, damping]: [f64; 2], greatest_rpm: f64, report: Option<&Path>) -> Result<()> {
-    let scenario = Scenario::open(name)?;
-    let whirl =
-        Whirl::new(&scenario, stiffness, damping).map_err(|why| refused(format!("{}: {why}", name.display())))?;
-    let table = whirl::table(&whirl, greatest_rpm, SPEEDS);
-    print::table(&table);
-    if let Some(folder) = report {
-        let page = campbell::page(&frame::command_line(), &whirl, greatest_rpm, &table);
-        write_page(folder, &page)?;
-    }
-    Ok(())
-}
-
 /// Writes a report page into a folder, which is created if missing.
 fn write_page(folder: &Path, page: &str) -> Result<()> {
     fs::create_dir_all(folder).map_err(named(folder))?;
@@ -554,50 +536,39 @@ fn count(text: &str) -> std::result::Result<usize, String> {
     }
 }
 
-/// Runs the studies whose titles contain the text.
-fn monte_carlo(runs: usize, only: Option<&str>, seed: u32, at: &[f64]) -> Result<()> {
+/// Runs the scenario with many seeds, or the studies whose titles contain the text.
+fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
+    let &MonteCarlo { runs, seed, position_noise, current_noise, estimate_noise, .. } = arguments;
+    // Prints the figures of a study.
+    let judge = |mut study: montecarlo::Study| -> Result<()> {
+        study.first_seed = seed.into();
+        // Correction masses have an instant of their own.
+        if !arguments.at.is_empty() && study.scenario.balance_s.is_none() {
+            study.instants_s.clone_from(&arguments.at);
+        }
+        print::table(&montecarlo::table(&study, &study.run()?));
+        say!();
+        Ok(())
+    };
+    if let Some(name) = &arguments.scenario {
+        let (scenario, noise) = (Scenario::open(name)?, [position_noise, current_noise]);
+        return judge(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
+    }
     let studies = montecarlo::studies(runs);
-    let wanted = |title: &str| only.is_none_or(|text| title.contains(text));
     let courses = hostile::courses();
     let mut cases = hostile::cases(&courses);
-    let mut titles: Vec<_> = studies.iter().map(|study| study.title.clone()).collect();
-    titles.extend(cases.iter().map(Case::title));
-    if !titles.iter().any(|title| wanted(title)) {
-        let text = only.unwrap_or_default();
+    let text = arguments.only.as_deref().unwrap_or_default();
+    let titles: Vec<_> = studies.iter().map(|study| study.title.clone()).chain(cases.iter().map(Case::title)).collect();
+    if !titles.iter().any(|title| title.contains(text)) {
         let message =
             format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
     }
-    for study in studies.into_iter().filter(|study| wanted(&study.title)) {
-        judge(study, seed, at)?;
-    }
-    cases.retain(|case| wanted(&case.title()));
+    studies.into_iter().filter(|study| study.title.contains(text)).try_for_each(judge)?;
+    cases.retain(|case| case.title().contains(text));
     if !cases.is_empty() {
         print::table(&hostile::table(&cases, &hostile::run(&cases, runs, seed.into())?));
         say!();
     }
     Ok(())
-}
-
-/// Runs a study and prints its figures.
-fn judge(mut study: montecarlo::Study, seed: u32, at: &[f64]) -> Result<()> {
-    study.first_seed = seed.into();
-    // Correction masses have an instant of their own.
-    if !at.is_empty() && study.scenario.balance_s.is_none() {
-        study.instants_s = at.to_vec();
-    }
-    print::table(&montecarlo::table(&study, &study.run()?));
-    say!();
-    Ok(())
-}
-
-fn print_run(name: &Path, scenario: &Scenario, run: &Run) {
-    say!("{}", scenario.title);
-    for message in &run.messages {
-        say!("  {message}");
-    }
-    for table in experiment::tables(name, scenario, run) {
-        say!();
-        print::table(&table);
-    }
 }
