@@ -2,19 +2,20 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::Asked::{self, NotValid, NotWrong, Nothing, Valid};
 use super::altered::{self, Alter, Missing};
 use super::cases::RPM;
-use super::{Asked, Course, Draw, NOISE, cases};
+use super::{Course, Draw, NOISE, cases};
 use crate::simulation::scenario::Scenario;
 
 impl Course {
-    fn new(name: &str, asked: Asked, set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static) -> Self {
+    fn new(name: &str, asked: Asked, length_s: f64, set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static) -> Self {
         Self {
             name: name.into(),
             asked,
             base: "unbalanced",
             noise: NOISE,
-            length_s: 1.0,
+            length_s,
             set: Box::new(set),
             alter: None,
             only: None,
@@ -23,14 +24,14 @@ impl Course {
         }
     }
 
-    fn lasting(self, length_s: f64) -> Self {
-        Self { length_s, ..self }
-    }
-
-    fn with(self, alter: Alter) -> Self {
-        Self { alter: Some(alter), ..self }
+    /// The usual scenario, with an error of the readings.
+    fn misread(name: &str, asked: Asked, alter: Alter) -> Self {
+        Self { alter: Some(alter), ..Self::new(name, asked, 1.0, as_usual) }
     }
 }
+
+/// The scenario stays as it is.
+fn as_usual(_: &mut Scenario, _: u64) {}
 
 /// All courses; those of the spindle last.
 pub fn courses() -> Vec<Course> {
@@ -45,91 +46,90 @@ fn excitation() -> Vec<Course> {
             scenario.set("controller", "update.time", 0.5);
         };
         let name = format!("wrong by two, updated late, {name}");
-        Course::new(&name, Asked::Valid, set).lasting(1.5).with(altered::taught(0.02))
+        Course { alter: Some(altered::taught(0.02)), ..Course::new(&name, Valid, 1.5, set) }
     };
-    let mut courses = vec![
-        Course::new("nominal", Asked::Valid, |_, _| ()),
-        // The scenario of the documentation.
-        Course {
-            base: "run-up",
-            noise: [1e-7, 5e-3],
-            ..Course::new("scenario run-up, with voltage drive", Asked::Valid, |_, _| ())
-        },
-        late("300 rpm", |scenario| cases::turn(scenario, 300.0)),
-        late("600 rpm", |scenario| cases::turn(scenario, 600.0)),
-        late("at rest", cases::at_rest),
-        late("0 to 3000 rpm", |scenario| cases::speed(scenario, &[0.0, 0.3, 1.0], &[0.0, 0.0, 3000.0])),
-    ];
-    for factor in [0.1, 0.2, 5.0, 10.0] {
+    let guesses = [0.1, 0.2, 5.0, 10.0].into_iter().flat_map(|factor| {
         let at_rest = move |scenario: &mut Scenario, _| {
             cases::at_rest(scenario);
             guess(scenario, factor);
         };
         let turning = move |scenario: &mut Scenario, _| guess(scenario, factor);
-        let name = format!("first guess × {factor}");
-        courses.push(Course::new(&format!("{name}, at rest, modulated"), Asked::Valid, at_rest));
-        courses.push(Course::new(&format!("{name}, modulated"), Asked::Valid, turning));
-    }
-    courses.push(Course::new("1500 rpm", Asked::Valid, |scenario, _| cases::turn(scenario, 1500.0)));
-    courses.push(Course::new("1000 rpm", Asked::NotWrong, |scenario, _| cases::turn(scenario, 1000.0)).lasting(1.5));
-    for (per_turn, step_s) in [(20, 5e-4), (10, 1e-3)] {
-        let set = move |scenario: &mut Scenario, _| {
+        [
+            Course::new(&format!("first guess × {factor}, at rest, modulated"), Valid, 1.0, at_rest),
+            Course::new(&format!("first guess × {factor}, modulated"), Valid, 1.0, turning),
+        ]
+    });
+    let sampled = |per_turn: u32, asked, step_s: f64| {
+        Course::new(&format!("{per_turn} samples a turn"), asked, 1.0, move |scenario, _| {
             cases::sample_time(scenario, step_s);
             scenario.set("controller", "bandwidth.tracking", 0.2 / step_s);
             scenario.set("controller", "bandwidth.observer", 0.6 / step_s);
             cases::path(scenario, [20e-6, 45e-6], (3, 0.0), 6000.0 * RPM);
             scale(scenario, "plant.unbalance.magnitude", 0.25);
-        };
-        let asked = if per_turn == 20 { Asked::Valid } else { Asked::NotWrong };
-        courses.push(Course::new(&format!("{per_turn} samples a turn"), asked, set));
-    }
+        })
+    };
+    // The scenario of the documentation.
+    let run_up = Course::new("scenario run-up, with voltage drive", Valid, 1.0, as_usual);
+    let mut courses = vec![
+        Course::new("nominal", Valid, 1.0, as_usual),
+        Course { base: "run-up", noise: [1e-7, 5e-3], ..run_up },
+        late("300 rpm", |scenario| cases::turn(scenario, 300.0)),
+        late("600 rpm", |scenario| cases::turn(scenario, 600.0)),
+        late("at rest", cases::at_rest),
+        late("0 to 3000 rpm", |scenario| cases::speed(scenario, &[0.0, 0.3, 1.0], &[0.0, 0.0, 3000.0])),
+    ];
+    courses.extend(guesses);
+    courses.extend([
+        Course::new("1500 rpm", Valid, 1.0, |scenario, _| cases::turn(scenario, 1500.0)),
+        Course::new("1000 rpm", NotWrong, 1.5, |scenario, _| cases::turn(scenario, 1000.0)),
+        sampled(20, Valid, 5e-4),
+        sampled(10, NotWrong, 1e-3),
+    ]);
     courses
 }
 
 /// Courses of speed, load, λ and unbalance.
 fn changes() -> Vec<Course> {
-    let ramp = |rate: f64| {
-        let asked = if rate > 1.0 { Asked::NotWrong } else { Asked::Valid };
-        Course::new(&format!("load ramp {rate} N/s"), asked, move |scenario, seed| load_ramp(scenario, rate, seed))
-            .lasting(2.0)
+    let ramp = |rate: f64, asked| {
+        Course::new(&format!("load ramp {rate} N/s"), asked, 2.0, move |scenario, seed| load_ramp(scenario, rate, seed))
     };
+    let drawn = |scenario: &mut Scenario, seed: u64| {
+        let told = scenario.number("estimator", "sensor.positionNoise") > 0.0;
+        *scenario = cases::drawn(scenario, seed, told);
+        load_ramp(scenario, 5.0, seed);
+        drift(scenario, [0.0, 1.0], 0.01);
+    };
+    let drawn = Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", NotWrong, 1.0, drawn);
     vec![
-        Course::new("500 to 6000 rpm and back", Asked::Valid, |scenario, _| {
+        Course::new("500 to 6000 rpm and back", Valid, 2.0, |scenario, _| {
             cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0]);
-        })
-        .lasting(2.0),
-        Course::new("3000 to −3000 rpm", Asked::NotWrong, |scenario, _| {
+        }),
+        Course::new("3000 to −3000 rpm", NotWrong, 1.6, |scenario, _| {
             cases::speed(scenario, &[0.0, 0.3, 1.2, 1.6], &[3000.0, 3000.0, -3000.0, -3000.0]);
-        })
-        .lasting(1.6),
-        ramp(1.0),
-        ramp(10.0),
-        Course::new("λ drifts 2 %/s", Asked::Valid, |scenario, _| drift(scenario, [0.0, 2.0], 0.04)).lasting(2.0),
-        Course::new("λ + 3 % within 0.3 s", Asked::Valid, |scenario, _| drift(scenario, [0.5, 0.8], 0.03)).lasting(1.5),
-        Course::new("λ steps by 5 %", Asked::NotWrong, |scenario, seed| {
-            cases::step_of_lambda(scenario, seed, 0.05, 0.6);
-        })
-        .lasting(1.5),
-        Course::new("unbalance grows 10 %/s", Asked::NotWrong, |scenario, _| {
+        }),
+        ramp(1.0, Valid),
+        ramp(10.0, NotWrong),
+        Course::new("λ drifts 2 %/s", Valid, 2.0, |scenario, _| drift(scenario, [0.0, 2.0], 0.04)),
+        Course::new("λ + 3 % within 0.3 s", Valid, 1.5, |scenario, _| drift(scenario, [0.5, 0.8], 0.03)),
+        Course::new("λ steps by 5 %", NotWrong, 1.5, |scenario, seed| {
+            cases::step_of_lambda(scenario, seed, 0.05, 0.6)
+        }),
+        Course::new("unbalance grows 10 %/s", NotWrong, 2.0, |scenario, _| {
             change(scenario, "unbalance.magnitude", [0.0, 2.0], 0.2);
-        })
-        .lasting(2.0),
-        Course {
-            drawn: true,
-            ..Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", Asked::NotWrong, |scenario, seed| {
-                let told = scenario.number("estimator", "sensor.positionNoise") > 0.0;
-                *scenario = cases::drawn(scenario, seed, told);
-                load_ramp(scenario, 5.0, seed);
-                drift(scenario, [0.0, 1.0], 0.01);
-            })
-        },
+        }),
+        Course { drawn: true, ..drawn },
     ]
 }
 
 /// Forces that turn backward, beat, or rub.
 fn forces() -> Vec<Course> {
+    let backward = |force_n: f64| {
+        Course::new(&format!("{force_n} N backward"), Valid, 1.0, move |scenario, seed| {
+            cases::backward(scenario, force_n, Draw::new(seed).between(-PI, PI), scenario.duration_s);
+        })
+    };
     let oscillating = |name: &str, [least_n, most_n]: [f64; 2], [least_hz, most_hz]: [f64; 2]| {
-        Course::new(name, Asked::NotWrong, move |scenario, seed| {
+        Course::new(name, NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
             let amplitude_n = draw.scale(least_n, most_n);
             scenario.set("plant", "perturbation.omega", TAU * draw.between(least_hz, most_hz));
@@ -141,7 +141,7 @@ fn forces() -> Vec<Course> {
     };
     // Twelve oscillations within 6 Hz, of random frequencies and phases.
     let narrow_band = |middle_hz: f64| {
-        Course::new(&format!("0.5 N within 6 Hz about {middle_hz} Hz"), Asked::NotWrong, move |scenario, seed| {
+        Course::new(&format!("0.5 N within 6 Hz about {middle_hz} Hz"), NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
             let omega: [f64; 12] = std::array::from_fn(|_| TAU * (middle_hz + draw.between(-3.0, 3.0)));
             let phases = [0, 1].map(|_| std::array::from_fn::<_, 12, _>(|_| draw.between(-PI, PI)));
@@ -154,62 +154,50 @@ fn forces() -> Vec<Course> {
             });
         })
     };
-    let mut courses: Vec<_> = [0.1, 0.3, 1.0, 2.0]
-        .into_iter()
-        .map(|force_n| {
-            Course::new(&format!("{force_n} N backward"), Asked::Valid, move |scenario, seed| {
-                cases::backward(scenario, force_n, Draw::new(seed).between(-PI, PI), scenario.duration_s);
-            })
-        })
-        .collect();
-    courses.extend([
-        Course {
-            base: "paper",
-            noise: [0.0; 2],
-            only: Some(false),
-            ..Course::new("the paper's simulation, without noise", Asked::Valid, |_, _| ())
-        },
-        Course { base: "paper", ..Course::new("the paper's simulation, with noise", Asked::Valid, |_, _| ()) },
+    let paper = |name: &str| Course {
+        base: "paper",
+        ..Course::new(&format!("the paper's simulation, {name} noise"), Valid, 1.0, as_usual)
+    };
+    let rubbing = Course::new("light rubbing", NotWrong, 1.0, |scenario, seed| {
+        let mut draw = Draw::new(seed);
+        scenario.set("plant", "touchdown.clearance", draw.between(70e-6, 73e-6));
+        scenario.set("plant", "touchdown.stiffness", draw.scale(1e6, 5e7));
+    });
+    vec![
+        backward(0.1),
+        backward(0.3),
+        backward(1.0),
+        backward(2.0),
+        Course { noise: [0.0; 2], only: Some(false), ..paper("without") },
+        paper("with"),
         oscillating("0.3 N at 47 Hz", [0.3, 0.3], [47.0, 47.0]),
         oscillating("0.5 to 8 N at 95 to 130 Hz", [0.5, 8.0], [95.0, 130.0]),
         oscillating("0.5 to 8 N at 180 to 260 Hz", [0.5, 8.0], [180.0, 260.0]),
         narrow_band(140.0),
         narrow_band(230.0),
-        Course::new("1 N forward at twice the speed", Asked::NotWrong, |scenario, seed| {
+        Course::new("1 N forward at twice the speed", NotWrong, 1.0, |scenario, seed| {
             cases::turning(scenario, 2.0, 1.0, Draw::new(seed).between(-PI, PI), scenario.duration_s);
         }),
-        Course {
-            rubs: true,
-            ..Course::new("light rubbing", Asked::NotWrong, |scenario, seed| {
-                let mut draw = Draw::new(seed);
-                scenario.set("plant", "touchdown.clearance", draw.between(70e-6, 73e-6));
-                scenario.set("plant", "touchdown.stiffness", draw.scale(1e6, 5e7));
-            })
-        },
-    ]);
-    courses
+        Course { rubs: true, ..rubbing },
+    ]
 }
 
 /// Angle and speed of the rotor as they are read.
 fn angles() -> Vec<Course> {
     let circle = |name: &str, alter: Alter| {
         let set = |scenario: &mut Scenario, _| cases::path(scenario, [50e-6; 2], (3, 0.0), 3000.0 * RPM);
-        Course::new(&format!("circle, {name}"), Asked::NotWrong, set).with(alter)
-    };
-    let speed = |name: &str, change: fn(f64) -> f64| {
-        Course::new(&format!("speed {name}"), Asked::NotValid, |_, _| ()).with(altered::speed(change))
+        Course { alter: Some(alter), ..Course::new(&format!("circle, {name}"), NotWrong, 1.0, set) }
     };
     vec![
         circle("noise of the speed 1 %", altered::noisy_angle(0.01, 0.0)),
         circle("noise of the speed 3 %", altered::noisy_angle(0.03, 0.0)),
         circle("noise of the angle 3°", altered::noisy_angle(0.0, PI / 60.0)),
         circle("encoder of 64 counts, speed by differences", altered::encoder(64.0)),
-        Course::new("encoder of 64 counts, speed by differences", Asked::NotWrong, |_, _| ())
-            .with(altered::encoder(64.0)),
-        Course::new("encoder eccentric by 1 %", Asked::NotWrong, |_, _| ()).with(altered::eccentric(0.01)),
-        speed("in rpm", |omega| omega / RPM),
-        speed("of the wrong sign", |omega| -omega),
-        speed("missing", |_| 0.0),
+        Course::misread("encoder of 64 counts, speed by differences", NotWrong, altered::encoder(64.0)),
+        Course::misread("encoder eccentric by 1 %", NotWrong, altered::eccentric(0.01)),
+        Course::misread("speed in rpm", NotValid, altered::speed(|omega| omega / RPM)),
+        Course::misread("speed of the wrong sign", NotValid, altered::speed(|omega| -omega)),
+        Course::misread("speed missing", NotValid, altered::speed(|_| 0.0)),
     ]
 }
 
@@ -217,60 +205,58 @@ fn angles() -> Vec<Course> {
 fn readings() -> Vec<Course> {
     let told = |name: &str, variable: &'static str, factor: f64| Course {
         only: Some(true),
-        ..Course::new(name, Asked::NotWrong, move |scenario, _| scale(scenario, variable, factor))
+        ..Course::new(name, NotWrong, 1.0, move |scenario, _| scale(scenario, variable, factor))
     };
-    let missing = |name: &str, asked, how, when| Course::new(name, asked, |_, _| ()).with(altered::missing(how, when));
+    let coloured = |name: &str, white: &'static str, alter: Alter| {
+        let set = move |scenario: &mut Scenario, _| scenario.set("plant", white, 0.0);
+        Course { alter: Some(alter), ..Course::new(name, NotWrong, 1.0, set) }
+    };
+    let currents = altered::coloured(NOISE[1], 100.0, |readings| &mut readings.current_a);
+    let positions = altered::coloured(NOISE[0], 1000.0, |readings| &mut readings.position_m);
+    let missing = |name: &str, asked, how, when| Course::misread(name, asked, altered::missing(how, when));
     let hundredth = |_, draw: &mut Draw| draw.chance(0.01);
     let three_of_fifty = |number, _: &mut Draw| number % 50 < 3;
+    let run_out = altered::added(|_, theta| [libm::cos(theta), libm::sin(theta)].map(|part| 1e-6 * part));
+    let hum = altered::added(|time_s, _| [0.5e-6 * libm::sin(TAU * 50.0 * time_s), 0.0]);
     vec![
-        Course::new("currents coloured at 100 Hz", Asked::NotWrong, |scenario, _| {
-            scenario.set("plant", "sensor.currentNoise", 0.0);
-        })
-        .with(altered::coloured(NOISE[1], 100.0, |readings| &mut readings.current_a)),
-        Course::new("positions coloured at 1000 Hz", Asked::NotWrong, |scenario, _| {
-            scenario.set("plant", "sensor.positionNoise", 0.0);
-        })
-        .with(altered::coloured(NOISE[0], 1000.0, |readings| &mut readings.position_m)),
+        coloured("currents coloured at 100 Hz", "sensor.currentNoise", currents),
+        coloured("positions coloured at 1000 Hz", "sensor.positionNoise", positions),
         told("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
         told("position noise stated 30 % too low", "estimator.sensor.positionNoise", 0.7),
-        Course::new("currents one sample late for 50 ms", Asked::NotWrong, |_, _| ())
-            .with(altered::late_currents(0.05)),
-        missing("1 % of the samples repeated", Asked::Valid, Missing::Repeated, hundredth),
-        missing("1 % of the samples not a number", Asked::Valid, Missing::NotANumber, hundredth),
-        missing("3 of 50 samples repeated", Asked::NotWrong, Missing::Repeated, three_of_fifty),
-        missing("3 of 50 samples not a number", Asked::NotWrong, Missing::NotANumber, three_of_fifty),
-        Course::new("positions in steps of 1 µm", Asked::NotWrong, |scenario, _| {
+        Course::misread("currents one sample late for 50 ms", NotWrong, altered::late_currents(0.05)),
+        missing("1 % of the samples repeated", Valid, Missing::Repeated, hundredth),
+        missing("1 % of the samples not a number", Valid, Missing::NotANumber, hundredth),
+        missing("3 of 50 samples repeated", NotWrong, Missing::Repeated, three_of_fifty),
+        missing("3 of 50 samples not a number", NotWrong, Missing::NotANumber, three_of_fifty),
+        Course::new("positions in steps of 1 µm", NotWrong, 1.0, |scenario, _| {
             scenario.set("plant", "sensor.positionResolution", 1e-6);
         }),
-        Course::new("positions in steps of 1 µm, at rest, modulated", Asked::NotWrong, |scenario, _| {
+        Course::new("positions in steps of 1 µm, at rest, modulated", NotWrong, 1.0, |scenario, _| {
             scenario.set("plant", "sensor.positionResolution", 1e-6);
             cases::at_rest(scenario);
             cases::modulation(scenario, 0.5, 110.0);
         }),
-        Course::new("1 µm of forward run-out", Asked::Nothing, |_, _| ())
-            .with(altered::added(|_, theta| [libm::cos(theta), libm::sin(theta)].map(|part| 1e-6 * part))),
-        Course::new("hum of 0.5 µm in a position at the speed of the rotor", Asked::Nothing, |_, _| ())
-            .with(altered::added(|time_s, _| [0.5e-6 * libm::sin(TAU * 50.0 * time_s), 0.0])),
+        Course::misread("1 µm of forward run-out", Nothing, run_out),
+        Course::misread("hum of 0.5 µm in a position at the speed of the rotor", Nothing, hum),
     ]
 }
 
 /// A few of these of a spindle.
 fn spindle() -> Vec<Course> {
-    let spindle = |name: &str, asked, set: fn(&mut Scenario, u64)| Course {
+    let spindle = |name: &str, length_s, set: fn(&mut Scenario, u64)| Course {
         base: "spindle",
-        ..Course::new(&format!("spindle, {name}"), asked, set)
+        ..Course::new(&format!("spindle, {name}"), Valid, length_s, set)
     };
+    let late = spindle("wrong by two, updated late, at rest", 1.5, |scenario, _| {
+        cases::at_rest(scenario);
+        scenario.set("controller", "F0.modulation", 0.0);
+        scenario.set("controller", "update.time", 0.5);
+    });
     vec![
-        spindle("nominal", Asked::Valid, |_, _| ()),
-        spindle("wrong by two, updated late, at rest", Asked::Valid, |scenario, _| {
-            cases::at_rest(scenario);
-            scenario.set("controller", "F0.modulation", 0.0);
-            scenario.set("controller", "update.time", 0.5);
-        })
-        .lasting(1.5)
-        .with(altered::taught(0.02)),
-        spindle("first guess × 0.2", Asked::Valid, |scenario, _| guess(scenario, 0.2)),
-        spindle("0.5 N backward in bearing A", Asked::Valid, |scenario, seed| {
+        spindle("nominal", 1.0, as_usual),
+        Course { alter: Some(altered::taught(0.02)), ..late },
+        spindle("first guess × 0.2", 1.0, |scenario, _| guess(scenario, 0.2)),
+        spindle("0.5 N backward in bearing A", 1.0, |scenario, seed| {
             let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).between(-PI, PI));
             let at_m = scenario.number("plant", "A.position");
             cases::push(scenario, &["pY", "pZ", "MY", "MZ"], scenario.duration_s, |time_s| {
@@ -279,8 +265,8 @@ fn spindle() -> Vec<Course> {
                 [y, z, -at_m * z, at_m * y]
             });
         }),
-        spindle("load ramp 1 N/s", Asked::Valid, |scenario, seed| load_ramp(scenario, 1.0, seed)),
-        spindle("λ drifts 2 %/s", Asked::Valid, |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
+        spindle("load ramp 1 N/s", 1.0, |scenario, seed| load_ramp(scenario, 1.0, seed)),
+        spindle("λ drifts 2 %/s", 1.0, |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
     ]
 }
 
