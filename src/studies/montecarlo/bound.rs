@@ -168,22 +168,15 @@ impl Bound {
         let (n, sigma, m_kg) = (rotor.coordinates(), rotor.position_noise_m, rotor.inertia[0]);
         let (eccentric, weight) = (m_kg * rotor.gap_m[0], 9.81 * m_kg);
         let radius = rotor.inertia.map(|inertia| (inertia / m_kg).sqrt());
-        let of_coordinates = |size: f64| radius.iter().map(move |radius| size / radius);
-        let of_planes = |size: f64| std::iter::repeat_n(size, 2 * rotor.planes.len());
-        let scale: Vec<f64> = of_coordinates(sigma)
+        // The unit of each unknown, and its prior standard deviation in this unit.
+        let of_coordinates = |size: f64| radius.iter().map(move |radius| (size / radius, 1e3));
+        let unknowns = of_coordinates(sigma)
             .chain(of_coordinates(1e-3))
-            .chain(rotor.lambda_nm2_a2.iter().copied())
-            .chain(of_planes(eccentric))
-            .chain(radius.iter().map(|radius| weight * radius))
-            .chain(rotor.lambda_nm2_a2.iter().map(|_| rotor.current_noise_a))
-            .collect();
-        let of_lambda = std::iter::repeat_n(30.0, rotor.lambda_nm2_a2.len());
-        let prior: Vec<f64> = std::iter::repeat_n(1e3, 2 * n)
-            .chain(of_lambda)
-            .chain(of_planes(10.0))
-            .chain(std::iter::repeat_n(100.0, n))
-            .map(|std: f64| std * std)
-            .collect();
+            .chain(rotor.lambda_nm2_a2.iter().map(|lambda| (*lambda, 30.0)))
+            .chain(std::iter::repeat_n((eccentric, 10.0), 2 * rotor.planes.len()))
+            .chain(radius.iter().map(|radius| (weight * radius, 100.0)));
+        let (mut scale, prior): (Vec<f64>, Vec<f64>) = unknowns.map(|(unit, std)| (unit, std * std)).unzip();
+        scale.extend(rotor.lambda_nm2_a2.iter().map(|_| rotor.current_noise_a));
         let readings = DMatrix::from_fn(n, n, |row, n| rotor.readings[(row, n)] * scale[n] / sigma);
         Self { scale: scale.into(), readings, p: DMatrix::from_diagonal(&prior.into()), rotor }
     }
