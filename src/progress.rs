@@ -8,7 +8,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Time after which a bar is shown.
 const PATIENCE: Duration = Duration::from_secs(1);
 
-/// Shows a bar on the standard error once the work has taken more than a second.
+/// Shows a bar on the standard error once the work has taken more than a second, until it is dropped.
 pub struct Progress {
     title: &'static str,
     length: u64,
@@ -33,13 +33,5 @@ impl Progress {
         let style = ProgressStyle::with_template("{msg} {wide_bar} {percent} %, {eta} left");
         let bar = ProgressBar::new(self.length).with_message(self.title).with_elapsed(self.since.elapsed());
         bar.with_style(style.expect("the template is well formed"))
-    }
-}
-
-impl Drop for Progress {
-    fn drop(&mut self) {
-        if let Some(bar) = self.bar.get() {
-            bar.finish_and_clear();
-        }
     }
 }

@@ -77,7 +77,7 @@ pub(super) fn errors(machine: &Machine, recording: &Recording) -> Option<Vec<Vec
     machine.positions().into_iter().zip(machine.of_references()).map(of_reading).collect()
 }
 
-/// The sample at which the controller first used an estimate, if any.
+/// The first sample at which the controller's output shows that it uses an estimate, if any: since the sample before.
 pub fn update(recording: &Recording) -> Option<usize> {
     let used = recording
         .columns
@@ -85,11 +85,6 @@ pub fn update(recording: &Recording) -> Option<usize> {
         .filter(|column| column.name.strip_prefix("controller.").is_some_and(|name| name.contains("lambdaUsed[")));
     let changed = used.filter_map(|column| column.values.iter().position(|value| *value != column.values[0]));
     changed.min().filter(|update| *update > 1)
-}
-
-/// When the controller first used an estimate, in s: at the begin of the step after which its output shows it.
-pub fn update_s(recording: &Recording) -> Option<f64> {
-    update(recording).map(|update| recording.time_s[update - 1])
 }
 
 /// The last whole revolutions before the update and those of the run; only the latter if there was no update, or if the final

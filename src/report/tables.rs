@@ -207,7 +207,7 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         head.push("before : after".into());
         head.extend(is_paper.then(|| "paper".into()));
     }
-    let update_s = evaluation::update_s(&run.recording).unwrap_or_default();
+    let update_s = evaluation::update(&run.recording).map_or(0.0, |update| run.recording.time_s[update - 1]);
     let interval = evaluation::interval(&run.recording, &stretches);
     let (title, note) = match is_update {
         true => (

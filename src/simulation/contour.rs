@@ -44,16 +44,16 @@ pub fn read(text: &str) -> Result<Fit, String> {
     };
     let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
     let mut points: Vec<[f64; 3]> = Vec::new();
-    for (row, record) in reader.records().enumerate() {
+    for (row, record) in (1..).zip(reader.records()) {
         let record = record.map_err(|error| error.to_string())?;
         let mut point = [0.0; 3];
         for (value, (index, factor)) in point.iter_mut().zip(columns) {
             let cell = record.get(index).unwrap_or_default();
-            let number: f64 = cell.parse().map_err(|_| format!("row {}: {cell:?} is not a number", row + 1))?;
-            if !number.is_finite() {
-                return Err(format!("row {}: {cell} is not finite", row + 1));
-            }
-            *value = number * factor;
+            *value = match cell.parse::<f64>() {
+                Ok(number) if number.is_finite() => number * factor,
+                Ok(_) => return Err(format!("row {row}: {cell} is not finite")),
+                Err(_) => return Err(format!("row {row}: {cell:?} is not a number")),
+            };
         }
         points.push(point);
     }

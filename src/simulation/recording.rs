@@ -22,6 +22,11 @@ pub struct Recording {
     pub columns: Vec<Column>,
 }
 
+/// A name with its unit, if it has one: `plant.Y [m]`.
+pub fn with_unit(name: String, unit: &str) -> String {
+    if unit.is_empty() || unit == "1" { name } else { format!("{name} [{unit}]") }
+}
+
 impl Recording {
     /// The values of the signal of that name, if there is one.
     pub fn get(&self, name: &str) -> Option<&[f64]> {
@@ -35,10 +40,9 @@ impl Recording {
     /// Whatever the writer reports.
     pub fn write_csv(&self, to: impl io::Write) -> io::Result<()> {
         let mut writer = csv::Writer::from_writer(to);
-        let unit = |unit: &str| if unit.is_empty() || unit == "1" { String::new() } else { format!(" [{unit}]") };
         writer.write_field("time [s]")?;
         for column in &self.columns {
-            writer.write_field(format!("{}{}", column.name, unit(&column.unit)))?;
+            writer.write_field(with_unit(column.name.clone(), &column.unit))?;
         }
         writer.write_record(None::<&[u8]>)?;
         for (row, time_s) in self.time_s.iter().enumerate() {

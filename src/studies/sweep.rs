@@ -21,7 +21,8 @@ use serde::Deserialize;
 use sha2::{Digest, Sha256};
 
 use crate::progress::Progress;
-use crate::simulation::scenario::{Scenario, ScenarioError, built_in, leaves, text, text_of};
+use crate::simulation::recording::with_unit;
+use crate::simulation::scenario::{Element, Scenario, ScenarioError, built_in, leaves, text, text_of};
 use crate::simulation::simulate::{self, Run};
 
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
@@ -110,27 +111,23 @@ impl Sweep {
     pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, ScenarioError> {
         let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
         let text = read.map_err(|error| refusal(path, error))?;
-        let design = if path.extension().is_some_and(|ending| ending == "toml") {
+        let (named, (columns, cases)) = if path.extension().is_some_and(|ending| ending == "toml") {
             let document: Document = toml::from_str(&text).map_err(|error| refusal(path, error))?;
             let named = document.scenario.as_deref().map(|name| beside(path, name));
-            let (columns, cases) = draw(&document).map_err(|finding| refusal(path, finding))?;
-            Self::new(scenario.map(PathBuf::from).or(named), columns, cases)?
+            (named, draw(&document).map_err(|finding| refusal(path, finding))?)
         } else {
-            let (columns, cases) = table(&text).map_err(|finding| refusal(path, finding))?;
-            Self::new(scenario.map(PathBuf::from), columns, cases)?
+            (None, table(&text).map_err(|finding| refusal(path, finding))?)
         };
-        let findings: Vec<String> =
-            design.columns.iter().filter_map(|column| design.scenario.settable(split(column).0).err()).collect();
-        if findings.is_empty() { Ok(design) } else { Err(ScenarioError { findings, ..refusal(path, "") }) }
-    }
-
-    fn new(scenario: Option<PathBuf>, columns: Vec<String>, cases: Vec<Vec<String>>) -> Result<Self, ScenarioError> {
-        let name = scenario.unwrap_or_else(|| DEFAULT_SCENARIO.into());
+        let name = scenario.map(PathBuf::from).or(named).unwrap_or_else(|| DEFAULT_SCENARIO.into());
         let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_observers();
-        let results = results(&scenario);
-        Ok(Self { scenario, scenario_text, results, columns, cases })
+        let findings: Vec<String> =
+            columns.iter().filter_map(|column| scenario.settable(split(column).0).err()).collect();
+        if !findings.is_empty() {
+            return Err(ScenarioError { findings, ..refusal(path, "") });
+        }
+        Ok(Self { results: results(&scenario), scenario, scenario_text, columns, cases })
     }
 
     /// Number of cases.
@@ -362,24 +359,19 @@ enum Of {
 /// The result columns of a machine, after case, seed and status.
 fn results(scenario: &Scenario) -> Vec<Figure> {
     let machine = scenario.machine;
-    let unit = |at: usize, name: &str| {
-        let found = scenario.elements[at].model_type.variables().iter().find(|variable| variable.name == name);
-        match found.map_or("", |variable| variable.unit_name()) {
-            "" | "1" => String::new(),
-            unit => format!(" [{unit}]"),
-        }
+    let unit = |element: &Element, name: &str| {
+        element.index(name).map_or("", |index| element.model_type.variables()[index].unit_name())
     };
-    let last = |name: String| Figure {
-        source: format!("estimator.{name}"),
-        name: format!("{name}{}", unit(2, &name)),
-        of: Of::Last,
+    let last = |name: String| {
+        let (source, unit) = (format!("estimator.{name}"), unit(scenario.estimator(), &name));
+        Figure { name: with_unit(name, unit), source, of: Of::Last }
     };
     let error = |(name, truth): (String, String)| {
         let source = format!("estimator.{}", truth.replace("lambda", "lambdaHat"));
         Figure { name, source, of: Of::Error(truth) }
     };
     let tracking = |(name, error): (String, String)| {
-        let name = format!("{}{}", name.replace("reference.", "tracking."), unit(1, &error));
+        let name = with_unit(name.replace("reference.", "tracking."), unit(scenario.controller(), &error));
         Figure { name, source: format!("controller.{error}"), of: Of::Tracking }
     };
     let of_magnets = |name: &str| machine.of_magnets(name).into_iter();

@@ -344,7 +344,7 @@ impl Scenario {
             return Err(format!("{path}: expected a path that begins with one of {}", names.join(", ")));
         };
         let variables = self.elements[at].model_type.variables();
-        let Some(index) = variables.iter().position(|variable| variable.name == key) else {
+        let Some(index) = self.elements[at].index(key) else {
             let settable = variables.iter().filter(|variable| variable.is_settable());
             return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
         };

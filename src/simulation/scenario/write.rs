@@ -2,7 +2,7 @@
 
 use fmu_export::variable::{Type, Value, Variable};
 
-use super::{Element, Scenario};
+use super::Scenario;
 use crate::output::SCENARIO;
 
 impl Scenario {
@@ -18,7 +18,11 @@ impl Scenario {
             self.step_s
         );
         for element in self.in_loop().iter().filter(|element| !element.settings.is_empty()) {
-            text += &format!("\n[{}]\n{}", element.name, settings(element));
+            text += &format!("\n[{}]\n", element.name);
+            for (index, value) in element.values() {
+                let variable = &element.model_type.variables()[index];
+                text += &format!("{} = {}\n", key(&variable.name), value_of(variable, &value));
+            }
         }
         if !self.columns.is_empty() {
             let columns = self.columns.iter().map(|(signal, column)| format!("{} = {}\n", key(signal), quoted(column)));
@@ -29,16 +33,6 @@ impl Scenario {
         }
         text
     }
-}
-
-/// The settings of an element, a line each.
-fn settings(element: &Element) -> String {
-    let variables = element.model_type.variables();
-    let line = |(index, value): (usize, Value)| {
-        let variable = &variables[index];
-        format!("{} = {}\n", key(&variable.name), value_of(variable, &value))
-    };
-    element.values().into_iter().map(line).collect()
 }
 
 fn value_of(variable: &Variable, value: &Value) -> String {
