@@ -39,6 +39,14 @@ impl Recording {
     /// # Errors
     /// Whatever the writer reports.
     pub fn write_csv(&self, to: impl io::Write) -> io::Result<()> {
+        // An error of csv hides the kind by which a reader that has gone is told.
+        self.write_fields(to).map_err(|error| match error.into_kind() {
+            csv::ErrorKind::Io(error) => error,
+            other => io::Error::other(format!("{other:?}")),
+        })
+    }
+
+    fn write_fields(&self, to: impl io::Write) -> csv::Result<()> {
         let mut writer = csv::Writer::from_writer(to);
         writer.write_field("time [s]")?;
         for column in &self.columns {
@@ -52,6 +60,6 @@ impl Recording {
             }
             writer.write_record(None::<&[u8]>)?;
         }
-        writer.flush()
+        Ok(writer.flush()?)
     }
 }
