@@ -257,15 +257,11 @@ impl<const K: usize, const G: usize> TrackingConfig<K, G> {
         checks.each(Checks::not_negative, machine.of_bearings("F0"), &self.f0_n, "N");
         checks.each(Checks::not_negative, machine.of_biases(), &self.bias_a, "A");
         let smallest = self.allocation == Allocation::SmallestForce;
-        for (holds, wanted) in [
-            (smallest || used == Used::Both, "smallestForce, for a magnet that is not used has no bias current"),
-            (
-                smallest || rotor.bearings().iter().all(Magnets::is_paired),
-                "smallestForce, for the magnets do not face each other in pairs",
-            ),
-        ] {
-            checks.require(holds, "allocation", "biasCurrent", wanted);
-        }
+        let wanted = "smallestForce, for a magnet that is not used has no bias current";
+        checks.require(smallest || used == Used::Both, "allocation", "biasCurrent", wanted);
+        let are_paired = rotor.bearings().iter().all(Magnets::is_paired);
+        let wanted = "smallestForce, for the magnets do not face each other in pairs";
+        checks.require(smallest || are_paired, "allocation", "biasCurrent", wanted);
         excitation::check(self, machine, checks);
         checks.positive("bandwidth.tracking", self.tracking_rad_s, "rad/s");
         checks.positive("bandwidth.observer", self.observer_rad_s, "rad/s");

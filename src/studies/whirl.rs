@@ -19,6 +19,9 @@ use crate::table::Table;
 
 type C = Complex<f64>;
 
+/// Steps of the speed in which a critical speed is searched.
+const SEARCH: usize = 400;
+
 /// A shaft on springs and dampers.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Whirl {
@@ -125,17 +128,7 @@ impl Whirl {
         let found = dynamic.lu().solve(&force).unwrap_or_else(|| Vector2::from_element(C::new(f64::INFINITY, 0.0)));
         (self.bearings() * found).into()
     }
-}
 
-/// Frequencies of the two modes in Hz, each backward and forward. At rest both whirl at one frequency; the slower mode comes first.
-pub fn modes_hz([backward_2, backward_1, forward_1, forward_2]: [f64; 4]) -> [[f64; 2]; 2] {
-    [[-backward_1, forward_1], [-backward_2, forward_2]]
-}
-
-/// Steps of the speed in which a critical speed is searched.
-const SEARCH: usize = 400;
-
-impl Whirl {
     /// The critical speeds up to the greatest, in rpm: those at which a mode whirls forward as fast as the rotor turns, so that unbalance
     /// excites it. With the number of the mode, from 1.
     pub fn critical_rpm(&self, greatest_rpm: f64) -> Vec<(usize, f64)> {
@@ -171,6 +164,11 @@ impl Whirl {
             _ => format!("Critical speeds up to {greatest_rpm:.0} rpm: {}.", found.join(", ")),
         }
     }
+}
+
+/// Frequencies of the two modes in Hz, each backward and forward. At rest both whirl at one frequency; the slower mode comes first.
+pub fn modes_hz([backward_2, backward_1, forward_1, forward_2]: [f64; 4]) -> [[f64; 2]; 2] {
+    [[-backward_1, forward_1], [-backward_2, forward_2]]
 }
 
 /// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
