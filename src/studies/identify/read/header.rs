@@ -50,7 +50,7 @@ impl Signal {
         match (self.candidates(columns, given).as_slice(), given) {
             ([column], _) => Ok(Some(*column)),
             ([], Some(given)) => Err(format!("--column {name}={given}: there is no column {given}")),
-            (_, None) if is_optional => Ok(None),
+            ([], None) if is_optional => Ok(None),
             ([], None) => {
                 let or_rate = if name == TIME_NAME { ", or --rate if there is none" } else { "" };
                 Err(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"))
@@ -76,7 +76,7 @@ impl Signal {
     fn candidates(&self, columns: &[Column], given: Option<&String>) -> Vec<usize> {
         let given = given.map(|given| vec![given.clone(), column(given).name]);
         let is = |column: &Column, name: &String| {
-            column.name == *name || name.starts_with('.') && column.name.ends_with(name.as_str())
+            column.name == *name || given.is_none() && name.starts_with('.') && column.name.ends_with(name.as_str())
         };
         let called = |name| (0..columns.len()).filter(|at| is(&columns[*at], name)).collect::<Vec<_>>();
         let names = given.as_ref().unwrap_or(&self.names);
