@@ -55,7 +55,7 @@ static ALLOCATOR: Counting = Counting;
 
 /// The closed loop of a scenario, wired by index.
 struct Loop {
-    instances: Vec<Box<dyn Instance>>,
+    instances: Vec<Instance>,
     /// Element and variable, from and to.
     wires: Vec<[(usize, usize); 2]>,
     steps: u64,
@@ -202,7 +202,7 @@ fn a_snapshot_copies_the_state_alone() {
     let mut snapshot = estimator.instance.duplicate().expect("a copy");
     let saved = BYTES.get() - before;
     let before = BYTES.get();
-    assert!(snapshot.copy_from(estimator.instance.as_ref()));
+    assert!(snapshot.copy_from(&estimator.instance));
     let again = BYTES.get() - before;
     assert!(2 * saved < start && again <= saved, "{start} bytes for a start, {saved} for a snapshot, {again} into one");
 }

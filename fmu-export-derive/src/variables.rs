@@ -1,7 +1,7 @@
 //! `#[derive(Variables)]`.
 
-use proc_macro2::TokenStream;
-use quote::{format_ident, quote, quote_spanned};
+use proc_macro2::{TokenStream, TokenTree};
+use quote::{quote, quote_spanned};
 use syn::spanned::Spanned;
 use syn::{Data, DeriveInput, Error, Expr, Field, Fields, GenericParam, Generics, Ident, LitStr, Member, Result, Type};
 
@@ -25,17 +25,17 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             }
         }
     }
+    let context = context.map_or_else(|| quote!(()), |context| quote!(#context));
     let target = Target::new(input, &chosen);
     let default = has_default.then(|| default(&target, &data.fields));
     let mut seen: Vec<String> = Vec::new();
-    let (mut lenses, mut members) = (Vec::new(), Vec::new());
+    let (mut members, mut rows) = (Vec::new(), Vec::new());
     for (at, field) in data.fields.iter().enumerate() {
         let attributes = Attributes::of(field)?;
         if attributes.role == Role::Hidden {
             continue;
         }
         let member = field.ident.clone().map_or_else(|| Member::Unnamed(at.into()), Member::Named);
-        let lens = format_ident!("Field{at}");
         let name = name_of(field, &attributes, at, &data.fields)?;
         if let Some(name) = &name {
             if seen.contains(&name.value()) {
@@ -43,16 +43,31 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
             }
             seen.push(name.value());
         }
-        lenses.push(lens_of(&target, &lens, &member, &field.ty));
-        members.push(if attributes.role == Role::Nested {
-            nested(&target, &lens, &member, &field.ty, &attributes, name.as_ref(), context.is_some())
+        let code = if attributes.role == Role::Nested {
+            nested(&member, &field.ty, &attributes, name.as_ref())
         } else {
-            variable(&target, &lens, &member, field, &attributes, name.as_ref())
-        });
+            variable(&target, &context, &member, field, &attributes, name.as_ref())
+        };
+        let of_type = &field.ty;
+        // The span is that of the type, so that errors of trait bounds point at the field.
+        let of_field = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Field<_>>);
+        rows.push(quote!(#code before += #of_field::COUNT;));
+        members.push((member, of_field));
     }
-    let fields = members.iter().map(|member| &member.fields);
-    let (rows, places) = (members.iter().map(|member| &member.rows), members.iter().map(|member| &member.places));
-    let (ident, context) = (&input.ident, context.map_or_else(|| quote!(()), |context| quote!(#context)));
+    let find = |at: TokenStream, reference: TokenStream| {
+        let parts = members.iter().map(|(member, of_field)| {
+            quote! {
+                if number < #of_field::COUNT {
+                    return #of_field::#at(#reference self.#member, number);
+                }
+                let number = number - #of_field::COUNT;
+            }
+        });
+        quote!(#(#parts)* ::core::unreachable!("every variable is in a field"))
+    };
+    let (at, at_mut) = (find(quote!(at), quote!(&)), find(quote!(at_mut), quote!(&mut)));
+    let fields = members.iter().map(|(_, of_field)| of_field);
+    let ident = &input.ident;
     let aliases = chosen.iter().map(|(parameter, argument)| quote!(#[allow(dead_code)] type #parameter = #argument;));
     let (_, types, _) = input.generics.split_for_impl();
     let (bounds, _, conditions) = target.generics.split_for_impl();
@@ -60,29 +75,30 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
         #[automatically_derived]
         const _: () = {
             #(#aliases)*
-            #(#lenses)*
             #default
 
             impl #bounds ::fmu_export::Variables for #ident #types #conditions {
                 type Context = #context;
 
-                const FIELDS: usize = 0 #(+ #fields)*;
+                const COUNT: usize = 0 #(+ #fields::COUNT)*;
 
                 #[allow(unused, reason = "`context` and `index` are for the attributes, and nothing follows the last field")]
                 fn describe(
                     &self,
-                    scope: &::fmu_export::variables::Scope<'_, Self::Context>,
+                    scope: &::fmu_export::variables::Scope,
+                    context: &Self::Context,
                     rows: &mut ::std::vec::Vec<::fmu_export::variable::Row<()>>,
                 ) {
-                    let context = scope.context;
-                    let mut field = 0;
+                    let mut before = 0;
                     #(#rows)*
                 }
 
-                fn places<Place: ::fmu_export::variables::Lens<Target = Self>>(
-                    places: &mut ::std::vec::Vec<::fmu_export::variable::Place<Place::Data>>,
-                ) {
-                    #(#places)*
+                fn at(&self, number: usize) -> &dyn ::fmu_export::variable::Slot {
+                    #at
+                }
+
+                fn at_mut(&mut self, number: usize) -> &mut dyn ::fmu_export::variable::Slot {
+                    #at_mut
                 }
             }
         };
@@ -129,6 +145,20 @@ impl<'i> Target<'i> {
         generics.params = generics.params.into_iter().filter(|parameter| !is_chosen(parameter)).collect();
         Self { input, generics }
     }
+
+    /// Whether code depends on what the structure is generic over.
+    fn is_in(&self, code: TokenStream) -> bool {
+        code.into_iter().any(|token| match token {
+            TokenTree::Group(group) => self.is_in(group.stream()),
+            TokenTree::Ident(ident) => {
+                ident == "self"
+                    || ident == "Self"
+                    || self.generics.type_params().any(|parameter| parameter.ident == ident)
+                    || self.generics.const_params().any(|parameter| parameter.ident == ident)
+            }
+            TokenTree::Punct(_) | TokenTree::Literal(_) => false,
+        })
+    }
 }
 
 /// The name of a variable or structure as far as it is known when the macro runs.
@@ -156,147 +186,83 @@ fn name_of(field: &Field, attributes: &Attributes, at: usize, fields: &Fields) -
     Ok(Some(name))
 }
 
-/// The place of a field within its structure.
-fn lens_of(target: &Target<'_>, lens: &Ident, member: &Member, of_type: &Type) -> TokenStream {
-    let ident = &target.input.ident;
-    let (_, arguments, _) = target.input.generics.split_for_impl();
-    let (bounds, types, conditions) = target.generics.split_for_impl();
-    quote! {
-        struct #lens #bounds (::core::marker::PhantomData<fn() -> #ident #arguments>) #conditions;
-
-        impl #bounds ::fmu_export::variables::Lens for #lens #types #conditions {
-            type Data = #ident #arguments;
-            type Target = #of_type;
-            const COUNT: usize = 1;
-
-            #[inline]
-            fn get(data: &Self::Data, _: usize) -> &Self::Target {
-                &data.#member
-            }
-
-            #[inline]
-            fn get_mut(data: &mut Self::Data, _: usize) -> &mut Self::Target {
-                &mut data.#member
-            }
-        }
-    }
-}
-
-/// The code for a field.
-struct Code {
-    /// Number of fields that are variables in it.
-    fields: TokenStream,
-    /// Adds the rows.
-    rows: TokenStream,
-    /// Adds access to values.
-    places: TokenStream,
-}
-
 /// A field that is a structure, or an array of them.
-fn nested(
-    target: &Target<'_>,
-    lens: &Ident,
-    member: &Member,
-    of_type: &Type,
-    attributes: &Attributes,
-    name: Option<&LitStr>,
-    has_context: bool,
-) -> Code {
-    let (_, types, _) = target.generics.split_for_impl();
-    let base = name.map_or_else(|| quote!(""), |name| quote!(#name));
+fn nested(member: &Member, of_type: &Type, attributes: &Attributes, name: Option<&LitStr>) -> TokenStream {
     let prefixes = match (attributes.value("prefix"), attributes.value("prefixes"), name) {
-        (Some(prefix), ..) => {
-            quote!(::core::option::Option::Some(::std::vec![::std::format!("{}{}", scope.at.prefix, #prefix)]))
-        }
-        (_, Some(prefixes), _) => quote!(::core::option::Option::Some(
-            (#prefixes).into_iter().map(|prefix| ::std::format!("{}{}", scope.at.prefix, prefix)).collect()
-        )),
-        (_, _, None) => quote!(::core::option::Option::Some(::std::vec![scope.at.prefix.clone()])),
-        _ => quote!(::core::option::Option::None),
+        (Some(prefix), ..) => quote!(each([#prefix])),
+        (_, Some(prefixes), _) => quote!(each(#prefixes)),
+        (_, _, Some(name)) => quote!(Common(::std::string::String::from(#name))),
+        _ => quote!(each([""])),
     };
     let count = optional(attributes.value("count"));
-    let context = match attributes.value("context") {
-        Some(context) => quote!(&#context),
-        None if has_context => quote!(context),
-        None => quote!(&()),
-    };
-    // The span is that of the type, so that errors of trait bounds point at the field.
-    let nested = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Nested<_>>);
-    Code {
-        fields: quote!(#nested::FIELDS),
-        rows: quote! {
-            #nested::describe(
-                &self.#member,
-                &scope.at.within(#base, field),
-                &|index: usize, describe: &mut dyn ::core::ops::FnMut(&_)| describe(#context),
-                #prefixes,
-                #count,
-                rows,
-            );
-            field += #nested::FIELDS;
-        },
-        places: quote!(#nested::places::<::fmu_export::variables::Then<Place, #lens #types>>(places);),
+    let context = attributes.value("context").map_or_else(|| quote!(context), |context| quote!(&#context));
+    let structures = quote_spanned!(of_type.span()=> ::fmu_export::variables::items::<_, #of_type>);
+    quote! {
+        let (lengths, structures) = #structures(&self.#member);
+        let variables = <#of_type as ::fmu_export::variables::Field<_>>::COUNT;
+        let prefixes = &::fmu_export::variables::Names::#prefixes;
+        for scope in &scope.nested((before, variables), prefixes, &lengths, #count) {
+            let index = scope.index;
+            ::fmu_export::Variables::describe(structures[index], scope, #context, rows);
+        }
     }
 }
 
 /// A field that is a variable, or an array of them.
 fn variable(
     target: &Target<'_>,
-    lens: &Ident,
+    context: &TokenStream,
     member: &Member,
     field: &Field,
     attributes: &Attributes,
     name: Option<&LitStr>,
-) -> Code {
-    let (_, types, _) = target.generics.split_for_impl();
+) -> TokenStream {
     let of_type = &field.ty;
     let names = match (attributes.value("names"), attributes.value("name"), name) {
-        (Some(names), ..) => quote!(Each((#names).into_iter().map(::std::convert::Into::into).collect())),
-        (None, Some(name), None) => quote!(Common(::std::convert::Into::into(#name))),
-        (_, _, name) => quote!(Common(::std::convert::Into::into(#name))),
+        (Some(names), ..) => quote!(each(#names)),
+        (_, Some(name), None) => quote!(Common(::std::string::String::from(#name))),
+        (_, _, name) => quote!(Common(::std::string::String::from(#name))),
     };
-    let unit =
-        attributes.value("unit").map_or_else(|| quote!(::core::default::Default::default()), |unit| quote!(#unit));
     let start = match attributes.value("start") {
-        Some(start) => quote_spanned!(start.span()=>
-            ::core::option::Option::Some(::fmu_export::variables::Start::<#of_type>::into_start(#start))),
-        None => quote!(::core::option::Option::None),
-    };
-    let count = optional(attributes.value("count"));
-    let finish = finish(attributes, field);
-    let checks = checks(attributes, of_type);
-    let with = attributes.value("with").map(|with| {
-        quote! {
-            let with: &mut dyn ::core::ops::FnMut(
-                ::fmu_export::variable::Row<()>,
-            ) -> ::fmu_export::variable::Row<()> = &mut (#with);
-            let row = with(row);
+        Some(start) => {
+            quote_spanned!(start.span()=> &::fmu_export::variables::Start::<#of_type>::into_start(#start))
         }
-    });
-    let add = quote_spanned!(of_type.span()=> ::fmu_export::variables::add::<#of_type>);
-    let of_field = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Field>);
-    Code {
-        fields: quote!(1),
-        rows: quote! {
-            #checks
-            #add(
-                rows,
-                (&scope.at, field),
-                ::fmu_export::variables::Names::#names,
-                &|index| #unit,
-                (&self.#member, #start),
-                #count,
-                &mut |row| {
-                    let index = row.index();
-                    #finish
-                    #with
-                    row
-                },
-            );
-            field += 1;
-        },
-        places: quote!(places.push(#of_field::place::<::fmu_export::variables::Then<Place, #lens #types>>());),
-    }
+        None => quote!(&self.#member),
+    };
+    let elements = quote_spanned!(of_type.span()=> &::fmu_export::variables::elements::<_, #of_type>(#start));
+    let count = optional(attributes.value("count"));
+    let (steps, checks) = (steps(attributes, field), checks(attributes, of_type));
+    let row = match attributes.value("with") {
+        Some(with) => quote!(::fmu_export::variables::apply(row #steps, #with)),
+        None => quote!(row #steps),
+    };
+    let describe = |elements: &TokenStream| {
+        quote! {
+            for row in scope.rows(before, &::fmu_export::variables::Names::#names, #elements, #count) {
+                let index = row.index();
+                rows.push(#row);
+            }
+        }
+    };
+    // What is the same for all arguments of a generic structure is compiled once.
+    let rows = if target.is_in(quote!(#context #names #count #row)) {
+        describe(&elements)
+    } else {
+        let code = describe(&quote!(elements));
+        quote! {{
+            fn describe(
+                scope: &::fmu_export::variables::Scope,
+                context: &#context,
+                before: usize,
+                elements: &::fmu_export::variables::Elements<'_>,
+                rows: &mut ::std::vec::Vec<::fmu_export::variable::Row<()>>,
+            ) {
+                #code
+            }
+            describe(scope, context, before, #elements, rows);
+        }}
+    };
+    quote!(#checks #rows)
 }
 
 fn optional(value: Option<&Expr>) -> TokenStream {
@@ -305,16 +271,18 @@ fn optional(value: Option<&Expr>) -> TokenStream {
 
 /// Attributes that suit some types only.
 fn checks(attributes: &Attributes, of_type: &Type) -> TokenStream {
-    let of_reals = ["display_unit", "nominal", "state", "derivative_of"];
+    let of_reals = ["unit", "display_unit", "nominal", "state", "derivative_of"];
     let there = of_reals.into_iter().filter(|key| attributes.has(key));
-    let checks =
-        there.map(|key| quote_spanned!(attributes.span(key)=> ::fmu_export::variables::only_real::<#of_type>();));
-    quote!(#(#checks)*)
+    let reals =
+        there.map(|key| quote_spanned!(attributes.span(key)=> ::fmu_export::variables::only_real::<_, #of_type>();));
+    let limits = ["min", "max"].into_iter().filter_map(|key| attributes.value(key)).map(
+        |value| quote_spanned!(value.span()=> let _ = |index: usize| ::fmu_export::variables::limit::<_, #of_type>(#value);),
+    );
+    quote!(#(#reals)* #(#limits)*)
 }
 
-/// Role and attributes of a row.
-fn finish(attributes: &Attributes, field: &Field) -> TokenStream {
-    let of_type = &field.ty;
+/// Role and attributes of a row, as methods one after another.
+fn steps(attributes: &Attributes, field: &Field) -> TokenStream {
     let mut steps = Vec::new();
     steps.push(match attributes.role {
         Role::Parameter if attributes.has("tunable") => quote!(.tunable()),
@@ -340,12 +308,17 @@ fn finish(attributes: &Attributes, field: &Field) -> TokenStream {
     for limit in ["min", "max"] {
         if let Some(value) = attributes.value(limit) {
             let method = Ident::new(limit, attributes.span(limit));
-            steps.push(quote_spanned!(value.span()=> .#method(::fmu_export::variables::limit::<#of_type>(#value))));
+            steps.push(quote_spanned!(value.span()=> .#method(::core::convert::Into::into(#value))));
         }
     }
-    for key in ["nominal", "display_unit", "derivative_of"] {
+    for (key, method) in [
+        ("unit", "with_unit"),
+        ("nominal", "nominal"),
+        ("display_unit", "display_unit"),
+        ("derivative_of", "derivative_of"),
+    ] {
         if let Some(value) = attributes.value(key) {
-            let method = Ident::new(key, attributes.span(key));
+            let method = Ident::new(method, attributes.span(key));
             steps.push(quote!(.#method(#value)));
         }
     }
@@ -360,5 +333,5 @@ fn finish(attributes: &Attributes, field: &Field) -> TokenStream {
             });
         }
     }
-    quote!(let row = row #(#steps)*;)
+    quote!(#(#steps)*)
 }

@@ -42,51 +42,60 @@ impl InputDerivatives {
     }
 }
 
+/// Inputs with derivatives, from a time on.
+pub(crate) struct Moving {
+    start_s: f64,
+    /// Each with its value at that time.
+    inputs: Vec<(f64, InputDerivatives)>,
+}
+
+impl Moving {
+    /// `read` gives the value of an input.
+    pub fn new(start_s: f64, inputs: &[InputDerivatives], read: impl Fn(usize) -> Value) -> Self {
+        Self { start_s, inputs: inputs.iter().map(|input| (read(input.index).as_f64(), *input)).collect() }
+    }
+
+    /// Writes the values at a time, each with the index of its input.
+    pub fn at(&self, time_s: f64, write: &mut dyn FnMut(usize, Value)) {
+        for (value, input) in &self.inputs {
+            write(input.index, Value::Real(value + input.change((time_s - self.start_s).max(0.0))));
+        }
+    }
+}
+
 /// The inputs over one step, starting at the values given at construction.
 ///
 /// `u(t) = u + Σ_j d_j (t − t_0)^j / j!` for every input with derivatives d; all others are held.
 pub struct InputTrajectory<'t, D> {
-    start_s: f64,
-    table: &'t Table<D>,
-    /// Each with its value at the begin of the step.
-    moving: Vec<(f64, InputDerivatives)>,
+    pub(crate) table: &'t Table<D>,
+    pub(crate) moving: &'t Moving,
 }
 
-impl<'t, D> InputTrajectory<'t, D> {
-    pub(crate) fn new(start_s: f64, table: &'t Table<D>, values: &D, derivatives: &[InputDerivatives]) -> Self {
-        let value = |input: &InputDerivatives| match table.get(input.index, values) {
-            Value::Real(value) => value,
-            _ => unreachable!("only inputs of type Real are given derivatives"),
-        };
-        Self { start_s, table, moving: derivatives.iter().map(|input| (value(input), *input)).collect() }
-    }
-
+impl<D> InputTrajectory<'_, D> {
     /// Whether all inputs are held.
     pub fn is_held(&self) -> bool {
-        self.moving.is_empty()
+        self.moving.inputs.is_empty()
     }
 
     /// The time of the values and derivatives, in seconds.
     pub fn start_s(&self) -> f64 {
-        self.start_s
+        self.moving.start_s
     }
 
     /// Sets the inputs to their values at a time, in seconds; before the begin of the step, to their values there.
     pub fn apply(&self, values: &mut D, time_s: f64) {
-        for (value, input) in &self.moving {
-            self.write(values, input.index, value + input.change((time_s - self.start_s).max(0.0)));
-        }
+        self.moving.at(time_s, &mut |index, value| self.write(values, index, value));
     }
 
     /// Writes the derivatives of that order, from 1, into the places of the inputs; places of held inputs are not changed.
     pub fn apply_derivatives(&self, values: &mut D, order: usize) {
-        for (_, input) in &self.moving {
-            self.write(values, input.index, input.derivatives[order - 1]);
+        for (_, input) in &self.moving.inputs {
+            self.write(values, input.index, Value::Real(input.derivatives[order - 1]));
         }
     }
 
-    fn write(&self, values: &mut D, index: usize, value: f64) {
-        let fits = self.table.set(index, values, Value::Real(value));
+    fn write(&self, values: &mut D, index: usize, value: Value) {
+        let fits = self.table.set(index, values, value);
         debug_assert!(fits, "only inputs of type Real are given derivatives");
     }
 }

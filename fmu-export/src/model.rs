@@ -449,8 +449,11 @@ impl<S: SampledModel> Model for Sampled<S> {
 
     fn table() -> Vec<Row<S::Values>> {
         // Between samples nothing depends on anything.
-        let held = |row: &Row<S::Values>| row.variable.variability == Variability::Discrete;
-        S::table().into_iter().map(|row| if held(&row) { row.depends_on_nothing() } else { row }).collect()
+        let mut rows = S::table();
+        for row in rows.iter_mut().filter(|row| row.variable.variability == Variability::Discrete) {
+            row.variable.depends_on.get_or_insert_default();
+        }
+        rows
     }
 
     fn new(values: &S::Values, resources: &Resources) -> Result<Self, Vec<Invalid>> {

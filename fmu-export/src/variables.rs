@@ -101,7 +101,7 @@ use std::marker::PhantomData;
 
 use crate::array::Array;
 use crate::unit::Unit;
-use crate::variable::{Access, Enumeration, Place, Row, Type};
+use crate::variable::{Access, Enumeration, Row, Slot, Type, Value};
 
 /// A structure whose fields are variables; see [`derive@crate::Variables`].
 #[diagnostic::on_unimplemented(
@@ -114,17 +114,21 @@ pub trait Variables: Sized + 'static {
     /// `#[variables(context = Type)]` says otherwise.
     type Context: ?Sized;
 
-    /// Number of fields that are variables or arrays of them, those of structures within included.
+    /// Number of variables, those of structures within included.
     #[doc(hidden)]
-    const FIELDS: usize;
+    const COUNT: usize;
 
     /// Appends the rows of this structure without access to values; for the macro.
     #[doc(hidden)]
-    fn describe(&self, scope: &Scope<'_, Self::Context>, rows: &mut Vec<Row<()>>);
+    fn describe(&self, scope: &Scope, context: &Self::Context, rows: &mut Vec<Row<()>>);
 
-    /// Appends access to each field where the structure stands within the values of a model; for the macro.
+    /// The variable of that number, counted from 0; for the macro.
     #[doc(hidden)]
-    fn places<L: Lens<Target = Self>>(places: &mut Vec<Place<L::Data>>);
+    fn at(&self, number: usize) -> &dyn Slot;
+
+    /// As `at`, to write.
+    #[doc(hidden)]
+    fn at_mut(&mut self, number: usize) -> &mut dyn Slot;
 
     /// The rows of a model whose values are this structure.
     fn rows() -> Vec<Row<Self>>
@@ -139,11 +143,27 @@ pub trait Variables: Sized + 'static {
     where
         Self: Default,
     {
-        let (mut rows, mut places) = (Vec::new(), Vec::new());
-        let at = At { prefix: String::new(), outer: 0, number: None, field: 0 };
-        Self::default().describe(&Scope { at, context }, &mut rows);
-        Self::places::<Whole<Self>>(&mut places);
-        rows.into_iter().map(|row| row.placed(&places)).collect()
+        Self::placed(Self::described(context))
+    }
+
+    /// As [`Variables::rows_in`], without access to values: such rows are of the same type for all models, and so is what changes
+    /// them before [`Variables::placed`].
+    fn described(context: &Self::Context) -> Vec<Row<()>>
+    where
+        Self: Default,
+    {
+        let mut rows = Vec::new();
+        Self::default().describe(&Scope::default(), context, &mut rows);
+        rows
+    }
+
+    /// Rows from [`Variables::described`], in any order, with access to values.
+    fn placed(rows: Vec<Row<()>>) -> Vec<Row<Self>> {
+        let mut placed = Vec::with_capacity(rows.len());
+        for row in rows {
+            placed.push(row.placed(Access { at: Self::at, at_mut: Self::at_mut }));
+        }
+        placed
     }
 }
 
@@ -172,256 +192,284 @@ pub trait Choice: Copy + 'static {
     }
 }
 
-/// The place of a structure or a variable within the values of a model.
-#[doc(hidden)]
-pub trait Lens: 'static {
-    type Data: 'static;
-    type Target: 'static;
-    fn get(data: &Self::Data, index: usize) -> &Self::Target;
-    fn get_mut(data: &mut Self::Data, index: usize) -> &mut Self::Target;
-    /// How many places there are: the index is below it.
-    const COUNT: usize;
-}
-
-/// All values.
-#[doc(hidden)]
-pub struct Whole<D>(PhantomData<D>);
-
-impl<D: 'static> Lens for Whole<D> {
-    type Data = D;
-    type Target = D;
-    const COUNT: usize = 1;
-
-    #[inline]
-    fn get(data: &D, _: usize) -> &D {
-        data
-    }
-
-    #[inline]
-    fn get_mut(data: &mut D, _: usize) -> &mut D {
-        data
-    }
-}
-
-/// A place within a place.
-#[doc(hidden)]
-pub struct Then<A, B>(PhantomData<(A, B)>);
-
-impl<A: Lens, B: Lens<Data = A::Target>> Lens for Then<A, B> {
-    type Data = A::Data;
-    type Target = B::Target;
-    const COUNT: usize = A::COUNT * B::COUNT;
-
-    #[inline]
-    fn get(data: &A::Data, index: usize) -> &B::Target {
-        B::get(A::get(data, index / B::COUNT), index % B::COUNT)
-    }
-
-    #[inline]
-    fn get_mut(data: &mut A::Data, index: usize) -> &mut B::Target {
-        B::get_mut(A::get_mut(data, index / B::COUNT), index % B::COUNT)
-    }
-}
-
-/// An array.
-#[doc(hidden)]
-pub trait List: 'static {
-    type Item: 'static;
-    const LENGTH: usize;
-    fn at(&self, index: usize) -> &Self::Item;
-    fn at_mut(&mut self, index: usize) -> &mut Self::Item;
-}
-
-impl<T: 'static, const N: usize> List for [T; N] {
-    type Item = T;
-    const LENGTH: usize = N;
-
-    #[inline]
-    fn at(&self, index: usize) -> &T {
-        &self[index]
-    }
-
-    #[inline]
-    fn at_mut(&mut self, index: usize) -> &mut T {
-        &mut self[index]
-    }
-}
-
-impl<T: 'static, const N: usize> List for Array<T, N> {
-    type Item = T;
-    const LENGTH: usize = N;
-
-    #[inline]
-    fn at(&self, index: usize) -> &T {
-        &self[index]
-    }
-
-    #[inline]
-    fn at_mut(&mut self, index: usize) -> &mut T {
-        &mut self[index]
-    }
-}
-
-/// The elements of an array.
-#[doc(hidden)]
-pub struct Elements<A>(PhantomData<A>);
-
-impl<A: Lens<Target: List>> Lens for Elements<A> {
-    type Data = A::Data;
-    type Target = <A::Target as List>::Item;
-    const COUNT: usize = A::COUNT * <A::Target as List>::LENGTH;
-
-    #[inline]
-    fn get(data: &A::Data, index: usize) -> &Self::Target {
-        A::get(data, index / <A::Target as List>::LENGTH).at(index % <A::Target as List>::LENGTH)
-    }
-
-    #[inline]
-    fn get_mut(data: &mut A::Data, index: usize) -> &mut Self::Target {
-        A::get_mut(data, index / <A::Target as List>::LENGTH).at_mut(index % <A::Target as List>::LENGTH)
-    }
-}
-
 /// Where a structure stands within the values of a model.
 #[doc(hidden)]
-#[derive(Clone)]
-pub struct At {
+#[derive(Default)]
+pub struct Scope {
     /// Prefix of all names.
-    pub prefix: String,
-    /// Index of the structure among those at its place.
-    pub outer: usize,
-    /// Number of the structure in its array.
-    pub number: Option<usize>,
-    /// Number of its first field among those of the model, counted from 0.
-    pub field: usize,
+    prefix: String,
+    /// Index of the structure in its array.
+    pub index: usize,
+    /// Number of the structure in its array, or of the array in which the structure around it is.
+    number: Option<usize>,
+    /// Number of its first variable among those of the model.
+    first: usize,
 }
 
-impl At {
-    /// The place of a structure within this one, or of an array of them.
-    pub fn within(&self, prefix: &str, fields_before: usize) -> Self {
-        Self { prefix: format!("{}{prefix}", self.prefix), field: self.field + fields_before, ..*self }
+impl Scope {
+    /// The structures in a field, by the numbers of variables before it and in it, and by the lengths of an array.
+    ///
+    /// # Panics
+    /// If `count` or the number of prefixes is more than the number of structures.
+    pub fn nested(
+        &self,
+        (before, variables): (usize, usize),
+        names: &Names,
+        lengths: &[usize],
+        count: Option<usize>,
+    ) -> Vec<Self> {
+        let given = if let Names::Each(prefixes) = names { Some(prefixes.len()) } else { None };
+        let most = lengths.iter().product();
+        let count = count.or(given).unwrap_or(most);
+        assert!(count <= most, "{} has {most} elements, fewer than {count}", names.at(&self.prefix, 0, &[]));
+        let structure = |index| {
+            let end = if let Names::Common(_) = names { "." } else { "" };
+            let prefix = names.at(&self.prefix, index, lengths) + end;
+            let number = if lengths.is_empty() { self.number } else { Some(index + 1) };
+            Self { prefix, index, number, first: self.first + before + index * (variables / most) }
+        };
+        (0..count).map(structure).collect()
+    }
+
+    /// The rows of a field that starts with these variables: all, or the first `count`; it has that number of variables before it.
+    ///
+    /// # Panics
+    /// If there are not as many names as elements.
+    pub fn rows(
+        &self,
+        before: usize,
+        names: &Names,
+        (lengths, slots): &Elements<'_>,
+        count: Option<usize>,
+    ) -> Vec<Row<()>> {
+        let made = count.unwrap_or(slots.len());
+        assert!(made <= slots.len(), "count = {made} is refused for an array of {} elements", slots.len());
+        if let Names::Each(names) = names {
+            assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
+        }
+        let row = |index: usize| {
+            let row = slots[index].row(names.at(&self.prefix, index, lengths));
+            row.within(&self.prefix, self.number, self.first + before + index, index)
+        };
+        (0..made).map(row).collect()
     }
 }
 
-/// Its place, and what the attributes call `context`.
+/// Names of the elements of a field, or prefixes of those in its structures.
 #[doc(hidden)]
-pub struct Scope<'s, C: ?Sized> {
-    pub at: At,
-    pub context: &'s C,
+pub enum Names {
+    /// `name`, `name[1]`, `name[1,2]`.
+    Common(String),
+    /// One for each.
+    Each(Vec<String>),
+}
+
+impl Names {
+    /// One for each.
+    pub fn each(names: impl IntoIterator<Item: Into<String>>) -> Self {
+        Self::Each(names.into_iter().map(Into::into).collect())
+    }
+
+    /// That of the element with an index, counted from 0 through all dimensions of an array with that shape.
+    fn at(&self, prefix: &str, index: usize, shape: &[usize]) -> String {
+        let name = match self {
+            Self::Common(name) => name,
+            Self::Each(names) => return format!("{prefix}{}", names[index]),
+        };
+        let mut rest = index;
+        let mut indices = Vec::new();
+        for length in shape.iter().rev() {
+            indices.insert(0, (rest % length + 1).to_string());
+            rest /= length;
+        }
+        if indices.is_empty() { format!("{prefix}{name}") } else { format!("{prefix}{name}[{}]", indices.join(",")) }
+    }
 }
 
 /// A type of variables.
 #[doc(hidden)]
-pub trait Scalar: Sized + 'static {
-    /// Its unit; `()` if it has none.
-    type Unit;
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is not a type of variables",
+    label = "expected f64, i32, bool, String, an enum with `#[derive(Choice)]`, or an array of them"
+)]
+pub trait Scalar: Slot + Sized {
     /// Its limits.
-    type Limit: Into<f64>;
-    fn place<L: Lens<Target = Self>>() -> Place<L::Data>;
-    fn row(name: String, unit: Self::Unit, start: &Self) -> Row<()>;
+    type Limit;
 }
 
 /// The limits of a type that has none.
 #[doc(hidden)]
 pub enum NoLimit {}
 
-impl From<NoLimit> for f64 {
-    fn from(none: NoLimit) -> f64 {
-        match none {}
-    }
-}
-
 /// Implements a type whose field holds its values as they are.
 macro_rules! scalar {
-    ($scalar:ident, $unit:ty, $limit:ty, $kind:ident, |$given:ident, $start:ident| $of_type:expr) => {
+    ($scalar:ident, $limit:ty, $real:expr, $real_mut:expr, |$start:ident| $of_type:expr) => {
         impl Scalar for $scalar {
-            type Unit = $unit;
             type Limit = $limit;
+        }
 
-            fn place<L: Lens<Target = Self>>() -> Place<L::Data> {
-                Place::$kind(Access {
-                    get: |data, at| L::get(data, at).clone(),
-                    set: |data, at, value| *L::get_mut(data, at) = value,
-                })
+        impl Slot for $scalar {
+            fn get(&self) -> Value {
+                self.clone().into()
             }
 
-            fn row(name: String, $given: $unit, $start: &Self) -> Row<()> {
+            fn set(&mut self, value: Value) -> bool {
+                value.try_into().map(|value| *self = value).is_ok()
+            }
+
+            fn row(&self, name: String) -> Row<()> {
+                let $start = self;
                 Row::new(name, $of_type, None)
             }
+
+            fn real(&self) -> Option<&f64> {
+                $real(self)
+            }
+
+            fn real_mut(&mut self) -> Option<&mut f64> {
+                $real_mut(self)
+            }
         }
     };
 }
-scalar!(f64, Unit, f64, Real, |unit, start| Type::real(*start, unit));
-scalar!(i32, (), i32, Integer, |_unit, start| Type::integer(*start));
-scalar!(bool, (), NoLimit, Boolean, |_unit, start| Type::Boolean { start: *start });
-scalar!(String, (), NoLimit, String, |_unit, start| Type::String { start: start.clone().into() });
+scalar!(f64, f64, Some, Some, |start| Type::real(*start, Unit::default()));
+scalar!(i32, i32, |_| None, |_| None, |start| Type::integer(*start));
+scalar!(bool, NoLimit, |_| None, |_| None, |start| Type::Boolean { start: *start });
+scalar!(String, NoLimit, |_| None, |_| None, |start| Type::String { start: start.clone().into() });
 
 impl<T: Choice> Scalar for T {
-    type Unit = ();
     type Limit = NoLimit;
+}
 
-    fn place<L: Lens<Target = T>>() -> Place<L::Data> {
-        Place::Integer(Access {
-            get: |data, at| L::get(data, at).number(),
-            // A number that is none of an item was refused before.
-            set: |data, at, number| {
-                if let Some(item) = T::of_number(number) {
-                    *L::get_mut(data, at) = item;
-                }
-            },
-        })
+impl<T: Choice> Slot for T {
+    fn get(&self) -> Value {
+        Value::Integer(self.number())
     }
 
-    fn row(name: String, (): (), start: &T) -> Row<()> {
-        Row::new(name, Type::Enumeration { start: start.number(), items: T::ENUMERATION }, None).with_items_only()
+    fn set(&mut self, value: Value) -> bool {
+        let Value::Integer(number) = value else { return false };
+        if let Some(item) = T::of_number(number) {
+            *self = item;
+        }
+        true
+    }
+
+    fn row(&self, name: String) -> Row<()> {
+        let mut row = Row::new(name, Type::Enumeration { start: self.number(), items: T::ENUMERATION }, None);
+        row.variable.items_only = true;
+        row
     }
 }
 
-/// A type that a field with one of the attributes can have: a variable, or an array of them.
+/// A field: a variable or a structure of variables, or an array of them.
 #[doc(hidden)]
-#[diagnostic::on_unimplemented(
-    message = "`{Self}` is not a type of variables",
-    label = "expected f64, i32, bool, String, an enum with `#[derive(Choice)]`, or an array of them"
-)]
-pub trait Field: Sized + 'static {
-    type Scalar: Scalar;
-    /// Access to its elements, whose indices are counted through all dimensions.
-    fn place<L: Lens<Target = Self>>() -> Place<L::Data>;
-    /// Appends its elements, each with its indices, counted from 1, after those of the arrays around it.
-    fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f Self::Scalar)>);
+pub trait Field<Kind> {
+    /// The variable or structure, or that in the array.
+    type Item;
+    /// Number of variables.
+    const COUNT: usize;
+    /// Appends the lengths of an array through all dimensions.
+    fn lengths(_: &mut Vec<usize>) {}
+    /// Appends the variables or structures.
+    fn items<'f>(&'f self, items: &mut Vec<&'f Self::Item>);
+    fn at(&self, number: usize) -> &dyn Slot;
+    fn at_mut(&mut self, number: usize) -> &mut dyn Slot;
 }
 
-impl<T: Scalar> Field for T {
-    type Scalar = T;
+/// [`Field`] that is a variable.
+#[doc(hidden)]
+pub enum Single {}
 
-    fn place<L: Lens<Target = T>>() -> Place<L::Data> {
-        <T as Scalar>::place::<L>()
+/// [`Field`] that is a structure.
+#[doc(hidden)]
+pub enum Structure {}
+
+/// [`Field`] that is an array.
+#[doc(hidden)]
+pub struct Many<Kind>(PhantomData<Kind>);
+
+impl<T: Scalar> Field<Single> for T {
+    type Item = T;
+    const COUNT: usize = 1;
+
+    fn items<'f>(&'f self, items: &mut Vec<&'f T>) {
+        items.push(self);
     }
 
-    fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f T)>) {
-        elements.push((indices.to_vec(), self));
+    fn at(&self, _: usize) -> &dyn Slot {
+        self
+    }
+
+    fn at_mut(&mut self, _: usize) -> &mut dyn Slot {
+        self
     }
 }
 
-macro_rules! list_of_fields {
-    ($list:ty) => {
-        impl<T: Field, const N: usize> Field for $list {
-            type Scalar = T::Scalar;
+impl<V: Variables> Field<Structure> for V {
+    type Item = V;
+    const COUNT: usize = V::COUNT;
 
-            fn place<L: Lens<Target = Self>>() -> Place<L::Data> {
-                <T as Field>::place::<Elements<L>>()
+    fn items<'f>(&'f self, items: &mut Vec<&'f V>) {
+        items.push(self);
+    }
+
+    fn at(&self, number: usize) -> &dyn Slot {
+        V::at(self, number)
+    }
+
+    fn at_mut(&mut self, number: usize) -> &mut dyn Slot {
+        V::at_mut(self, number)
+    }
+}
+
+macro_rules! lists {
+    ($($list:ty),*) => {$(
+        impl<K, T: Field<K>, const N: usize> Field<Many<K>> for $list {
+            type Item = T::Item;
+            const COUNT: usize = N * T::COUNT;
+
+            fn lengths(lengths: &mut Vec<usize>) {
+                lengths.push(N);
+                T::lengths(lengths);
             }
 
-            fn elements<'f>(&'f self, indices: &[usize], elements: &mut Vec<(Vec<usize>, &'f T::Scalar)>) {
-                for (k, element) in self.iter().enumerate() {
-                    element.elements(&[indices, &[k + 1]].concat(), elements);
+            fn items<'f>(&'f self, items: &mut Vec<&'f T::Item>) {
+                for element in self.iter() {
+                    element.items(items);
                 }
+            }
+
+            fn at(&self, number: usize) -> &dyn Slot {
+                self[number / T::COUNT].at(number % T::COUNT)
+            }
+
+            fn at_mut(&mut self, number: usize) -> &mut dyn Slot {
+                self[number / T::COUNT].at_mut(number % T::COUNT)
             }
         }
-    };
+    )*};
 }
-list_of_fields!([T; N]);
-list_of_fields!(Array<T, N>);
+lists!([T; N], Array<T, N>);
+
+/// The lengths of a field that is an array, and the variables or structures in it.
+#[doc(hidden)]
+pub fn items<K, F: Field<K>>(field: &F) -> (Vec<usize>, Vec<&F::Item>) {
+    let (mut lengths, mut items) = (Vec::new(), Vec::new());
+    F::lengths(&mut lengths);
+    field.items(&mut items);
+    (lengths, items)
+}
+
+/// As [`items`], of variables of any type.
+#[doc(hidden)]
+pub type Elements<'f> = (Vec<usize>, Vec<&'f dyn Slot>);
+
+/// As [`items`] for a field of variables.
+#[doc(hidden)]
+pub fn elements<K, F: Field<K, Item: Scalar>>(field: &F) -> Elements<'_> {
+    let (lengths, items) = items(field);
+    (lengths, items.into_iter().map(|item| item as &dyn Slot).collect())
+}
 
 /// The value of the attribute `start` for a field of type `F`: the same type, or one value for all elements.
 #[doc(hidden)]
@@ -466,148 +514,6 @@ impl<const N: usize> Start<[String; N]> for [&str; N] {
     }
 }
 
-/// Names of the elements of a field.
-#[doc(hidden)]
-pub enum Names {
-    /// `name`, `name[1]`, `name[1,2]`.
-    Common(String),
-    /// One for each.
-    Each(Vec<String>),
-}
-
-/// Adds the rows of a field, which is the one of that number in its structure; for the macro.
-///
-/// # Panics
-/// If there are not as many names as elements.
-#[doc(hidden)]
-pub fn add<F: Field>(
-    rows: &mut Vec<Row<()>>,
-    (at, field): (&At, usize),
-    names: Names,
-    unit: &dyn Fn(usize) -> <F::Scalar as Scalar>::Unit,
-    (default, start): (&F, Option<F>),
-    count: Option<usize>,
-    finish: &mut dyn FnMut(Row<()>) -> Row<()>,
-) {
-    let mut elements = Vec::new();
-    start.as_ref().unwrap_or(default).elements(&[], &mut elements);
-    let (indices, starts): (Vec<_>, Vec<_>) = elements.into_iter().unzip();
-    let names = names_of(&at.prefix, &names, &indices, count);
-    for (index, (name, start)) in names.into_iter().zip(&starts).enumerate() {
-        let row = F::Scalar::row(name, unit(index), start).at_place(at.outer * starts.len() + index, index);
-        rows.push(finish(row.within(&at.prefix, at.number, at.field + field)));
-    }
-}
-
-/// Names of the elements with these indices, or of the first `count` of them.
-fn names_of(prefix: &str, names: &Names, indices: &[Vec<usize>], count: Option<usize>) -> Vec<String> {
-    let made = count.unwrap_or(indices.len());
-    assert!(made <= indices.len(), "count = {made} is refused for an array of {} elements", indices.len());
-    if let Names::Each(names) = names {
-        assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
-    }
-    let name = |index: usize| match names {
-        Names::Common(name) if indices[index].is_empty() => format!("{prefix}{name}"),
-        Names::Common(name) => {
-            let indices: Vec<_> = indices[index].iter().map(usize::to_string).collect();
-            format!("{prefix}{name}[{}]", indices.join(","))
-        }
-        Names::Each(names) => format!("{prefix}{}", names[index]),
-    };
-    (0..made).map(name).collect()
-}
-
-/// Passes the context of each structure of an array by its index.
-#[doc(hidden)]
-pub type EachContext<'c, C> = dyn Fn(usize, &mut dyn FnMut(&C)) + 'c;
-
-/// A field that is a structure of variables, or an array of them.
-#[doc(hidden)]
-#[diagnostic::on_unimplemented(
-    message = "`{Self}` is not a structure of variables",
-    label = "expected `#[derive(Variables)]` on it, or one of the attributes `#[parameter]`, `#[input]`, `#[output]`, `#[local]`, \
-             `#[hidden]` on this field"
-)]
-pub trait Nested<Kind>: Sized + 'static {
-    type Context: ?Sized;
-    const FIELDS: usize;
-    /// Appends the rows of the structure or structures that stand there; `context` passes that of each.
-    fn describe(
-        &self,
-        at: &At,
-        context: &EachContext<'_, Self::Context>,
-        prefixes: Option<Vec<String>>,
-        count: Option<usize>,
-        rows: &mut Vec<Row<()>>,
-    );
-    fn places<L: Lens<Target = Self>>(places: &mut Vec<Place<L::Data>>);
-}
-
-/// [`Nested`] of one structure.
-#[doc(hidden)]
-pub enum One {}
-
-/// [`Nested`] of an array.
-#[doc(hidden)]
-pub enum Many {}
-
-impl<V: Variables> Nested<One> for V {
-    type Context = V::Context;
-    const FIELDS: usize = V::FIELDS;
-
-    fn describe(
-        &self,
-        at: &At,
-        context: &EachContext<'_, V::Context>,
-        prefixes: Option<Vec<String>>,
-        count: Option<usize>,
-        rows: &mut Vec<Row<()>>,
-    ) {
-        if count == Some(0) {
-            return;
-        }
-        let prefix = match prefixes.as_deref() {
-            Some([prefix]) => prefix.clone(),
-            _ => at.prefix.clone() + ".",
-        };
-        let at = At { prefix, ..*at };
-        context(0, &mut |context| V::describe(self, &Scope { at: at.clone(), context }, rows));
-    }
-
-    fn places<L: Lens<Target = V>>(places: &mut Vec<Place<L::Data>>) {
-        V::places::<L>(places);
-    }
-}
-
-impl<A: List<Item: Variables>> Nested<Many> for A {
-    type Context = <A::Item as Variables>::Context;
-    const FIELDS: usize = <A::Item as Variables>::FIELDS;
-
-    fn describe(
-        &self,
-        at: &At,
-        context: &EachContext<'_, Self::Context>,
-        prefixes: Option<Vec<String>>,
-        count: Option<usize>,
-        rows: &mut Vec<Row<()>>,
-    ) {
-        let count = count.or(prefixes.as_ref().map(Vec::len)).unwrap_or(A::LENGTH);
-        assert!(count <= A::LENGTH, "{} has {} elements, fewer than {count}", at.prefix, A::LENGTH);
-        for k in 0..count {
-            let prefix = match &prefixes {
-                Some(prefixes) => prefixes[k].clone(),
-                None => format!("{}[{}].", at.prefix, k + 1),
-            };
-            let at = At { prefix, outer: at.outer * A::LENGTH + k, number: Some(k + 1), field: at.field };
-            context(k, &mut |context| Variables::describe(self.at(k), &Scope { at: at.clone(), context }, rows));
-        }
-    }
-
-    fn places<L: Lens<Target = A>>(places: &mut Vec<Place<L::Data>>) {
-        <A::Item as Variables>::places::<Elements<L>>(places);
-    }
-}
-
 /// For attributes that only a variable of type Real can have.
 #[doc(hidden)]
 #[diagnostic::on_unimplemented(
@@ -619,10 +525,14 @@ impl Real for f64 {}
 
 /// Fails to compile unless the field is of type Real.
 #[doc(hidden)]
-pub fn only_real<F: Field<Scalar: Real>>() {}
+pub fn only_real<K, F: Field<K, Item: Real>>() {}
 
-/// The limit of a field as a number.
+/// Fails to compile unless a limit has the type of those of the field.
 #[doc(hidden)]
-pub fn limit<F: Field>(limit: <F::Scalar as Scalar>::Limit) -> f64 {
-    limit.into()
+pub fn limit<K, F: Field<K, Item: Scalar>>(_: <F::Item as Scalar>::Limit) {}
+
+/// Changes a row by a function or a closure.
+#[doc(hidden)]
+pub fn apply(row: Row<()>, with: impl FnOnce(Row<()>) -> Row<()>) -> Row<()> {
+    with(row)
 }

@@ -142,7 +142,7 @@ pub fn refused(scenario: &Scenario) -> Vec<String> {
 }
 
 /// Starts an instance of every element, or returns every parameter that a model refuses.
-fn instances(scenario: &Scenario) -> Result<Vec<Box<dyn Instance>>, Vec<String>> {
+fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Vec<String>> {
     let mut instances = Vec::new();
     let mut refused = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
@@ -170,11 +170,7 @@ fn unbalances(scenario: &Scenario, element: usize) -> Vec<[Place; 2]> {
 }
 
 /// The unbalance of the plant with a correction mass: without the estimated one.
-fn balanced(
-    instances: &mut [Box<dyn Instance>],
-    of_plant: [Place; 2],
-    of_estimator: [Place; 2],
-) -> [(Place, Value); 2] {
+fn balanced(instances: &mut [Instance], of_plant: [Place; 2], of_estimator: [Place; 2]) -> [(Place, Value); 2] {
     let mut vector = |places: [Place; 2]| {
         let [magnitude, phase] = places.map(|place| read(instances, place).as_f64());
         [magnitude * libm::cos(phase), magnitude * libm::sin(phase)]
@@ -188,7 +184,7 @@ fn balanced(
 /// Sets variables; the error names the element that refuses its value.
 fn set(
     scenario: &Scenario,
-    instances: &mut [Box<dyn Instance>],
+    instances: &mut [Instance],
     values: impl IntoIterator<Item = (Place, Value)>,
 ) -> Result<(), String> {
     for ((element, index), value) in values {
@@ -222,7 +218,7 @@ fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
     )]))
 }
 
-fn read(instances: &mut [Box<dyn Instance>], (element, index): Place) -> Value {
+fn read(instances: &mut [Instance], (element, index): Place) -> Value {
     instances[element].get(index).expect("indices come from the model's table")
 }
 
@@ -230,7 +226,7 @@ fn read(instances: &mut [Box<dyn Instance>], (element, index): Place) -> Value {
 ///
 /// # Errors
 /// Every value that the model refuses.
-pub(crate) fn start(element: &Element) -> Result<Box<dyn Instance>, Vec<String>> {
+pub(crate) fn start(element: &Element) -> Result<Instance, Vec<String>> {
     let mut instance = element.model_type.instantiate();
     for setting in &element.settings {
         instance

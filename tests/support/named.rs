@@ -9,7 +9,7 @@ use magnetic_bearing::fmu::find;
 /// An instance with its variables.
 pub struct Named {
     /// The instance.
-    pub instance: Box<dyn Instance>,
+    pub instance: Instance,
     /// Its variables, by index.
     pub variables: Vec<&'static Variable>,
 }

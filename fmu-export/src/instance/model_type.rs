@@ -4,14 +4,14 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 
 use super::Instance;
-use super::run::ModelInstance;
+use super::run::{Core, Typed};
 use crate::check;
 use crate::description::{self, Description, Standard};
 use crate::interface::guard::words;
 use crate::model::{Capabilities, Info, Model};
 use crate::resources::Resources;
 use crate::state::HiddenState;
-use crate::variable::{Table, Variable};
+use crate::variable::{Table, Type, Value, Variable};
 
 /// A model that can be instantiated, independent of its Rust type. Instances share its table.
 pub struct ModelType {
@@ -20,8 +20,7 @@ pub struct ModelType {
     /// Optional capabilities.
     pub capabilities: Capabilities,
     variables: Arc<[Variable]>,
-    new_instance: Box<dyn Fn(Resources) -> Box<dyn Instance> + Send + Sync>,
-    shared_places: Box<dyn Fn() -> Vec<String> + Send + Sync>,
+    new_core: Box<dyn Fn() -> Box<dyn Core> + Send + Sync>,
     /// In the order of [`Standard::ALL`].
     descriptions: [OnceLock<Description>; 3],
 }
@@ -30,13 +29,11 @@ impl ModelType {
     /// The model type of a Rust type.
     pub fn of<M: Model>() -> Self {
         let table = Arc::new(Table::new(M::table()));
-        let same_table = table.clone();
         Self {
             info: M::INFO,
             capabilities: Capabilities { snapshots: M::State::SAVED, ..M::CAPABILITIES },
             variables: table.variables.clone(),
-            new_instance: Box::new(move |resources| Box::new(ModelInstance::<M>::new(table.clone(), resources))),
-            shared_places: Box::new(move || same_table.shared_places()),
+            new_core: Box::new(move || Box::new(Typed::<M>::new(table.clone()))),
             descriptions: Default::default(),
         }
     }
@@ -47,21 +44,42 @@ impl ModelType {
     }
 
     /// Makes an instance with the start values of the table, without a folder `resources`.
-    pub fn instantiate(&self) -> Box<dyn Instance> {
+    pub fn instantiate(&self) -> Instance {
         self.instantiate_with(Resources::default())
     }
 
     /// Makes an instance that finds its files in that folder.
-    pub fn instantiate_with(&self, resources: Resources) -> Box<dyn Instance> {
-        (self.new_instance)(resources)
+    pub fn instantiate_with(&self, resources: Resources) -> Instance {
+        Instance::new(self.variables.clone(), self.capabilities, (self.new_core)(), resources)
     }
 
     /// Errors in the table, each in a sentence; the packager refuses a model with any.
     pub fn problems(&self) -> Vec<String> {
         let mut found = check::problems(&self.info, &self.variables);
-        match catch_unwind(AssertUnwindSafe(|| (self.shared_places)())) {
+        match catch_unwind(AssertUnwindSafe(|| self.shared_places())) {
             Ok(shared) => found.extend(shared),
             Err(panic) => found.push(format!("a row panics when it is read or written: {}", words(panic.as_ref()))),
+        }
+        found
+    }
+
+    /// Pairs of rows that access the same place: each changes what the other reads.
+    fn shared_places(&self) -> Vec<String> {
+        let start = (self.new_core)();
+        let indices = 0..self.variables.len();
+        // Variables that read differently once the row has written another value.
+        let changed = |index: usize| {
+            let mut core = (self.new_core)();
+            core.set(index, other(&self.variables[index], start.get(index)));
+            indices.clone().filter(|at| !same(&core.get(*at), &start.get(*at))).collect::<Vec<_>>()
+        };
+        let changed: Vec<Vec<usize>> = indices.clone().map(changed).collect();
+        let mut found = Vec::new();
+        for one in indices {
+            for other in changed[one].iter().filter(|other| one < **other && changed[**other].contains(&one)) {
+                let [one, other] = [one, *other].map(|index| &self.variables[index].name);
+                found.push(format!("{one} and {other} access the same field"));
+            }
         }
         found
     }
@@ -92,6 +110,27 @@ impl ModelType {
     #[cfg(feature = "fmi3")]
     pub(crate) fn elements(&self) -> Arc<[u32]> {
         description::arrays::elements(&self.variables)
+    }
+}
+
+/// A value of the same type that differs.
+fn other(variable: &Variable, value: Value) -> Value {
+    match (&variable.data_type, value) {
+        (_, Value::Real(value)) => Value::Real(if value == 0.125 { 0.25 } else { 0.125 }),
+        (Type::Enumeration { items, .. }, Value::Integer(value)) => {
+            Value::Integer(if value == 1 { items.items.len() as i32 } else { 1 })
+        }
+        (_, Value::Integer(value)) => Value::Integer(if value == 1 { 2 } else { 1 }),
+        (_, Value::Boolean(value)) => Value::Boolean(!value),
+        (_, Value::String(value)) => Value::String(value + "."),
+    }
+}
+
+/// Whether two readings are equal; NaN equals itself.
+fn same(one: &Value, other: &Value) -> bool {
+    match (one, other) {
+        (Value::Real(one), Value::Real(other)) => one.to_bits() == other.to_bits(),
+        _ => one == other,
     }
 }
 

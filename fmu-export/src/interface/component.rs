@@ -40,7 +40,7 @@ const LATEST_START_S: f64 = 1e10;
 /// An instance with its state in the sequence of calls, its logger and its buffers.
 pub(crate) struct Component<I: Interface> {
     pub(crate) model: Arc<ModelType>,
-    pub(crate) instance: Box<dyn Instance>,
+    pub(crate) instance: Instance,
     pub(crate) resources: Resources,
     pub(crate) stage: Stage,
     pub(crate) logger: Logger<I>,
@@ -207,7 +207,7 @@ impl<I: Interface> Component<I> {
 
     /// Takes a snapshot of this instance into an existing one of the same model.
     pub(crate) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
-        if !snapshot.instance.copy_from(self.instance.as_ref()) {
+        if !snapshot.instance.copy_from(&self.instance) {
             return Err(foreign(snapshot, &self.model));
         }
         snapshot.stage = self.stage;
@@ -222,7 +222,7 @@ impl<I: Interface> Component<I> {
                 "FMUstate is a snapshot of another version of FMI, in a state unknown to this one",
             ));
         }
-        if !self.instance.copy_from(snapshot.instance.as_ref()) {
+        if !self.instance.copy_from(&snapshot.instance) {
             return Err(foreign(snapshot, &self.model));
         }
         self.stage = snapshot.stage;

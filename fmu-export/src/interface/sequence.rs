@@ -65,11 +65,6 @@ macro_rules! call_table {
                     $(Self::$function => concat!($prefix, stringify!($function)),)*
                 }
             }
-
-            /// Whether the function may be called in that state.
-            pub fn allowed_in(self, state: State) -> bool {
-                Rule::states(self) & state as u8 != 0
-            }
         }
 
         impl Rule for Function {

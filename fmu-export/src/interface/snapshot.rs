@@ -30,7 +30,7 @@ const HASH_BYTES: usize = 32;
 /// A snapshot in the hands of the importer: an instance without its name, its callbacks and its log categories.
 pub(crate) struct Snapshot {
     pub(crate) model: Arc<ModelType>,
-    pub(crate) instance: Box<dyn Instance>,
+    pub(crate) instance: Instance,
     pub(crate) stage: Stage,
 }
 

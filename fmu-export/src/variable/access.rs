@@ -1,37 +1,70 @@
 //! Access to the value of a variable within the values of a model.
 
+use super::{Row, Value};
+
 /// Access to a value in the structure `D`; the index is that of an array element. Made by [`place!`](crate::place).
-pub struct Access<D, T> {
-    /// Reads the element with that index.
-    pub get: fn(&D, usize) -> T,
-    /// Writes the element with that index.
-    pub set: fn(&mut D, usize, T),
+pub struct Access<D, T: ?Sized> {
+    /// The element with that index.
+    pub at: fn(&D, usize) -> &T,
+    /// The element with that index, to write.
+    pub at_mut: fn(&mut D, usize) -> &mut T,
 }
 
-impl<D, T> Clone for Access<D, T> {
-    fn clone(&self) -> Self {
-        *self
+/// A value in its place: a field of type f64, i32, bool, String, or of a Rust enum.
+#[doc(hidden)]
+pub trait Slot: 'static {
+    fn get(&self) -> Value;
+    /// Writes it; `false` if the value has another type. A number that is none of an item was refused before.
+    fn set(&mut self, value: Value) -> bool;
+    /// The row of a variable of that name which starts with this value.
+    fn row(&self, name: String) -> Row<()>;
+    /// A number, if it is one: importers read and write many at every step.
+    fn real(&self) -> Option<&f64> {
+        None
+    }
+    /// As `real`, to write.
+    fn real_mut(&mut self) -> Option<&mut f64> {
+        None
     }
 }
 
-impl<D, T> Copy for Access<D, T> {}
-
 /// Access to a value of any type.
-#[doc(hidden)]
-pub enum Place<D> {
+pub(crate) enum Place<D> {
     Real(Access<D, f64>),
     Integer(Access<D, i32>),
     Boolean(Access<D, bool>),
     String(Access<D, String>),
+    /// The index is that among all variables of a structure with [`derive@crate::Variables`].
+    Field(Access<D, dyn Slot>),
+    /// The time, which the instance knows.
+    Time,
 }
 
-impl<D> Clone for Place<D> {
-    fn clone(&self) -> Self {
-        *self
+impl<D> Place<D> {
+    /// The value with an index; none for the time.
+    pub fn at<'d>(&self, values: &'d D, index: usize) -> Option<&'d dyn Slot> {
+        Some(match self {
+            Self::Real(place) => (place.at)(values, index),
+            Self::Integer(place) => (place.at)(values, index),
+            Self::Boolean(place) => (place.at)(values, index),
+            Self::String(place) => (place.at)(values, index),
+            Self::Field(place) => (place.at)(values, index),
+            Self::Time => return None,
+        })
+    }
+
+    /// As `at`, to write.
+    pub fn at_mut<'d>(&self, values: &'d mut D, index: usize) -> Option<&'d mut dyn Slot> {
+        Some(match self {
+            Self::Real(place) => (place.at_mut)(values, index),
+            Self::Integer(place) => (place.at_mut)(values, index),
+            Self::Boolean(place) => (place.at_mut)(values, index),
+            Self::String(place) => (place.at_mut)(values, index),
+            Self::Field(place) => (place.at_mut)(values, index),
+            Self::Time => return None,
+        })
     }
 }
-
-impl<D> Copy for Place<D> {}
 
 /// Makes an [`Access`](crate::variable::Access) from a type and the path of one of its fields; `[k]` at the end stands for the
 /// element of an array.
@@ -47,14 +80,14 @@ impl<D> Copy for Place<D> {}
 macro_rules! place {
     ($values:ident . $($field:ident).+) => {
         $crate::variable::Access {
-            get: |values: &$values, _| values.$($field).+.clone(),
-            set: |values: &mut $values, _, value| values.$($field).+ = value,
+            at: |values: &$values, _| &values.$($field).+,
+            at_mut: |values: &mut $values, _| &mut values.$($field).+,
         }
     };
     ($values:ident . $($field:ident).+ [$index:ident]) => {
         $crate::variable::Access {
-            get: |values: &$values, $index| values.$($field).+[$index].clone(),
-            set: |values: &mut $values, $index, value| values.$($field).+[$index] = value,
+            at: |values: &$values, $index| &values.$($field).+[$index],
+            at_mut: |values: &mut $values, $index| &mut values.$($field).+[$index],
         }
     };
 }

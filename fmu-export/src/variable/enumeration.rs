@@ -30,16 +30,12 @@ impl Enumeration {
     }
 
     /// The value of an item.
-    pub fn value_of(&self, item: &str) -> Option<i32> {
-        self.items.iter().position(|(name, _)| *name == item).map(|index| index as i32 + 1)
-    }
-
-    /// The value of an item.
     ///
     /// # Errors
     /// The items that there are.
     pub fn find(&self, item: &str) -> Result<i32, String> {
-        self.value_of(item).ok_or_else(|| format!("expected one of {}", self.listed()))
+        let index = self.items.iter().position(|(name, _)| *name == item);
+        index.map(|index| index as i32 + 1).ok_or_else(|| format!("expected one of {}", self.listed()))
     }
 
     /// The name of the item with that value.

@@ -13,7 +13,7 @@ use crate::unit::Unit;
 
 pub use access::Access;
 #[doc(hidden)]
-pub use access::Place;
+pub use access::Slot;
 pub use enumeration::Enumeration;
 pub use row::{Row, element};
 pub use table::Table;
@@ -160,16 +160,24 @@ impl Value {
 }
 
 macro_rules! values {
-    ($($data_type:ty: $kind:ident),*) => {
-        $(impl From<$data_type> for Value {
+    ($($data_type:ty: $kind:ident),*) => {$(
+        impl From<$data_type> for Value {
             fn from(value: $data_type) -> Self {
                 Self::$kind(value)
             }
-        })*
-    };
+        }
+
+        impl TryFrom<Value> for $data_type {
+            type Error = Value;
+
+            fn try_from(value: Value) -> Result<Self, Value> {
+                if let Value::$kind(value) = value { Ok(value) } else { Err(value) }
+            }
+        }
+    )*};
 }
 
-values!(f64: Real, i32: Integer, bool: Boolean);
+values!(f64: Real, i32: Integer, bool: Boolean, String: String);
 
 /// Description of a variable, independent of the model.
 #[derive(Clone, Debug, PartialEq)]
@@ -196,9 +204,29 @@ pub struct Variable {
     /// For variables computed at the start: the parameters and inputs that they depend on then, by name; `None` means all of
     /// them.
     pub starts_from: Option<Vec<Cow<'static, str>>>,
+    /// Whether its field cannot hold a number that is none of an item.
+    pub(crate) items_only: bool,
 }
 
 impl Variable {
+    /// A local variable without a description.
+    pub(crate) fn local(name: Cow<'static, str>, data_type: Type) -> Self {
+        let is_real = matches!(data_type, Type::Real { .. });
+        Self {
+            name,
+            description: Cow::Borrowed(""),
+            causality: Causality::Local,
+            variability: if is_real { Variability::Continuous } else { Variability::Discrete },
+            data_type,
+            exact: false,
+            state: false,
+            derivative_of: None,
+            depends_on: None,
+            starts_from: None,
+            items_only: false,
+        }
+    }
+
     /// The start value.
     pub fn start(&self) -> Value {
         match &self.data_type {
@@ -230,6 +258,17 @@ impl Variable {
     /// Whether its value at the start is computed.
     pub fn is_computed(&self) -> bool {
         !self.has_start() && self.causality != Causality::Independent
+    }
+
+    /// Whether it takes values of that type.
+    pub(crate) fn takes(&self, value: &Value) -> bool {
+        matches!(
+            (&self.data_type, value),
+            (Type::Real { .. }, Value::Real(_))
+                | (Type::Integer { .. } | Type::Enumeration { .. }, Value::Integer(_))
+                | (Type::Boolean { .. }, Value::Boolean(_))
+                | (Type::String { .. }, Value::String(_))
+        )
     }
 
     /// Whether it may have this value: one of the items of its enumeration, within its limits. Numbers that are not finite are no

@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::access::Place;
+use super::access::{Place, Slot};
 use super::{Access, Causality, Dependency, Enumeration, Type, Variability, Variable};
 use crate::unit::{SECOND, Unit};
 
@@ -13,51 +13,29 @@ use crate::unit::{SECOND, Unit};
 pub struct Row<D> {
     /// The variable.
     pub variable: Variable,
-    /// Access to its value; none for the time, and none yet for the row of a field.
+    /// Access to its value; none yet for the row of a field.
     pub(super) place: Option<Place<D>>,
-    /// Number of its field among those of the values.
-    field: usize,
+    pub(super) details: Details,
+}
+
+/// What else there is to say of a row until the table is complete.
+#[derive(Default)]
+pub(super) struct Details {
+    /// Index of its value: that of the element, or of a field among all of the values.
+    pub(super) place: usize,
     /// Index of the element in its array.
-    index: usize,
-    /// Index of its place, which differs from that of the element within arrays of structures.
-    pub(super) place_index: usize,
+    pub(super) index: usize,
     pub(super) starts_from_parameters: bool,
     /// Prefix of its name; names to which it refers are looked up with this prefix first.
     pub(super) prefix: String,
     /// Number of the structure that contains it in its array.
     number: Option<usize>,
-    /// Whether its field cannot hold a number that is none of an item.
-    pub(super) holds_items_only: bool,
 }
 
 impl<D> Row<D> {
     pub(crate) fn new(name: impl Into<Cow<'static, str>>, data_type: Type, place: Option<Place<D>>) -> Self {
-        Self {
-            variable: Variable {
-                name: name.into(),
-                description: Cow::Borrowed(""),
-                causality: Causality::Local,
-                variability: if matches!(data_type, Type::Real { .. }) {
-                    Variability::Continuous
-                } else {
-                    Variability::Discrete
-                },
-                data_type,
-                exact: false,
-                state: false,
-                derivative_of: None,
-                depends_on: None,
-                starts_from: None,
-            },
-            place,
-            field: 0,
-            index: 0,
-            place_index: 0,
-            starts_from_parameters: false,
-            prefix: String::new(),
-            number: None,
-            holds_items_only: false,
-        }
+        let variable = Variable::local(name.into(), data_type);
+        Self { variable, place, details: Details::default() }
     }
 
     /// A real number.
@@ -96,7 +74,7 @@ impl<D> Row<D> {
 
     /// The time, as the independent variable of FMI. It needs no place, and there is at most one.
     pub fn time(name: impl Into<Cow<'static, str>>) -> Self {
-        let mut row = Self::new(name, Type::real(0.0, SECOND), None).description("Time");
+        let mut row = Self::new(name, Type::real(0.0, SECOND), Some(Place::Time)).description("Time");
         row.variable.causality = Causality::Independent;
         row
     }
@@ -116,23 +94,11 @@ impl<D> Row<D> {
     ) -> impl Iterator<Item = Self> {
         let name = name.to_owned();
         let rows = starts.into_iter().enumerate();
-        rows.map(move |(index, start)| row(element(&name, index), start).at_place(index, index))
-    }
-
-    /// Moves it to another place and another element of its array.
-    pub(crate) fn at_place(self, place_index: usize, index: usize) -> Self {
-        Self { place_index, index, ..self }
-    }
-
-    /// For a field that is a Rust enum.
-    pub(crate) fn with_items_only(self) -> Self {
-        Self { holds_items_only: true, ..self }
-    }
-
-    /// Puts it into a structure whose names begin with `prefix`, the one of that number in its array; its field is the one of that
-    /// number among those of the values.
-    pub(crate) fn within(self, prefix: &str, number: Option<usize>, field: usize) -> Self {
-        Self { prefix: prefix.to_owned(), number, field, ..self }
+        rows.map(move |(index, start)| {
+            let mut row = row(element(&name, index), start);
+            (row.details.index, row.details.place) = (index, index);
+            row
+        })
     }
 
     /// A text with the number of the element for `{k}`, and that of the structure which contains it for `{n}`.
@@ -140,22 +106,20 @@ impl<D> Row<D> {
         if !text.contains('{') {
             return text;
         }
-        let text = text.replace("{k}", &(self.index + 1).to_string());
-        let text = text.replace("{prefix}", self.prefix.strip_suffix('.').unwrap_or(&self.prefix));
-        self.number.map_or(text.clone(), |number| text.replace("{n}", &number.to_string())).into()
+        let Details { index, prefix, number, .. } = &self.details;
+        let text = text.replace("{k}", &(index + 1).to_string());
+        let text = text.replace("{prefix}", prefix.strip_suffix('.').unwrap_or(prefix));
+        number.map_or(text.clone(), |number| text.replace("{n}", &number.to_string())).into()
     }
 
     /// The index of the element of an array, counted from 0.
     pub fn index(&self) -> usize {
-        self.index
+        self.details.index
     }
 
     /// The value of a Real variable in a structure.
     pub fn number(&self, data: &D) -> Option<f64> {
-        match &self.place {
-            Some(Place::Real(place)) => Some((place.get)(data, self.place_index)),
-            _ => None,
-        }
+        self.place.as_ref()?.at(data, self.details.place)?.real().copied()
     }
 
     /// The unit of a Real variable.
@@ -324,7 +288,7 @@ impl<D> Row<D> {
     /// Declares that it depends on parameters at the start, on any of them, and on no input but those that are named by
     /// [`Row::starts_from`].
     pub fn starts_from_parameters(mut self) -> Self {
-        self.starts_from_parameters = true;
+        self.details.starts_from_parameters = true;
         self.variable.starts_from.get_or_insert_default();
         self
     }
@@ -339,13 +303,26 @@ impl<D> Row<D> {
 }
 
 impl Row<()> {
+    /// Puts it at a place among those of the values, as an element of a field in a structure whose names begin with `prefix`,
+    /// the one of that number in its array.
+    pub(crate) fn within(mut self, prefix: &str, number: Option<usize>, place: usize, index: usize) -> Self {
+        self.details = Details { prefix: prefix.to_owned(), number, place, index, ..self.details };
+        self
+    }
+
+    /// Sets the unit of a Real variable.
+    #[doc(hidden)]
+    pub fn with_unit(mut self, of: Unit) -> Self {
+        if let Type::Real { unit, .. } = &mut self.variable.data_type {
+            *unit = of;
+        }
+        self
+    }
+
     /// The same with access to its value, where that to all fields is known.
-    pub(crate) fn placed<D>(self, places: &[Place<D>]) -> Row<D> {
-        let Self {
-            variable, field, index, place_index, starts_from_parameters, prefix, number, holds_items_only, ..
-        } = self;
-        let place = Some(places[field]);
-        Row { variable, place, field, index, place_index, starts_from_parameters, prefix, number, holds_items_only }
+    pub(crate) fn placed<D>(self, fields: Access<D, dyn Slot>) -> Row<D> {
+        let Self { variable, details, .. } = self;
+        Row { variable, place: Some(Place::Field(fields)), details }
     }
 }
 
