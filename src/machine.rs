@@ -389,7 +389,7 @@ impl Machine {
     }
 
     /// Names of what belongs to each coordinate.
-    pub fn of_coordinates(&self, part: impl Fn(&Coordinate) -> Called) -> Vec<String> {
+    pub fn of_coordinates(&self, part: fn(&Coordinate) -> Called) -> Vec<String> {
         self.coordinates.iter().map(|coordinate| part(coordinate).0.to_owned()).collect()
     }
 
@@ -400,7 +400,7 @@ impl Machine {
     }
 
     /// Names of what belongs to each coordinate at the start: `Y0`.
-    pub fn at_start(&self, part: impl Fn(&Coordinate) -> Called) -> Vec<String> {
+    pub fn at_start(&self, part: fn(&Coordinate) -> Called) -> Vec<String> {
         self.of_coordinates(part).into_iter().map(|name| name + "0").collect()
     }
 

@@ -19,7 +19,7 @@ pub(super) const fn info((name, description): &(&'static str, &'static str)) -> 
 
 /// The rows of a model as its users see them: descriptions in the words of the machine, and every quantity with a display unit in
 /// the first of them.
-pub(super) fn described<D>(rows: impl IntoIterator<Item = Row<D>>, machine: &Machine) -> Vec<Row<D>> {
+pub(super) fn described(rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     let rows = rows.into_iter().map(|row| {
         let description = machine.describe(&row.variable.description, row.index());
         row.description(description).display_in_first()
@@ -28,8 +28,8 @@ pub(super) fn described<D>(rows: impl IntoIterator<Item = Row<D>>, machine: &Mac
 }
 
 /// As [`described`], for a sampled model, whose outputs at the start follow from the parameters alone.
-pub(super) fn sampled<D>(rows: Vec<Row<D>>, machine: &Machine) -> Vec<Row<D>> {
-    let is_output = |row: &Row<D>| row.variable.causality == Causality::Output;
+pub(super) fn sampled(rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
+    let is_output = |row: &Row<()>| row.variable.causality == Causality::Output;
     let rows = rows.into_iter().map(|row| if is_output(&row) { row.starts_from_parameters() } else { row });
-    described(rows, machine)
+    described(rows.collect(), machine)
 }

@@ -61,7 +61,8 @@ where
     type State = ControllerState<N, K, G>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        sampled(Values::rows_in(Rotor::<N, K, B>::MACHINE), Rotor::<N, K, B>::MACHINE)
+        let machine = Rotor::<N, K, B>::MACHINE;
+        Values::placed(sampled(Values::<N, K, B, G>::described(machine), machine))
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {

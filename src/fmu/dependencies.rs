@@ -6,7 +6,7 @@ use fmu_export::variable::Row;
 use crate::machine::Machine;
 
 /// Inputs and states with direct feedthrough to the outputs that all plants have.
-pub(super) fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     let (name, index) = (row.variable.name.clone(), row.index());
     let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
     let of_magnet = |what: &str| machine.of_magnets(what)[index].clone();
@@ -44,7 +44,7 @@ pub(super) fn feedthrough<D>(row: Row<D>, machine: &Machine) -> Row<D> {
 }
 
 /// Adds to a row what it depends on beyond that.
-pub(super) fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+pub(super) fn dependent(row: Row<()>, machine: &Machine) -> Row<()> {
     if machine.tilts() { of_shaft(row, machine) } else { of_one_bearing(row, machine) }
 }
 
@@ -52,7 +52,7 @@ pub(super) fn dependent<D>(row: Row<D>, machine: &Machine) -> Row<D> {
 const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
 
 /// Dependencies of the outputs of a rotor in one bearing, at the start too.
-fn of_one_bearing<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+fn of_one_bearing(row: Row<()>, machine: &Machine) -> Row<()> {
     let (name, k) = (row.variable.name.clone(), row.index());
     let axis = machine.resultant.get(k).copied().unwrap_or_default();
     let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
@@ -114,7 +114,7 @@ const SIDEWAYS: [&str; 4] = [".Y", ".Z", "beta", "gamma"];
 const RATES: [&str; 4] = ["vY", "vZ", "betaRate", "gammaRate"];
 
 /// Dependencies of the outputs of a shaft at its bearings.
-fn of_shaft<D>(row: Row<D>, machine: &Machine) -> Row<D> {
+fn of_shaft(row: Row<()>, machine: &Machine) -> Row<()> {
     let name = row.variable.name.clone();
     let (bearing, own) = name.split_once('.').unwrap_or(("", &name));
     let drives = || {

@@ -81,7 +81,7 @@ where
     type State = StateOf<G, N, K, P>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        sampled(Values::rows_in(G::MACHINE), G::MACHINE)
+        Values::placed(sampled(Self::Values::described(G::MACHINE), G::MACHINE))
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {

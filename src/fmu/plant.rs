@@ -93,15 +93,13 @@ fn a_state(row: Row<()>) -> Row<()> {
     row.starts_from([format!("{name}0")]).depends(Constant, [name])
 }
 
-/// The table of a plant.
-fn table<const N: usize, const K: usize, const B: usize>() -> Vec<Row<Values<N, K, B>>> {
-    let machine = Rotor::<N, K, B>::MACHINE;
+/// The rows of a plant with what its outputs depend on, in the order of the interface.
+fn arranged(mut rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     // A sampled output is held until the next sample.
-    let held = |row: Row<_>| match row.variable.variability {
+    let held = |row: Row<()>| match row.variable.variability {
         Variability::Discrete if row.variable.causality == Causality::Output => row.depends_on_nothing(),
         _ => row,
     };
-    let mut rows = Values::rows_in(machine);
     // Where the order of the interface is not that of the fields.
     if !machine.tilts() {
         let at_start = [|of: &Coordinate| of.position, |of: &Coordinate| of.rate].map(|part| machine.at_start(part));
@@ -113,16 +111,22 @@ fn table<const N: usize, const K: usize, const B: usize>() -> Vec<Row<Values<N, 
         before(&mut rows, coordinate.rate.0, machine.coordinates[0].acceleration.0);
     }
     let rows = rows.into_iter().map(|row| held(dependent(feedthrough(row, machine), machine)));
-    described(rows, machine)
+    described(rows.collect(), machine)
 }
 
 /// Moves a row, if it is there, to the place before another.
-fn before<D>(rows: &mut Vec<Row<D>>, name: &str, other: &str) {
-    let find = |rows: &[Row<D>], name: &str| rows.iter().position(|row| row.variable.name == name);
+fn before(rows: &mut Vec<Row<()>>, name: &str, other: &str) {
+    let find = |rows: &[Row<()>], name: &str| rows.iter().position(|row| row.variable.name == name);
     let Some(from) = find(rows, name) else { return };
     let row = rows.remove(from);
     let to = find(rows, other).unwrap_or(from);
     rows.insert(to, row);
+}
+
+/// The table of a plant.
+fn table<const N: usize, const K: usize, const B: usize>() -> Vec<Row<Values<N, K, B>>> {
+    let machine = Rotor::<N, K, B>::MACHINE;
+    Values::placed(arranged(Values::<N, K, B>::described(machine), machine))
 }
 
 /// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
