@@ -244,7 +244,7 @@ fn variable(
             }
         }
     };
-    // What is the same for all arguments of a generic structure is compiled once.
+    // Code that is the same for all arguments of a generic structure is compiled once.
     let rows = if target.is_in(quote!(#context #names #count #row)) {
         describe(&elements)
     } else {

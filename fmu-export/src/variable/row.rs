@@ -18,7 +18,7 @@ pub struct Row<D> {
     pub(super) details: Details,
 }
 
-/// What else there is to say of a row until the table is complete.
+/// Details of a row that count until the table is complete.
 #[derive(Default)]
 pub(super) struct Details {
     /// Index of its value: that of the element, or of a field among all of the values.

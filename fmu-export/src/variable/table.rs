@@ -147,7 +147,7 @@ fn resolve(rows: &mut [(Variable, Details)]) {
     }
 }
 
-/// What a variable depends on at the start, as far as it follows from what it depends on later: an output of inputs and
+/// The names on which a variable depends at the start, as far as it follows from what it depends on later: an output of inputs and
 /// states depends on these inputs, on whatever the states depend on at the start, and on any parameter.
 fn starts_from(
     variable: &Variable,

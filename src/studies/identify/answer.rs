@@ -16,7 +16,7 @@ use super::diagnosis::{self, Take};
 use super::likelihood::{
     self, DELAY, DYNAMICS, Estimate, Failed, Identification, Knowledge, Options, Recording, Suspect,
 };
-use super::read::{Rotation, Samples};
+use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::{rounded_time, significant};
 use super::{GRAVITY_M_S2, Holds, Stated};
@@ -63,14 +63,14 @@ pub struct Answer {
     pub question: Question,
 }
 
-/// What the recordings tell, judged.
+/// An identification and whether it counts.
 struct Judged {
     question: Question,
     options: Options,
     /// The estimates, if there are any, whether the search converged or not.
     found: Option<Identification>,
     refusal: Option<Refusal>,
-    /// What the identification itself has to say.
+    /// Remarks on the identification itself.
     notes: Vec<String>,
 }
 
@@ -80,14 +80,14 @@ struct Refusal {
     more: More,
 }
 
-/// What is said of estimates that are not valid.
+/// Findings that go with estimates that are not valid.
 #[derive(PartialEq)]
 enum More {
-    /// Nothing.
+    /// None.
     Nothing,
-    /// What they show.
+    /// Those that the estimates show.
     Findings,
-    /// That, and what would fit instead.
+    /// These, and other readings of the recording that would fit.
     Proposals,
 }
 

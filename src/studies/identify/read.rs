@@ -12,15 +12,13 @@ use std::ops::Range;
 
 use self::pace::Pace;
 use self::table::Table;
+use super::samples::Samples;
 use super::signals::Known;
 use super::units::{rounded_time, time};
 use super::{faults, signals};
 use crate::machine::Machine;
 
 pub(super) use self::header::{Signals, TIME_AT};
-pub(super) use super::plausible::REST_RAD_S;
-pub(super) use super::samples::{Rotation, Samples};
-pub(super) use super::statistics::{median, range};
 
 /// How the columns are to be read.
 #[derive(Clone, Debug, Default)]

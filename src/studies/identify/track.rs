@@ -8,7 +8,7 @@ use fmu_export::log::Silent;
 use fmu_export::variable::Value;
 use serde_json::{Map, Value as Json, json};
 
-use super::read::Samples;
+use super::samples::Samples;
 use super::units::significant;
 use super::{Failed, Said};
 use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};

@@ -7,7 +7,7 @@ use fmu_export::variable::Value;
 
 use super::answer::Answer;
 use super::likelihood::{Body, DYNAMICS, Part};
-use super::read::Samples;
+use super::samples::Samples;
 use super::tolerance::plain;
 use super::{Stated, mean, rms};
 use crate::simulation::scenario::Scenario;

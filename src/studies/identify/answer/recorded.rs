@@ -5,7 +5,8 @@ use std::f64::consts::TAU;
 use crate::estimation::Hold;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{Missing, Origin, Part, Recording};
-use crate::studies::identify::read::{REST_RAD_S, Rotation, Samples};
+use crate::studies::identify::plausible::REST_RAD_S;
+use crate::studies::identify::samples::{Rotation, Samples};
 
 /// The recording of a machine, if a current sample stands for this.
 pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {

@@ -1,4 +1,4 @@
-//! What is said of estimates.
+//! Verdict and findings in sentences.
 
 use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;

@@ -14,7 +14,7 @@ use crate::studies::identify::Said;
 use crate::studies::identify::agreement::disagreement;
 use crate::studies::identify::answer::words_on_dynamics;
 use crate::studies::identify::likelihood::Estimate;
-use crate::studies::identify::read::Samples;
+use crate::studies::identify::samples::Samples;
 use crate::studies::identify::units::{significant, time};
 use crate::table::Table;
 
@@ -187,7 +187,7 @@ impl Answer {
         };
     }
 
-    /// What was left out, and the effects that the bench has; those that are not significant are not mentioned.
+    /// Rows that were left out, and the effects that the bench has; those that are not significant are not mentioned.
     fn remarks(&self) -> Vec<String> {
         let Found { fit, rows, effects, start_s, step_s, .. } = &self.found;
         let from = time(start_s + rows.start as f64 * step_s);
