@@ -25,7 +25,7 @@ use crate::report::identification::{self, Results};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::Knowledge;
-use crate::studies::identify::{self, Answer, Holds, Question, Reading, Rotation, Samples, Stated};
+use crate::studies::identify::{self, Answer, Currents, Holds, Question, Reading, Rotation, Samples, Stated};
 use crate::variables::Choice;
 
 /// Plots and tables need no more points than this; the CSV file has all of them.
@@ -171,13 +171,23 @@ impl Arguments {
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
-        let wanted = self.stated_hold()?;
+        let mut wanted = self.stated_hold()?;
+        if stated.currents().lag {
+            // Currents with a lag follow commands.
+            stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
+        }
+        if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
+            return Err(refused("lag: currents that are held are wanted, --hold heldAfter or heldBefore"));
+        }
         // A stated reading is compared with the others as well, where an answer depends on it.
         let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
         let holds = is_compared.then(|| Holds::of(samples, &stated));
-        let hold = wanted.unwrap_or_else(|| holds.map_or(stated.hold, |holds| holds.most_likely()));
-        stated.hold = hold;
-        estimator.set("hold", Value::Integer(hold.number()));
+        stated = match (wanted, holds) {
+            (None, Some(holds)) => stated.read_as(holds.most_likely()),
+            (hold, _) => Stated { hold: hold.unwrap_or(stated.hold), ..stated },
+        };
+        let currents = stated.currents();
+        estimator.set("hold", Value::Integer(currents.hold.number()));
 
         let every = if method == LIKELIHOOD && self.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
         let tracks = methods.into_iter().map(|method| {
@@ -185,13 +195,15 @@ impl Arguments {
             identify::track(samples, &estimator, every)
         });
         let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-        let question = Question { stated, holds, slow_force: self.slow_force() };
+        let question = Question { stated, holds, finds_hold: wanted.is_none(), slow_force: self.slow_force() };
         let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
         let mut said = answer.as_ref().map_or_else(|| identify::said(samples, &tracks), Answer::said);
         if answer.is_some() && samples.rotation != Rotation::Unknown {
             said.tables.extend(tracks[0].progress());
         }
-        let table = holds.and_then(|holds| holds.table(hold));
+        let of_answer = |answer: &Answer| (answer.question.holds, answer.question.stated.currents());
+        let (holds, currents) = answer.as_ref().map_or((holds, currents), of_answer);
+        let table = holds.and_then(|holds| holds.table(currents));
         said.tables.splice(..0, table);
         let not_valid = (said.valid == Some(false)).then(|| said.verdict.clone());
         let (document, said) = (said.json.clone(), vec![said]);

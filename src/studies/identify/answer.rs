@@ -14,15 +14,14 @@ pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
 use super::likelihood::{
-    self, DELAY, DYNAMICS, Estimate, Failed, Identification, Knowledge, Options, Recording, Suspect,
+    self, DELAY, DYNAMICS, Failed, Hold, Identification, Knowledge, Options, Recording, Suspect,
 };
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
-use super::units::{rounded_time, significant};
-use super::{GRAVITY_M_S2, Holds, Stated};
+use super::units::significant;
+use super::{Currents, GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::studies::parallel::in_order;
-use crate::variables::Choice;
 
 /// Turns that a recording must have at least, noise known or estimated (as on line). Of 600 good recordings of drawn bearings, 0.1 to 5 s, nine have fewer
 /// (docs/identify.md, seeds 95001 and 101001).
@@ -44,6 +43,8 @@ pub struct Question {
     pub stated: Stated,
     /// The readings of the currents, if they were compared.
     pub holds: Option<Holds>,
+    /// Whether none of them is stated.
+    pub finds_hold: bool,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
     pub slow_force: Option<bool>,
 }
@@ -100,22 +101,17 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
                        load.";
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
     }
-    let of = |samples: &Samples| recording(samples, &question.stated, question.stated.hold);
-    let all: Vec<Recording> = recordings.iter().map(of).collect();
+    let data = Data::of(recordings, &question.stated);
     let is_searched = question
         .stated
         .bench()
         .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
-    let thinned: Vec<Option<Samples>> = recordings.iter().map(Samples::thinned).collect();
-    let or_whole = |(thinned, whole): (&Option<_>, &Recording)| thinned.as_ref().map_or_else(|| whole.clone(), of);
-    let has_gaps = thinned.iter().any(Option::is_some);
-    let thinned: Option<Vec<_>> = has_gaps.then(|| thinned.iter().zip(&all).map(or_whole).collect());
-    let judged = judged(&all, thinned.as_slice().iter().filter(|_| is_searched), question);
-    let mut answer = match with_delay(recordings, &all, thinned, &judged) {
-        Some(delayed) => worded(delayed, &all),
-        None => worded(judged, &all),
+    let judged = judged(&data, data.thinned.as_slice().iter().filter(|_| is_searched), question);
+    let mut answer = match later(recordings, &data, &judged) {
+        Some(later) => worded(later, &data.all),
+        None => worded(judged, &data.all),
     };
-    for (samples, recording) in recordings.iter().zip(&all) {
+    for (samples, recording) in recordings.iter().zip(&data.all) {
         if let Some(off) = drifts(samples, recording) {
             answer.valid = false;
             answer.verdict = format!(
@@ -137,46 +133,75 @@ fn drifts(samples: &Samples, recording: &Recording) -> Option<f64> {
     (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
-/// The same with a delay of the positions, if the residuals ask for one of which nothing is stated and the answer is valid then: so amplifiers with a lag look.
-/// The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
-fn with_delay(
-    recordings: &[Samples],
-    all: &[Recording],
+/// Recordings as the likelihood takes them, and the same with more gaps where there are any.
+struct Data {
+    all: Vec<Recording>,
     thinned: Option<Vec<Recording>>,
-    before: &Judged,
-) -> Option<Judged> {
+}
+
+impl Data {
+    fn of(recordings: &[Samples], stated: &Stated) -> Self {
+        let of = |samples: &Samples| recording(samples, stated, stated.hold);
+        let all: Vec<Recording> = recordings.iter().map(of).collect();
+        let thinned: Vec<Option<Samples>> = recordings.iter().map(Samples::thinned).collect();
+        let or_whole = |(thinned, whole): (&Option<_>, &Recording)| thinned.as_ref().map_or_else(|| whole.clone(), of);
+        let has_gaps = thinned.iter().any(Option::is_some);
+        let thinned = has_gaps.then(|| thinned.iter().zip(&all).map(or_whole).collect());
+        Self { all, thinned }
+    }
+}
+
+/// The same with currents that act later, if the residuals ask for a delay of which nothing is stated and the answer is valid then: with a delay of the
+/// positions, or with a lag, whichever is more likely.
+fn later(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Judged> {
     before.refusal.as_ref()?;
     let found = before.found.as_ref().filter(|found| found.converged)?;
-    let [_, next, ..] = before.question.holds?.ranked()[..] else { return None };
     let is_delay = |of: &&Suspect| {
         let bench = &found.bench[of.parameter];
         plain(&bench.parameter.name) == DELAY && bench.told.knowledge == Knowledge::Exact
     };
-    let suspect = found.suspects.iter().find(is_delay)?;
+    let suspect = found.suspects.iter().find(is_delay)?.parameter;
+    let each = |at: usize| match at {
+        0 => with_delay(recordings, data, before, suspect),
+        1 => with_lag(recordings, before, Hold::HeldAfter),
+        _ => with_lag(recordings, before, Hold::HeldBefore),
+    };
+    let gain = |judged: &Judged| judged.found.as_ref().map_or(0.0, |of| of.log_likelihood - found.log_likelihood);
+    let valid = in_order(3, &each).into_iter().flatten().filter(|judged| judged.refusal.is_none());
+    let mut later = valid.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
+    let gain = Some(gain(&later)).filter(|gain| *gain > diagnosis::VERY_STRONG)?;
+    later.notes.extend(words::acting_later(later.found.as_ref()?, &later.question.stated, gain));
+    Some(later)
+}
+
+/// With a delay of the positions. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is
+/// part of its deviation.
+fn with_delay(recordings: &[Samples], data: &Data, before: &Judged, delay: usize) -> Option<Judged> {
+    let ranked = before.question.holds?.ranked();
+    let next = ranked.into_iter().filter(|of| !of.lag).nth(1)?.hold;
     let mut question = before.question.clone();
-    question.stated.know(suspect.parameter, Knowledge::Free);
+    question.stated.know(delay, Knowledge::Free);
     let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
-    let beside: Vec<_> = thinned.into_iter().chain([other]).collect();
-    let delayed = judged(all, &beside, question);
-    let now = delayed.found.as_ref().filter(|_| delayed.refusal.is_none())?;
-    let gain = now.log_likelihood - found.log_likelihood;
-    if gain < diagnosis::VERY_STRONG {
+    Some(judged(data, data.thinned.iter().chain([&other]), question))
+}
+
+/// With currents that follow what is held with a lag.
+fn with_lag(recordings: &[Samples], before: &Judged, hold: Hold) -> Option<Judged> {
+    let Question { stated, finds_hold, .. } = &before.question;
+    if stated.currents().lag || !finds_hold && stated.hold != hold {
         return None;
     }
-    let Estimate { value, total_std, .. } = now.bench[suspect.parameter].estimate;
-    // The positions are late relative to the currents as these are read: so they would be if the currents acted later.
-    let (later, hold) = (if value > 0.0 { "later" } else { "earlier" }, delayed.question.stated.hold.name());
-    let [delay, std] = [value.abs(), total_std].map(|of_s| rounded_time(of_s, 2));
-    let late = format!(
-        "The currents act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} (worth {} in \
-         log-likelihood).",
-        significant(gain, 3)
-    );
-    Some(Judged { notes: delayed.notes.into_iter().chain([late]).collect(), ..delayed })
+    let lagging = Currents { hold, lag: true };
+    let stated = stated.clone().read_as(lagging);
+    let holds = Some(Holds::of(&recordings[0], &stated)).filter(|holds| holds.best() == Some(lagging));
+    let question = Question { stated, holds: Some(holds?), ..before.question.clone() };
+    let data = Data::of(recordings, &question.stated);
+    Some(judged(&data, &data.thinned, question))
 }
 
 /// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation.
-fn judged<'a>(all: &[Recording], beside: impl IntoIterator<Item = &'a Vec<Recording>>, question: Question) -> Judged {
+fn judged<'a>(data: &Data, beside: impl IntoIterator<Item = &'a Vec<Recording>>, question: Question) -> Judged {
+    let all = &data.all[..];
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options = Options { parts: question.stated.parts.clone(), slow_force, leaves_out: true };
     let mut identified = match question.slow_force {
@@ -217,7 +242,7 @@ fn refusal(
         return Some(Refusal { why, more: More::Findings });
     }
     let judge_all = |found: &Identification| {
-        let why = question.holds.and_then(|holds| holds.against(stated.hold)).or_else(|| judge(found, all, stated));
+        let why = question.holds.and_then(|holds| holds.against(stated.currents())).or_else(|| judge(found, all, stated));
         why.or_else(|| moved(found, all, options, stated))
     };
     let why = found.map_or_else(|failed| Some(failed.to_string()), judge_all)?;

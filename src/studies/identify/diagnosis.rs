@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::answer::{implausible, with_slow_force};
-use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, Options, Origin, Recording};
+use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, LAG, Options, Origin, Part, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -206,12 +206,13 @@ fn stretch(take: &Take, stretches: usize) -> Take {
     Take { recording, options: take.options.clone(), ..*take }
 }
 
-/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the delay that
-/// suits it best, as far as those of a typical bench: without it a delay of a third of a sample looks like a current that is continuous.
-pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
+/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the lag that suits it
+/// best, if one is asked for, or else the delay, as far as those of a typical bench: without it a delay of a third of a sample looks like a current that is continuous.
+pub(super) fn holds(takes: &[Take; 4]) -> [f64; 4] {
     let mut takes = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
-        for (parameter, told) in take.options.bench().filter(|(parameter, _)| plain(&parameter.name) == DELAY) {
+        let parts = take.options.parts.iter_mut().filter(|part| !part.beside.lag);
+        for (parameter, told) in parts.flat_map(Part::known).filter(|(of, _)| plain(&of.name) == DELAY) {
             if told.knowledge == Knowledge::Exact {
                 told.knowledge = Knowledge::Tolerance(parameter.typical);
             }
@@ -221,7 +222,7 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         take
     });
-    let all = |takes: &[Take; 3]| in_order(takes.len(), &|at| identified(&takes[at]));
+    let all = |takes: &[Take; 4]| in_order(takes.len(), &|at| identified(&takes[at]));
     let mut found = all(&takes);
     // Rows that are disturbed with one reading are left out of all: an outlier would decide.
     let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
@@ -231,8 +232,13 @@ pub(super) fn holds(takes: &[Take; 3]) -> [f64; 3] {
         takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.recording.usable[rows.clone()].fill(false)));
         found = all(&takes);
     }
-    let of = [0, 1, 2].map(|at| {
-        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty());
+    // A lag below 0 is none.
+    let follows = |of: &&Identification| {
+        let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
+        lags.all(|lag| lag.estimate.value >= 0.0)
+    };
+    let of = [0, 1, 2, 3].map(|at| {
+        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(follows);
         whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
     });
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);

@@ -37,6 +37,7 @@ mod data;
 mod expected;
 mod filter;
 mod kalman;
+mod lag;
 mod missing;
 mod outcome;
 mod resolution;
@@ -50,7 +51,7 @@ use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
 
 pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
-pub(super) use self::bench::{DELAY, DYNAMICS};
+pub(super) use self::bench::{DELAY, DYNAMICS, LAG};
 pub use self::body::Body;
 pub use self::filter::{HARMONICS, LAGS};
 pub use crate::estimation::Hold;
@@ -120,6 +121,8 @@ pub struct Beside {
     pub load_n: Vec<Option<f64>>,
     /// Whether κ, the factor between statics and dynamics, is a parameter of the bench. It needs a load that is known.
     pub dynamics: bool,
+    /// Whether the lag with which the currents follow their commands is a parameter of the bench.
+    pub lag: bool,
     /// Whether the power of the gap with which the noise of the positions grows is estimated.
     pub exponent: bool,
 }
@@ -152,10 +155,24 @@ pub struct Part {
 impl Part {
     /// A part whose bench is exactly as stated.
     #[must_use]
-    pub fn new(body: Body, positions: usize, magnets: usize, beside: Beside) -> Self {
-        let parameters = parameters(&body, beside.dynamics);
-        let bench = vec![Told::default(); parameters.len()];
-        Self { body, positions, magnets, beside, parameters, bench }
+    pub fn new(body: Body, positions: usize, magnets: usize) -> Self {
+        let none = Self { body, positions, magnets, beside: Beside::default(), parameters: vec![], bench: vec![] };
+        none.with(|_| ())
+    }
+
+    /// The parameters of its bench with their stated values.
+    pub fn known(&mut self) -> impl Iterator<Item = (&BenchParameter, &mut Told)> {
+        self.parameters.iter().zip(&mut self.bench)
+    }
+
+    /// The same with other settings. What is known of its bench stays.
+    #[must_use]
+    pub fn with(mut self, change: impl FnOnce(&mut Beside)) -> Self {
+        change(&mut self.beside);
+        let parameters = parameters(&self.body, &self.beside);
+        let told = |of: &BenchParameter| by_name(&self.parameters, &of.name).map_or_else(Told::default, |at| self.bench[at]);
+        self.bench = parameters.iter().map(told).collect();
+        Self { parameters, ..self }
     }
 }
 
@@ -173,7 +190,7 @@ pub struct Options {
 impl Options {
     /// The parameters of the bench with their stated values.
     pub fn bench(&mut self) -> impl Iterator<Item = (&BenchParameter, &mut Told)> {
-        self.parts.iter_mut().flat_map(|part| part.parameters.iter().zip(&mut part.bench))
+        self.parts.iter_mut().flat_map(Part::known)
     }
 }
 

@@ -27,7 +27,7 @@ pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 pub use self::track::{Track, recording, said, track};
 pub use self::twin::Twin;
 
-use self::likelihood::{BenchParameter, Beside, Body, DELAY, DYNAMICS, Knowledge, Options, Part, Told};
+use self::likelihood::{BenchParameter, Body, DELAY, DYNAMICS, Knowledge, LAG, Options, Part, Told};
 pub use self::read::{Reading, Unusable};
 pub use self::samples::{Rotation, Samples};
 use self::statistics::{mean, rms};
@@ -93,7 +93,7 @@ impl Stated {
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
         let (mut positions, mut magnets) = (0, 0);
         let part = |body: Body| {
-            let part = Part::new(body, positions, magnets, Beside::default());
+            let part = Part::new(body, positions, magnets);
             positions += part.body.coordinates();
             magnets += part.body.magnets();
             part
@@ -169,6 +169,33 @@ impl Stated {
         of(name).or_else(|| of(name.trim_start_matches("X."))).unwrap_or(f64::NAN)
     }
 
+    /// Meaning of its currents.
+    #[must_use]
+    pub fn currents(&self) -> Currents {
+        Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.beside.lag) }
+    }
+
+    /// The same with this meaning of the currents. Of a lag that is new nothing is known; positions have the delay of a typical bench beside it.
+    #[must_use]
+    pub fn read_as(mut self, currents: Currents) -> Self {
+        let of = |part: Part| {
+            let is_new = currents.lag && !part.beside.lag;
+            let mut part = part.with(|beside| beside.lag = currents.lag);
+            for (parameter, told) in part.known().filter(|_| is_new) {
+                match plain(&parameter.name) {
+                    LAG => told.knowledge = Knowledge::Free,
+                    DELAY if told.knowledge == Knowledge::Exact => {
+                        told.knowledge = Knowledge::Tolerance(parameter.typical);
+                    }
+                    _ => {}
+                }
+            }
+            part
+        };
+        self.parts = self.parts.into_iter().map(of).collect();
+        Self { hold: currents.hold, ..self }
+    }
+
     /// Names of the loads in the order of the parts: across the shaft, then along it.
     fn loads(&self) -> Vec<String> {
         let mut names = self.machine.of_coordinates(|coordinate| coordinate.load);
@@ -194,27 +221,31 @@ impl Stated {
         true
     }
 
-    /// Asks for an effect of real benches, if this is the name of one: κ, or the power of the gap in the noise. Of a shaft, the name without prefix means all parts
-    /// that can tell it. κ is one more parameter of the bench, of which nothing else is known yet.
+    /// Asks for an effect of real benches, if this is the name of one: κ, the lag of the currents, or the power of the gap in the noise. Of a shaft, the name without
+    /// prefix means all parts that can tell it. κ and the lag are parameters of the bench, of which nothing else is known yet.
     ///
     /// # Errors
     /// A text that says what the effect needs.
     pub fn ask(&mut self, name: &str) -> Result<(), String> {
         let is_dynamics = plain(name) == DYNAMICS;
-        if !is_dynamics && plain(name) != NOISE_EXPONENT {
+        if ![DYNAMICS, LAG, NOISE_EXPONENT].contains(&plain(name)) {
             return Ok(());
         }
         let (loads, mut asked, mut wanted) = (self.loads(), false, Vec::new());
         let mut loads = loads.iter();
         for part in &mut self.parts {
-            let Part { body, beside, .. } = part;
-            let own: Vec<_> = loads.by_ref().take(body.coordinates()).collect();
-            if name != plain(name) && name != format!("{}{}", body.prefix(), plain(name)) {
+            let own: Vec<_> = loads.by_ref().take(part.body.coordinates()).collect();
+            if name != plain(name) && name != format!("{}{}", part.body.prefix(), plain(name)) {
                 continue;
             }
-            let is_told = !is_dynamics || beside.is_loaded();
-            *(if is_dynamics { &mut beside.dynamics } else { &mut beside.exponent }) |= is_told;
-            *part = Part::new(body.clone(), part.positions, part.magnets, beside.clone());
+            let is_told = !is_dynamics || part.beside.is_loaded();
+            *part = part.clone().with(|beside| {
+                *match plain(name) {
+                    DYNAMICS => &mut beside.dynamics,
+                    LAG => &mut beside.lag,
+                    _ => &mut beside.exponent,
+                } |= is_told;
+            });
             asked |= is_told;
             wanted.extend(own.into_iter().filter(|load| load.starts_with('p')).map(|load| format!("--set {load}=…")));
         }
@@ -260,69 +291,97 @@ pub fn one_revolution(samples: &Samples) -> f64 {
 /// Acceleration of gravity, m/s².
 const GRAVITY_M_S2: f64 = 9.81;
 
-/// How much less likely a stretch of a recording is with each reading of a current sample, in the order of [`Hold`]: differences of
-/// log-likelihoods, 0 for the best, infinite where nothing fits.
-#[derive(Clone, Copy, Debug)]
-pub struct Holds(pub [f64; 3]);
+/// Meaning of the readings of the currents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Currents {
+    /// What a sample stands for.
+    pub hold: Hold,
+    /// Whether the currents follow what is held with a lag.
+    pub lag: bool,
+}
 
-impl Holds {
-    /// Tries the readings on a bearing whose bench is exactly as stated but for the delay of the positions and the dynamics.
-    #[must_use]
-    pub fn of(samples: &Samples, stated: &Stated) -> Self {
-        let mut options = Options { parts: stated.parts.clone(), slow_force: false, leaves_out: true };
-        let others = options.bench().filter(|(of, _)| ![DELAY, DYNAMICS].contains(&plain(&of.name)));
-        others.for_each(|(_, told)| *told = Told::default());
-        let take = |hold| diagnosis::Take {
-            recording: answer::recording(samples, stated, hold),
-            options: options.clone(),
-            machine: stated.machine,
-            bearing: 0,
-        };
-        Self(diagnosis::holds(&[Hold::HeldBefore, Hold::HeldAfter, Hold::Linear].map(take)))
+impl Currents {
+    fn name(self) -> String {
+        format!("{}{}", self.hold.name(), if self.lag { " with a lag" } else { "" })
     }
 
-    /// The readings, and by how much each is less likely than the best.
-    fn each(&self) -> impl Iterator<Item = (Hold, f64)> {
-        Hold::all().zip(self.0)
+    /// The options of `identify` for it.
+    fn options(self) -> String {
+        format!("--hold {}{}", self.hold.name(), if self.lag { " --estimate lag" } else { "" })
+    }
+}
+
+/// Readings of the currents, and by how much less likely than the best each is: differences of log-likelihoods, infinite where nothing fits.
+#[derive(Clone, Copy, Debug)]
+pub struct Holds(pub [(Currents, f64); 4]);
+
+impl Holds {
+    /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics. The
+    /// lag belongs to the stated reading if it is asked for, or else to commands.
+    #[must_use]
+    pub fn of(samples: &Samples, stated: &Stated) -> Self {
+        let lagging = if stated.currents().lag { stated.hold } else { Hold::HeldAfter };
+        let plain_readings = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear].map(|hold| Currents { hold, lag: false });
+        let [before, after, linear] = plain_readings;
+        let readings = [before, after, linear, Currents { hold: lagging, lag: true }];
+        let take = |currents: Currents| {
+            let stated = stated.clone().read_as(currents);
+            let recording = answer::recording(samples, &stated, currents.hold);
+            let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
+            let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
+            let others = options.bench().filter(|(of, _)| !kept.contains(&plain(&of.name)));
+            others.for_each(|(_, told)| *told = Told::default());
+            diagnosis::Take { recording, options, machine: stated.machine, bearing: 0 }
+        };
+        let less = diagnosis::holds(&readings.map(take));
+        Self(std::array::from_fn(|at| (readings[at], less[at])))
     }
 
     /// Those that fit at all, the most likely first.
-    fn ranked(&self) -> Vec<Hold> {
-        let mut ranked: Vec<_> = self.each().filter(|(_, less)| less.is_finite()).collect();
+    fn ranked(&self) -> Vec<Currents> {
+        let mut ranked: Vec<_> = self.0.iter().filter(|(_, less)| less.is_finite()).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
-        ranked.into_iter().map(|(hold, _)| hold).collect()
+        ranked.into_iter().map(|(currents, _)| *currents).collect()
+    }
+
+    /// By how much less likely than the best a reading is.
+    fn less(&self, of: Currents) -> Option<f64> {
+        self.0.iter().find(|(currents, _)| *currents == of).map(|(_, less)| *less)
     }
 
     /// The most likely one; none if nothing fits.
-    fn best(&self) -> Option<Hold> {
+    fn best(&self) -> Option<Currents> {
         self.ranked().first().copied()
     }
 
-    /// That of measured currents, unless another one is clearly more likely.
+    /// That of measured currents, unless another one is clearly more likely; one without a lag, unless one with a lag is.
     #[must_use]
-    pub fn most_likely(&self) -> Hold {
-        self.best().filter(|_| self.0[0] >= diagnosis::VERY_STRONG).unwrap_or_default()
+    pub fn most_likely(&self) -> Currents {
+        let measured = Currents { hold: Hold::HeldBefore, lag: false };
+        let without = self.ranked().into_iter().find(|of| !of.lag);
+        let chosen = [Some(measured), without, self.best()].into_iter().flatten();
+        let is_as_good = |of: &Currents| self.less(*of).is_some_and(|less| less < diagnosis::VERY_STRONG);
+        chosen.clone().find(is_as_good).or(chosen.last()).unwrap_or(measured)
     }
 
     /// The objection to a stated reading, if another one is clearly more likely.
-    fn against(&self, stated: Hold) -> Option<String> {
-        let (_, less) = self.each().find(|(hold, _)| *hold == stated)?;
-        let best = self.best()?.name();
+    fn against(&self, stated: Currents) -> Option<String> {
+        let (less, best) = (self.less(stated)?, self.best()?);
         let by =
             if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
         (less > diagnosis::VERY_STRONG).then(|| {
-            let stated = stated.name();
-            format!("currents that are read as {stated} are less likely than as {best}{by}: --hold {best}, or auto")
+            let (stated, options, best) = (stated.name(), best.options(), best.name());
+            format!("currents that are read as {stated} are less likely than as {best}{by}: {options}, or --hold auto")
         })
     }
 
     /// The comparison as a table; none if nothing fits.
     #[must_use]
-    pub fn table(&self, chosen: Hold) -> Option<Table> {
+    pub fn table(&self, chosen: Currents) -> Option<Table> {
         self.best()?;
-        let rows = self.each().map(|(hold, less)| {
-            let mark = if hold == chosen { "chosen" } else { "" };
-            vec![hold.name().to_owned(), format!("{less:.1}"), mark.to_owned()]
+        let rows = self.0.iter().map(|(currents, less)| {
+            let mark = if *currents == chosen { "chosen" } else { "" };
+            vec![currents.name(), format!("{less:.1}"), mark.to_owned()]
         });
         Some(Table {
             title: "What a current sample stands for".into(),

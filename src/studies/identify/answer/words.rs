@@ -4,16 +4,17 @@ use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
-    BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, Recording,
-    Suspect, Told,
+    BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, LAG,
+    Recording, Suspect, Told,
 };
 use crate::studies::identify::tolerance::plain;
-use crate::studies::identify::units::{significant, time};
+use crate::studies::identify::units::{rounded_time, significant, time};
+use crate::variables::Choice;
 
 /// How well valid force constants are known.
 pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
-    let exact = |(of, told): (&BenchParameter, &Told)| told.knowledge == Knowledge::Exact || plain(&of.name) == DELAY;
+    let exact = |(of, told): (&BenchParameter, &Told)| told.knowledge == Knowledge::Exact || [DELAY, LAG].contains(&plain(&of.name));
     let on = if stated.bench().all(exact) {
         " if the bench is exactly as stated; mind the budget"
     } else {
@@ -46,6 +47,35 @@ pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &State
     words.extend(slow_force(found));
     words.extend(effects(found));
     words
+}
+
+/// By how much later than stated the currents act, and what that is worth: with the lags of the amplifiers, or a delay of the positions.
+pub(super) fn acting_later(found: &Identification, stated: &Stated, gain: f64) -> Vec<String> {
+    let worth = format!("worth {} in log-likelihood", significant(gain, 3));
+    let of = |name: &str| {
+        let estimated = found.bench.iter().filter(|bench| bench.told.knowledge == Knowledge::Free);
+        let named = estimated.filter(|bench| plain(&bench.parameter.name) == name);
+        named.map(|bench| (along(&bench.parameter.name), bench.estimate)).collect::<Vec<_>>()
+    };
+    let times = |of: &Estimate| [of.value.abs(), of.total_std].map(|of_s| rounded_time(of_s, 2));
+    let lags = of(LAG).into_iter().map(|(along, lag)| {
+        let [lag, std] = times(&lag);
+        format!("The currents{along} follow commands, with a lag of {lag} ± {std} ({worth}).")
+    });
+    // The positions are late relative to the currents as these are read: so they would be if the currents acted later.
+    let delays = of(DELAY).into_iter().map(|(along, delay)| {
+        let (later, hold) = (if delay.value > 0.0 { "later" } else { "earlier" }, stated.hold.name());
+        let [delay, std] = times(&delay);
+        format!(
+            "The currents{along} act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} ({worth})."
+        )
+    });
+    lags.chain(delays).collect()
+}
+
+/// Words for a parameter of the axial motion of a shaft.
+fn along(name: &str) -> &'static str {
+    if name.starts_with("X.") { " along the axis" } else { "" }
 }
 
 /// Parts of recordings that contradict the rest.
@@ -144,11 +174,10 @@ fn slow_force(found: &Identification) -> Option<String> {
 
 /// κ and the power of the gap in the noise, where they were estimated.
 fn effects(found: &Identification) -> Vec<String> {
-    let of = |name: &str| if name.starts_with("X.") { " along the axis" } else { "" };
     let dynamics = found.bench.iter().filter(|bench| bench.estimated && plain(&bench.parameter.name) == DYNAMICS);
     let dynamics = dynamics.map(|bench| {
         let Estimate { value, total_std, .. } = bench.estimate;
-        words_on_dynamics(of(&bench.parameter.name), 1.0 + value, total_std, "")
+        words_on_dynamics(along(&bench.parameter.name), 1.0 + value, total_std, "")
     });
     let exponents = found.parts().filter_map(|part| part.noise_exponent);
     let exponents = exponents.map(|Estimate { value, total_std, .. }| {

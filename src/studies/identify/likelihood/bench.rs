@@ -4,7 +4,7 @@
 //!
 //! ```text
 //! m_true = m (1 + m)      s_true = s (1 + s) + gap.iron      α_true = alpha + alpha[k]      m_true κ q̈ = forces, κ = 1 + dynamics
-//! i_true = (i_read − current.offset[k])/(1 + current.gain[k])
+//! i_true = (i_read − current.offset[k])/(1 + current.gain[k]), or lag · di_true/dt = that − i_true
 //! (Y, Z)_read = diag(1 + g_c + g_d, 1 + g_c − g_d) R(rotation) ((Y, Z)(t − delay) + run-out(θ)) + offset
 //! ```
 //!
@@ -12,6 +12,7 @@
 //! are read late relative to the currents. On a shaft each bearing has its own, with its prefix; `Jt` and `Jp` are relative to what the mass makes of them, and the
 //! axial motion has parameters of its own.
 
+use super::Beside;
 use super::body::Body;
 
 /// One bench parameter.
@@ -40,6 +41,8 @@ enum Each {
     Machine,
     /// The same, where κ is asked for.
     Dynamics,
+    /// The same, where the lag is asked for.
+    Lag,
     /// The shaft, if it tilts.
     Shaft,
     /// Each bearing.
@@ -61,7 +64,7 @@ enum Each {
 type Row = (Each, &'static str, &'static str, f64, bool, &'static str);
 
 /// All parameters; the order is that of their numbers.
-const PARAMETERS: [Row; 30] = [
+const PARAMETERS: [Row; 31] = [
     (Each::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
     (Each::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
     (Each::RadialMagnet, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
@@ -106,6 +109,7 @@ const PARAMETERS: [Row; 30] = [
         false,
         "κ − 1, by how much more force accelerations take than the statics say",
     ),
+    (Each::Lag, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
 ];
 
 /// Name of the delay of the positions.
@@ -114,9 +118,13 @@ pub(in crate::studies::identify) const DELAY: &str = "delay";
 /// Name of the factor between statics and dynamics.
 pub(in crate::studies::identify) const DYNAMICS: &str = "dynamics";
 
-/// The parameters of the bench of what moves, κ among them if it is asked for; the index is the parameter's number. Those of a bearing have its prefix.
+/// Name of the time constant of the amplifiers.
+pub(in crate::studies::identify) const LAG: &str = "lag";
+
+/// The parameters of the bench of what moves, κ and the lag of the currents among them if they are asked for; the index is the parameter's number. Those of a
+/// bearing have its prefix.
 #[must_use]
-pub fn parameters(body: &Body, dynamics: bool) -> Vec<BenchParameter> {
+pub fn parameters(body: &Body, beside: &Beside) -> Vec<BenchParameter> {
     let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
     let prefixes = body.prefixes();
     let magnets = body.magnets() / prefixes.len();
@@ -125,7 +133,8 @@ pub fn parameters(body: &Body, dynamics: bool) -> Vec<BenchParameter> {
         let (prefixes, count) = match each {
             // The axial motion is told of its own mass and delay.
             Each::Machine => (vec![body.prefix()], 1),
-            Each::Dynamics => (if dynamics { vec![body.prefix()] } else { Vec::new() }, 1),
+            Each::Dynamics => (if beside.dynamics { vec![body.prefix()] } else { Vec::new() }, 1),
+            Each::Lag => (if beside.lag { vec![body.prefix()] } else { Vec::new() }, 1),
             Each::Shaft => (if is_shaft { vec![""] } else { Vec::new() }, 1),
             Each::Plane => (if is_shaft { vec![""] } else { Vec::new() }, 2),
             Each::Bearing => (bearings(true), 1),
@@ -167,6 +176,8 @@ pub(super) struct Places {
     pub single: Option<[usize; 2]>,
     pub mass: usize,
     pub delay: usize,
+    /// If it is asked for.
+    pub lag: Option<usize>,
     /// Of the first magnet; those of the others follow.
     pub current_offset: usize,
     pub current_gain: usize,
@@ -215,6 +226,7 @@ impl Places {
             single: is_axis.then(|| ["sensor.offset", "sensor.gain"].map(first)),
             mass: of_all("m"),
             delay: of_all(DELAY),
+            lag: by_name(parameters, &format!("{}{LAG}", body.prefix())),
             current_offset: first("current.offset[1]"),
             current_gain: first("current.gain[1]"),
             backward: if is_axis { [0; 2] } else { ["force.backward.cos", "force.backward.sin"].map(first) },

@@ -162,6 +162,7 @@ impl Part {
                 base: load + coordinates,
                 all: load + coordinates + parameters.len(),
                 dynamics: self.dynamics().map(|at| load + coordinates + at),
+                commands: self.beside.lag,
             },
             passes: passes(coordinates, magnets),
         };

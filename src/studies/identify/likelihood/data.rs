@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::Origin;
 use super::case::Case;
+use super::lag;
 use super::rotor::{ByMagnet, Interval, Rotor, Shaft, Squares, State};
 use crate::estimation::Hold;
 
@@ -56,6 +57,12 @@ impl Case<'_> {
             Hold::HeldAfter => before,
             Hold::Linear => before.max(here),
         }
+    }
+
+    /// The row whose reading is the command of the interval that ends at a row, if it is held.
+    #[inline(always)]
+    pub fn commanded(&self, row: usize) -> usize {
+        row - usize::from(self.recording.hold == Hold::HeldAfter)
     }
 
     #[inline(always)]
@@ -191,10 +198,10 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     pub fn squares(&self, row: usize) -> Squares<K> {
         let On { case, rotor, .. } = self.on;
         let read = |row: usize| self.current.map(|current| current[row]);
-        let mut squares = match case.recording.hold {
-            Hold::HeldBefore => rotor.squares(read(row), None),
-            Hold::HeldAfter => rotor.squares(read(row - 1), None),
-            Hold::Linear => rotor.squares(read(row), Some(read(row - 1))),
+        let mut squares = match (&rotor.lag, case.recording.hold) {
+            (None, Hold::Linear) => rotor.squares(read(row), Some(read(row - 1))),
+            (None, _) => rotor.squares(read(case.commanded(row)), None),
+            (Some([lag, ..]), _) => rotor.following(lag, read(case.commanded(row)), row),
         };
         if case.recording.missing.is_empty() {
             return squares;
@@ -214,6 +221,16 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
             squares.std[k] *= (error_a / rotor.noise).max(1.0);
         }
         squares
+    }
+
+    /// What a longer lag adds to the acceleration in the interval that ends at a row, with the place of the lag.
+    #[inline(always)]
+    pub fn by_lag(&self, row: usize, at: &[f64; N]) -> Option<(usize, [f64; N])> {
+        let On { case, rotor, .. } = self.on;
+        let ([_, more, less], command) = (rotor.lag.as_ref()?, self.current.map(|of| of[case.commanded(row)]));
+        let [more, less] = [more, less].map(|lag| rotor.following::<K>(lag, command, row).middle);
+        let by_lag: [f64; K] = std::array::from_fn(|k| lag::derivative(more[k], less[k]));
+        Some((rotor.layout.base + rotor.places.lag?, rotor.pulled(at, by_lag)))
     }
 
     /// Readings of the positions in a row, m.

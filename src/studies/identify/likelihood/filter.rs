@@ -185,6 +185,9 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             }
             acceleration = interval.end;
             rotor.force_columns(&at, pulls, measured, &between, &mut force);
+            if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| columns != Columns::Few) {
+                (0..N).for_each(|n| force[n][j] = column[n]);
+            }
             let [a, b, c, g] = &transition.blocks;
             for l in 0..P {
                 let [q, v]: State<N> = [std::array::from_fn(|i| x[i][l]), std::array::from_fn(|i| x[N + i][l])];

@@ -11,6 +11,7 @@ use super::Part;
 use super::bench::{Places, Sensors};
 use super::case::Case;
 use super::filter::Passes;
+use super::lag::Lag;
 use crate::estimation::Machine;
 
 /// Planes of unbalance, and bearings with a backward force, at most.
@@ -39,6 +40,8 @@ pub(super) struct Layout {
     pub all: usize,
     /// Place of κ, if it is asked for.
     pub dynamics: Option<usize>,
+    /// Whether the currents are commands, which have no noise that instruments would be needed for.
+    pub commands: bool,
 }
 
 impl Layout {
@@ -59,7 +62,9 @@ impl Layout {
 
     /// Place of the measured sensitivity to a parameter behind those of all parameters: λ and κ have one, for the noise of the currents biases their scores.
     pub fn measured(&self, j: usize) -> Option<usize> {
-        if j < self.magnets {
+        if self.commands {
+            None
+        } else if j < self.magnets {
             Some(self.all + j)
         } else {
             self.dynamics.filter(|dynamics| *dynamics == j).map(|_| self.all + self.magnets)
@@ -68,7 +73,7 @@ impl Layout {
 
     /// Number of columns with the measured ones.
     pub fn columns(&self) -> usize {
-        self.all + self.magnets + usize::from(self.dynamics.is_some())
+        self.all + if self.commands { 0 } else { self.magnets + usize::from(self.dynamics.is_some()) }
     }
 
     /// Number of the unknown that parameter `j` of recording `r` is: λ, U, bench, then the loads of each recording.
@@ -200,7 +205,7 @@ pub(super) struct Rotor {
     pub h: f64,
     theta: Theta,
     pub layout: Layout,
-    places: Places,
+    pub places: Places,
     machine: Description,
     /// Its derivatives to parameters of the bench, by number.
     varied: Vec<(usize, Description)>,
@@ -212,6 +217,8 @@ pub(super) struct Rotor {
     pub delay: f64,
     /// Offset and `1 + gain` of the readings of the currents.
     current: ByMagnet<[f64; 2]>,
+    /// The currents, if they follow commands, and with a longer and a shorter lag.
+    pub lag: Option<[Lag; 3]>,
     /// Standard deviation of the current noise, A.
     pub noise: f64,
     /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
@@ -332,6 +339,7 @@ impl Rotor {
             sensor,
             delay: bench[places.delay],
             current,
+            lag: places.lag.and_then(|at| Lag::of(case, bench[at])),
             noise: case.current_noise,
             slow: case.slow_force / kind.part.body.m_kg(),
             exponent: case.exponent,
@@ -368,6 +376,32 @@ impl Rotor {
             // Var (i + n)² = 4 i² σ² + 2 σ⁴.
             std: std::array::from_fn(|k| ((4.0 * middle[k].max(0.0) + 2.0 * variance[k]) * variance[k]).sqrt()),
         }
+    }
+
+    /// The same of currents that follow commands: parabolas with the moments of their squares.
+    #[inline(always)]
+    pub fn following<const K: usize>(&self, lag: &Lag, command: [f64; K], row: usize) -> Squares<K> {
+        let mut squares = self.squares(command, None);
+        for k in 0..K {
+            let [offset, gain] = self.current[k];
+            let [command, start] = [command[k], lag.start_a(row, k)].map(|read| (read - offset) / gain);
+            let [mean, early] = lag.squares(command, start);
+            let noise = self.noise * self.noise / (gain * gain);
+            squares.start[k] = 6.0 * early - 2.0 * mean - noise;
+            squares.middle[k] = mean - noise;
+            squares.end[k] = 4.0 * mean - 6.0 * early - noise;
+        }
+        squares
+    }
+
+    /// Acceleration by the magnets at a point, with given squared currents, A².
+    #[inline(always)]
+    pub fn pulled<const N: usize, const K: usize>(&self, at: &[f64; N], squares: [f64; K]) -> [f64; N] {
+        let (gaps, mut sum) = (self.gaps::<N, K>(at), [0.0; N]);
+        for k in 0..K {
+            add(&mut sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
+        }
+        sum
     }
 
     /// Gaps at a point, the iron path included, m.
