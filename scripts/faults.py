@@ -43,12 +43,31 @@ class Recording:
     random: np.random.Generator
 
 
-def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, lag_s=0.0, salt=0):
+class Amplifier:
+    """Currents that follow commands with two time constants, each 0 for none."""
+
+    def __init__(self, current, *lags_s):
+        self.states, self.lags_s = [current] * len(lags_s), lags_s
+        self.current = current
+
+    def follow(self, command, duration_s):
+        """The currents after the commands have been held for so long."""
+        left = [math.exp(-duration_s / lag_s) if lag_s else 0.0 for lag_s in self.lags_s]
+        (first, second), (a, b) = (state - command for state in self.states), self.lags_s
+        # What is left of the first state reaches the second one on the way.
+        on_the_way = a / (a - b) * (left[0] - left[1]) if a and b else left[0]
+        self.states = [command + first * left[0], command + (second * left[1] if b else 0.0) + first * on_the_way]
+        self.current = self.states[1]
+        return self.current
+
+
+def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, amplifier_s=(0.0, 0.0, 0.0), salt=0):
     """A recording of each seed. All bearings are integrated together.
 
     The rotor is held on an ellipse by a PID controller with the feed-forward of its path; forces become currents by the gap that is measured
     and a guess of λ. A command of sample k is held from k + 1 to k + 2. λ2 changes by the part `step_of_lambda` in the middle; the amplifiers
-    saturate at this part of the largest current of the first turns, and the currents follow the commands with the time constant `lag_s`.
+    saturate at this part of the largest current of the first turns, and the currents follow the commands after a delay, with two time constants:
+    `amplifier_s`.
     """
     draws = [np.random.default_rng([seed, 1]) for seed in seeds]
     noise = [np.random.default_rng([seed, 2, salt]) for seed in seeds]
@@ -82,8 +101,8 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
 
     position, velocity = path(0.0)[0], (path(1e-7)[0] - path(-1e-7)[0]) / 2e-7
     integral, filtered, slow = np.zeros((count, 2)), position.copy(), np.zeros((count, 2))
-    pending = held = before = np.sqrt(np.maximum(least, 1)[:, None] / guess) * gap[:, None]
-    follow = lambda begin, end, time: end + (begin - end) * (math.exp(-time / lag_s) if lag_s else 0.0)
+    pending = held = old = np.sqrt(np.maximum(least, 1)[:, None] / guess) * gap[:, None]
+    amplifier, delay_s = Amplifier(held, *amplifier_s[1:]), amplifier_s[0]
     limit = np.full((count, 3), np.inf)
     data, commands, largest = np.zeros((count, rows, 8)), np.zeros((count, rows, 3)), np.zeros((count, 3))
     white = np.stack([random.standard_normal((rows, 7)) for random in noise])
@@ -91,7 +110,7 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         time = row * STEP_S
         read = position + sigma_x[:, None] * white[:, row, :2]
         data[:, row, 0], data[:, row, POSITIONS] = time, read
-        data[:, row, CURRENTS] = before + sigma_i[:, None] * white[:, row, 2:5]
+        data[:, row, CURRENTS] = amplifier.current + sigma_i[:, None] * white[:, row, 2:5]
         data[:, row, 6], data[:, row, 7] = (omega * time + phase) % (2 * np.pi), omega
         # The controller: forces that move the rotor along its path, magnets that pull with `least` at least.
         wanted, forward = path(time)
@@ -106,7 +125,7 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         pulls += null * ((least[:, None] - pulls) / null).max(axis=1, keepdims=True)
         ahead = path(time + 1.5 * STEP_S)[0] + error
         command = (gap[:, None] - np.einsum("nak,na->nk", e, ahead)) * np.sqrt(pulls / guess)
-        held, pending = pending, command
+        old, held, pending = held, pending, command
         commands[:, row] = held
         held = np.minimum(held, limit)
         if 0.2 < time < 0.3:
@@ -116,15 +135,17 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         slow = slow + slow_force * math.sqrt(STEP_S) * white[:, row, 5:]
         factor = np.array([1.0, 1.0 + step_of_lambda * (time > duration_s / 2), 1.0])
         h = STEP_S / SUBSTEPS
+        # A command is not yet there in the half steps that end before its delay.
+        commands_now = [old if half * h / 2 < delay_s - 1e-9 else held for half in range(2 * SUBSTEPS)]
+        course = [amplifier.current if any(amplifier_s) else held, *(amplifier.follow(now, h / 2) for now in commands_now)]
         for part in range(SUBSTEPS):
-            at = time + part * h
-            f = lambda t, x: acceleration(t, x, follow(before, held, t - time), factor * constants, slow)
-            k1, k2 = f(at, position), f(at + h / 2, position + h / 2 * velocity)
-            k3 = f(at + h / 2, position + h / 2 * velocity + h * h / 4 * k1)
-            k4 = f(at + h, position + h * velocity + h * h / 2 * k2)
+            at, (begin, middle, end) = time + part * h, course[2 * part : 2 * part + 3]
+            f = lambda t, x, current: acceleration(t, x, current, factor * constants, slow)
+            k1, k2 = f(at, position, begin), f(at + h / 2, position + h / 2 * velocity, middle)
+            k3 = f(at + h / 2, position + h / 2 * velocity + h * h / 4 * k1, middle)
+            k4 = f(at + h, position + h * velocity + h * h / 2 * k2, end)
             position = position + h * velocity + h * h / 6 * (k1 + k2 + k3)
             velocity = velocity + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        before = follow(before, held, STEP_S)
     if not (np.abs(position) < gap[:, None]).all():
         raise SystemExit("a rotor of the simulation touches its magnets")
     recordings = []
@@ -215,6 +236,10 @@ class Fault:
     columns: str = HEADER
 
 
+def following(name, amplifier_s):
+    return Fault(f"commanded currents, {name}", commanded, cause="with a lag of", world=(("amplifier_s", amplifier_s),))
+
+
 BLIND = HEADER.split(",theta")[0]
 rpm = lambda off: lambda recording: ["--speed", f"{recording.rows[0, 7] * 30 / np.pi * off:.9g}"]
 TYPICAL = "s=1% alpha=0.5deg sensor.offset=5um sensor.gain=0.5% current.gain=0.5% current.offset=5mA m=1%"
@@ -224,8 +249,12 @@ FAULTS = [
     Fault("none"),
     Fault("commanded currents", commanded, cause=r"heldAfter"),
     Fault("commanded currents, --hold heldBefore", commanded, False, r"heldAfter", lambda _: ["--hold", "heldBefore"]),
-    Fault("commanded currents, lag of 20 µs", commanded, cause="late|delay", world=(("lag_s", 2e-5),)),
-    Fault("commanded currents, lag of 50 µs", commanded, cause="late|delay", world=(("lag_s", 5e-5),)),
+    following("lag of 20 µs", (0, 2e-5, 0)),
+    following("lag of 50 µs", (0, 5e-5, 0)),
+    following("lag of 100 µs", (0, 1e-4, 0)),
+    following("lag of 200 µs", (0, 2e-4, 0)),
+    following("lag of 50 µs after 25 µs", (2.5e-5, 5e-5, 0)),
+    following("lags of 100 and 50 µs", (0, 1e-4, 5e-5)),
     Fault("stuck sensor", stuck, cause=SENSORS + "(stuck|clipped)"),
     Fault("clipped currents", clipped, cause=SENSORS + "clipped"),
     Fault("0.1 % of outliers", outliers, cause=SENSORS + ".*outlier"),

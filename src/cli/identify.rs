@@ -103,11 +103,11 @@ pub struct Arguments {
     tolerances: Vec<(String, String)>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
     /// likelihood says (--set force.slow=0: never); or dynamics, the factor between statics and dynamics, with a load that is known (--set pY=…); or
-    /// noise.exponent, the power of the gap with which the noise of the positions grows.
+    /// lag, the time constant with which the currents follow their commands; or noise.exponent, the power of the gap with which the noise of the positions grows.
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
-    /// unless another one is more likely. A delay of the positions of which nothing is stated is found as well.
+    /// unless another one is more likely. A lag behind commands, and a delay of the positions of which nothing is stated, are found as well.
     #[arg(long, value_name = "HOLD", default_value = AUTO)]
     hold: String,
     /// Length of the window, in s; one revolution by default.
@@ -157,6 +157,14 @@ impl Arguments {
         let method = self.method();
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
+        let mut wanted = self.stated_hold()?;
+        if stated.currents().lag {
+            // Currents with a lag follow commands.
+            stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
+        }
+        if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
+            return Err(refused("lag: currents that are held are wanted, --hold heldAfter or heldBefore"));
+        }
         let methods = methods(method)?;
         let columns: Vec<_> = bearing.columns.iter().chain(&self.column).cloned().collect();
         if self.recordings.len() > 1 {
@@ -171,14 +179,6 @@ impl Arguments {
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
-        let mut wanted = self.stated_hold()?;
-        if stated.currents().lag {
-            // Currents with a lag follow commands.
-            stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
-        }
-        if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
-            return Err(refused("lag: currents that are held are wanted, --hold heldAfter or heldBefore"));
-        }
         // A stated reading is compared with the others as well, where an answer depends on it.
         let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
         let holds = is_compared.then(|| Holds::of(samples, &stated));

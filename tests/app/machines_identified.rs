@@ -230,6 +230,7 @@ fn wrong_columns_and_options_are_named() {
             &["spindle has no --window", "no --method but likelihood and predictionError"],
         ),
         ("run.csv --machine spindle --hold none", &["--hold none: expected one of heldBefore"]),
+        ("run.csv --hold linear --estimate lag", &["lag: currents that are held are wanted"]),
         ("run.csv --machine spindle --set s=1mm", &["--set s: the estimator of the machine"]),
         ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),
         (
@@ -249,6 +250,24 @@ fn wrong_columns_and_options_are_named() {
     says(&errors, &["neither angle nor speed was recorded: --speed RPM is wanted"]);
     let document = identified(&folder, &words("run.csv --machine spindle --speed 3000"));
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
+}
+
+/// Currents of a shaft that follow their commands at once have no lag, neither across the shaft nor along it.
+#[test]
+fn commands_of_a_shaft_have_no_lag() {
+    let folder = folder("machines-identified/lag");
+    let scenario = record(&folder, &SPINDLE, first(1500));
+    let magnets = scenario.machine.of_magnets("im").into_iter().zip(scenario.machine.of_magnets("i"));
+    let columns: Vec<String> = magnets.map(|(read, command)| format!("--column {read}=controller.{command}")).collect();
+    let asked = format!("run.csv --machine spindle --estimate lag {}", columns.join(" "));
+    let document = identified(&folder, &words(&asked));
+    assert_eq!(document["told"]["hold"], "heldAfter");
+    for name in ["lag", "X.lag"] {
+        let found = &document["bench"][name];
+        is_right(name, found, 0.0);
+        below(&format!("{name} ±"), estimate(found)[1], 2e-6);
+    }
+    agrees(&document, &scenario);
 }
 
 /// Rotors that are heavier than stated under loads that are known: κ in words, JSON, budget and twin. Without a load that is known it is refused.

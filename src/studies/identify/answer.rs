@@ -13,9 +13,7 @@ pub(super) use self::recorded::recording;
 pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
-use super::likelihood::{
-    self, DELAY, DYNAMICS, Failed, Hold, Identification, Knowledge, Options, Recording, Suspect,
-};
+use super::likelihood::{self, DELAY, DYNAMICS, Failed, Hold, Identification, Knowledge, Options, Recording, Suspect};
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::significant;
@@ -242,7 +240,8 @@ fn refusal(
         return Some(Refusal { why, more: More::Findings });
     }
     let judge_all = |found: &Identification| {
-        let why = question.holds.and_then(|holds| holds.against(stated.currents())).or_else(|| judge(found, all, stated));
+        let why =
+            question.holds.and_then(|holds| holds.against(stated.currents())).or_else(|| judge(found, all, stated));
         why.or_else(|| moved(found, all, options, stated))
     };
     let why = found.map_or_else(|failed| Some(failed.to_string()), judge_all)?;

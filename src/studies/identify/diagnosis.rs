@@ -18,6 +18,8 @@ const TURNS: f64 = 5.0;
 /// The reading of the currents decides several per cent of λ: it is judged on so many times as many rows. On one stretch, a force that wanders made a
 /// current that is held look continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
+/// A lag that is below 0 by so many deviations is none: the currents would lead what they follow.
+const CERTAIN: f64 = 3.0;
 /// Probability that something is proposed for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
@@ -232,10 +234,9 @@ pub(super) fn holds(takes: &[Take; 4]) -> [f64; 4] {
         takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.recording.usable[rows.clone()].fill(false)));
         found = all(&takes);
     }
-    // A lag below 0 is none.
     let follows = |of: &&Identification| {
         let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
-        lags.all(|lag| lag.estimate.value >= 0.0)
+        lags.all(|lag| lag.estimate.value >= -CERTAIN * lag.estimate.total_std)
     };
     let of = [0, 1, 2, 3].map(|at| {
         let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(follows);

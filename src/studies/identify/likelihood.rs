@@ -170,7 +170,8 @@ impl Part {
     pub fn with(mut self, change: impl FnOnce(&mut Beside)) -> Self {
         change(&mut self.beside);
         let parameters = parameters(&self.body, &self.beside);
-        let told = |of: &BenchParameter| by_name(&self.parameters, &of.name).map_or_else(Told::default, |at| self.bench[at]);
+        let told =
+            |of: &BenchParameter| by_name(&self.parameters, &of.name).map_or_else(Told::default, |at| self.bench[at]);
         self.bench = parameters.iter().map(told).collect();
         Self { parameters, ..self }
     }

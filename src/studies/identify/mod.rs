@@ -321,7 +321,8 @@ impl Holds {
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let lagging = if stated.currents().lag { stated.hold } else { Hold::HeldAfter };
-        let plain_readings = [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear].map(|hold| Currents { hold, lag: false });
+        let plain_readings =
+            [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear].map(|hold| Currents { hold, lag: false });
         let [before, after, linear] = plain_readings;
         let readings = [before, after, linear, Currents { hold: lagging, lag: true }];
         let take = |currents: Currents| {
@@ -381,7 +382,8 @@ impl Holds {
         self.best()?;
         let rows = self.0.iter().map(|(currents, less)| {
             let mark = if *currents == chosen { "chosen" } else { "" };
-            vec![currents.name(), format!("{less:.1}"), mark.to_owned()]
+            let less = if less.is_finite() { format!("{less:.1}") } else { "does not fit".into() };
+            vec![currents.name(), less, mark.to_owned()]
         });
         Some(Table {
             title: "What a current sample stands for".into(),

@@ -16,7 +16,7 @@ use crate::simulation::simulate;
 /// Communication steps of the run: 0.4 s at 10 kHz.
 const STEPS: f64 = 4000.0;
 /// Parameters of the bench that no plant has.
-const WITHOUT: [&str; 4] = ["sensor.rotation", "delay", "runout1", "runout2"];
+const WITHOUT: [&str; 5] = ["sensor.rotation", "delay", "lag", "runout1", "runout2"];
 
 /// A machine with the values that were identified.
 #[derive(Clone)]

@@ -4,8 +4,8 @@ use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
-    BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Identification, Knowledge, LAG,
-    Recording, Suspect, Told,
+    BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Identification,
+    Knowledge, LAG, Recording, Suspect, Told,
 };
 use crate::studies::identify::tolerance::plain;
 use crate::studies::identify::units::{rounded_time, significant, time};
@@ -14,7 +14,9 @@ use crate::variables::Choice;
 /// How well valid force constants are known.
 pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
-    let exact = |(of, told): (&BenchParameter, &Told)| told.knowledge == Knowledge::Exact || [DELAY, LAG].contains(&plain(&of.name));
+    let exact = |(of, told): (&BenchParameter, &Told)| {
+        told.knowledge == Knowledge::Exact || [DELAY, LAG].contains(&plain(&of.name))
+    };
     let on = if stated.bench().all(exact) {
         " if the bench is exactly as stated; mind the budget"
     } else {
@@ -49,28 +51,18 @@ pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &State
     words
 }
 
-/// By how much later than stated the currents act, and what that is worth: with the lags of the amplifiers, or a delay of the positions.
-pub(super) fn acting_later(found: &Identification, stated: &Stated, gain: f64) -> Vec<String> {
-    let worth = format!("worth {} in log-likelihood", significant(gain, 3));
-    let of = |name: &str| {
-        let estimated = found.bench.iter().filter(|bench| bench.told.knowledge == Knowledge::Free);
-        let named = estimated.filter(|bench| plain(&bench.parameter.name) == name);
-        named.map(|bench| (along(&bench.parameter.name), bench.estimate)).collect::<Vec<_>>()
-    };
-    let times = |of: &Estimate| [of.value.abs(), of.total_std].map(|of_s| rounded_time(of_s, 2));
-    let lags = of(LAG).into_iter().map(|(along, lag)| {
-        let [lag, std] = times(&lag);
-        format!("The currents{along} follow commands, with a lag of {lag} ± {std} ({worth}).")
-    });
-    // The positions are late relative to the currents as these are read: so they would be if the currents acted later.
-    let delays = of(DELAY).into_iter().map(|(along, delay)| {
-        let (later, hold) = (if delay.value > 0.0 { "later" } else { "earlier" }, stated.hold.name());
-        let [delay, std] = times(&delay);
-        format!(
-            "The currents{along} act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} ({worth})."
-        )
-    });
-    lags.chain(delays).collect()
+/// By how much later than stated the currents act, if that was estimated, and what it is worth. The positions are late relative to the currents as these are read: so they
+/// would be if the currents acted later.
+pub(super) fn acting_later(found: &Identification, stated: &Stated, gain: f64) -> Option<String> {
+    let is_free = |bench: &&BenchEstimate| bench.told.knowledge == Knowledge::Free;
+    let delay = found.bench.iter().filter(is_free).find(|bench| plain(&bench.parameter.name) == DELAY)?.estimate;
+    let (later, hold) = (if delay.value > 0.0 { "later" } else { "earlier" }, stated.hold.name());
+    let [delay, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
+    let worth = significant(gain, 3);
+    Some(format!(
+        "The currents act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} (worth {worth} in \
+         log-likelihood)."
+    ))
 }
 
 /// Words for a parameter of the axial motion of a shaft.
@@ -172,19 +164,26 @@ fn slow_force(found: &Identification) -> Option<String> {
     })
 }
 
-/// κ and the power of the gap in the noise, where they were estimated.
+/// κ, the lag of the currents, and the power of the gap in the noise, where they were estimated.
 fn effects(found: &Identification) -> Vec<String> {
-    let dynamics = found.bench.iter().filter(|bench| bench.estimated && plain(&bench.parameter.name) == DYNAMICS);
-    let dynamics = dynamics.map(|bench| {
-        let Estimate { value, total_std, .. } = bench.estimate;
-        words_on_dynamics(along(&bench.parameter.name), 1.0 + value, total_std, "")
-    });
+    let of = |bench: &BenchEstimate| {
+        let (name, Estimate { value, total_std, .. }) = (&bench.parameter.name, bench.estimate);
+        match plain(name) {
+            DYNAMICS => Some(words_on_dynamics(along(name), 1.0 + value, total_std, "")),
+            LAG => {
+                let [lag, std] = [(value, 3), (total_std, 2)].map(|(of_s, digits)| rounded_time(of_s, digits));
+                Some(format!("The currents{} follow what is recorded, with a lag of {lag} ± {std}.", along(name)))
+            }
+            _ => None,
+        }
+    };
+    let of_bench = found.bench.iter().filter(|bench| bench.estimated).filter_map(of);
     let exponents = found.parts().filter_map(|part| part.noise_exponent);
     let exponents = exponents.map(|Estimate { value, total_std, .. }| {
         let [value, std] = [value, total_std].map(|of| significant(of, 2));
         format!("The noise of the positions grows with the gap to the power of {value} ± {std}.")
     });
-    dynamics.chain(exponents).collect()
+    of_bench.chain(exponents).collect()
 }
 
 /// The factor κ between statics and dynamics, and what it is worth.

@@ -354,14 +354,18 @@ impl Search<'_> {
         }
     }
 
-    /// λ, unbalance and load first, then all: far from the solution, bench parameters would take up what λ has to explain.
+    /// λ, unbalance and load first, then the lag of the currents, then all: far from the solution, bench parameters would take up what λ has to explain, and a delay
+    /// what a lag has to.
     fn run(&mut self) -> Result<(), Failed> {
         let told = self.prior.clone();
         let bench = self.bench();
-        for prior in &mut self.prior[bench] {
-            prior.1 = 0.0;
+        let lag = self.kind.places.lag.map(|at| bench.start + at);
+        self.prior[bench].iter_mut().for_each(|prior| prior.1 = 0.0);
+        let mut first = self.iterate(0, ROUGH);
+        if let Some(lag) = lag {
+            self.prior[lag] = told[lag];
+            first = first.and_then(|()| self.iterate(UNSMOOTHED, ROUGH));
         }
-        let first = self.iterate(0, ROUGH);
         self.prior = told;
         first?;
         if self.kind.layout.dynamics.is_some() {
