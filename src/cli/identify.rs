@@ -195,7 +195,7 @@ impl Arguments {
             identify::track(samples, &estimator, every)
         });
         let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-        let question = Question { stated, holds, finds_hold: wanted.is_none(), slow_force: self.slow_force() };
+        let question = Question { stated, holds, slow_force: self.slow_force() };
         let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
         let mut said = answer.as_ref().map_or_else(|| identify::said(samples, &tracks), Answer::said);
         if answer.is_some() && samples.rotation != Rotation::Unknown {

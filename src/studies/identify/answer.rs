@@ -13,11 +13,11 @@ pub(super) use self::recorded::recording;
 pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, DELAY, DYNAMICS, Failed, Hold, Identification, Knowledge, Options, Recording, Suspect};
+use super::likelihood::{self, DELAY, DYNAMICS, Failed, Identification, Knowledge, Options, Recording, Suspect};
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::significant;
-use super::{Currents, GRAVITY_M_S2, Holds, Stated};
+use super::{GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::studies::parallel::in_order;
 
@@ -41,8 +41,6 @@ pub struct Question {
     pub stated: Stated,
     /// The readings of the currents, if they were compared.
     pub holds: Option<Holds>,
-    /// Whether none of them is stated.
-    pub finds_hold: bool,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
     pub slow_force: Option<bool>,
 }
@@ -105,8 +103,8 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
         .bench()
         .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
     let judged = judged(&data, data.thinned.as_slice().iter().filter(|_| is_searched), question);
-    let mut answer = match later(recordings, &data, &judged) {
-        Some(later) => worded(later, &data.all),
+    let mut answer = match with_delay(recordings, &data, &judged) {
+        Some(delayed) => worded(delayed, &data.all),
         None => worded(judged, &data.all),
     };
     for (samples, recording) in recordings.iter().zip(&data.all) {
@@ -149,52 +147,26 @@ impl Data {
     }
 }
 
-/// The same with currents that act later, if the residuals ask for a delay of which nothing is stated and the answer is valid then: with a delay of the
-/// positions, or with a lag, whichever is more likely.
-fn later(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Judged> {
+/// The same with a delay of the positions, if the residuals ask for one of which nothing is stated and the answer is valid then. The course of a current between two
+/// samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
+fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Judged> {
     before.refusal.as_ref()?;
     let found = before.found.as_ref().filter(|found| found.converged)?;
+    let next = before.question.holds?.without_lag().nth(1)?.hold;
     let is_delay = |of: &&Suspect| {
         let bench = &found.bench[of.parameter];
         plain(&bench.parameter.name) == DELAY && bench.told.knowledge == Knowledge::Exact
     };
-    let suspect = found.suspects.iter().find(is_delay)?.parameter;
-    let each = |at: usize| match at {
-        0 => with_delay(recordings, data, before, suspect),
-        1 => with_lag(recordings, before, Hold::HeldAfter),
-        _ => with_lag(recordings, before, Hold::HeldBefore),
-    };
-    let gain = |judged: &Judged| judged.found.as_ref().map_or(0.0, |of| of.log_likelihood - found.log_likelihood);
-    let valid = in_order(3, &each).into_iter().flatten().filter(|judged| judged.refusal.is_none());
-    let mut later = valid.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
-    let gain = Some(gain(&later)).filter(|gain| *gain > diagnosis::VERY_STRONG)?;
-    later.notes.extend(words::acting_later(later.found.as_ref()?, &later.question.stated, gain));
-    Some(later)
-}
-
-/// With a delay of the positions. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is
-/// part of its deviation.
-fn with_delay(recordings: &[Samples], data: &Data, before: &Judged, delay: usize) -> Option<Judged> {
-    let ranked = before.question.holds?.ranked();
-    let next = ranked.into_iter().filter(|of| !of.lag).nth(1)?.hold;
+    let suspect = found.suspects.iter().find(is_delay)?;
     let mut question = before.question.clone();
-    question.stated.know(delay, Knowledge::Free);
+    question.stated.know(suspect.parameter, Knowledge::Free);
     let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
-    Some(judged(data, data.thinned.iter().chain([&other]), question))
-}
-
-/// With currents that follow what is held with a lag.
-fn with_lag(recordings: &[Samples], before: &Judged, hold: Hold) -> Option<Judged> {
-    let Question { stated, finds_hold, .. } = &before.question;
-    if stated.currents().lag || !finds_hold && stated.hold != hold {
-        return None;
-    }
-    let lagging = Currents { hold, lag: true };
-    let stated = stated.clone().read_as(lagging);
-    let holds = Some(Holds::of(&recordings[0], &stated)).filter(|holds| holds.best() == Some(lagging));
-    let question = Question { stated, holds: Some(holds?), ..before.question.clone() };
-    let data = Data::of(recordings, &question.stated);
-    Some(judged(&data, &data.thinned, question))
+    let mut delayed = judged(data, data.thinned.iter().chain([&other]), question);
+    let now = delayed.found.as_ref().filter(|_| delayed.refusal.is_none())?;
+    let gain = Some(now.log_likelihood - found.log_likelihood).filter(|gain| *gain >= diagnosis::VERY_STRONG)?;
+    let late = words::acting_later(now.bench[suspect.parameter].estimate, delayed.question.stated.hold, gain);
+    delayed.notes.push(late);
+    Some(delayed)
 }
 
 /// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation.

@@ -210,7 +210,7 @@ fn stretch(take: &Take, stretches: usize) -> Take {
 
 /// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the lag that suits it
 /// best, if one is asked for, or else the delay, as far as those of a typical bench: without it a delay of a third of a sample looks like a current that is continuous.
-pub(super) fn holds(takes: &[Take; 4]) -> [f64; 4] {
+pub(super) fn holds<const N: usize>(takes: &[Take; N]) -> [f64; N] {
     let mut takes = takes.each_ref().map(|take| {
         let mut take = stretch(take, HOLD_STRETCHES);
         let parts = take.options.parts.iter_mut().filter(|part| !part.beside.lag);
@@ -224,7 +224,7 @@ pub(super) fn holds(takes: &[Take; 4]) -> [f64; 4] {
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
         take
     });
-    let all = |takes: &[Take; 4]| in_order(takes.len(), &|at| identified(&takes[at]));
+    let all = |takes: &[Take; N]| in_order(takes.len(), &|at| identified(&takes[at]));
     let mut found = all(&takes);
     // Rows that are disturbed with one reading are left out of all: an outlier would decide.
     let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
@@ -238,7 +238,7 @@ pub(super) fn holds(takes: &[Take; 4]) -> [f64; 4] {
         let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
         lags.all(|lag| lag.estimate.value >= -CERTAIN * lag.estimate.total_std)
     };
-    let of = [0, 1, 2, 3].map(|at| {
+    let of: [f64; N] = std::array::from_fn(|at| {
         let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(follows);
         whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
     });

@@ -311,20 +311,24 @@ impl Currents {
     }
 }
 
+/// Readings that are tried. Currents that are continuous follow nothing.
+const READINGS: [(Hold, bool); 5] = [
+    (Hold::HeldBefore, false),
+    (Hold::HeldAfter, false),
+    (Hold::Linear, false),
+    (Hold::HeldBefore, true),
+    (Hold::HeldAfter, true),
+];
+
 /// Readings of the currents, and by how much less likely than the best each is: differences of log-likelihoods, infinite where nothing fits.
 #[derive(Clone, Copy, Debug)]
-pub struct Holds(pub [(Currents, f64); 4]);
+pub struct Holds(pub [(Currents, f64); 5]);
 
 impl Holds {
-    /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics. The
-    /// lag belongs to the stated reading if it is asked for, or else to commands.
+    /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
-        let lagging = if stated.currents().lag { stated.hold } else { Hold::HeldAfter };
-        let plain_readings =
-            [Hold::HeldBefore, Hold::HeldAfter, Hold::Linear].map(|hold| Currents { hold, lag: false });
-        let [before, after, linear] = plain_readings;
-        let readings = [before, after, linear, Currents { hold: lagging, lag: true }];
+        let readings = READINGS.map(|(hold, lag)| Currents { hold, lag });
         let take = |currents: Currents| {
             let stated = stated.clone().read_as(currents);
             let recording = answer::recording(samples, &stated, currents.hold);
@@ -345,6 +349,11 @@ impl Holds {
         ranked.into_iter().map(|(currents, _)| *currents).collect()
     }
 
+    /// The same without those that have a lag.
+    fn without_lag(&self) -> impl Iterator<Item = Currents> {
+        self.ranked().into_iter().filter(|of| !of.lag)
+    }
+
     /// By how much less likely than the best a reading is.
     fn less(&self, of: Currents) -> Option<f64> {
         self.0.iter().find(|(currents, _)| *currents == of).map(|(_, less)| *less)
@@ -359,8 +368,7 @@ impl Holds {
     #[must_use]
     pub fn most_likely(&self) -> Currents {
         let measured = Currents { hold: Hold::HeldBefore, lag: false };
-        let without = self.ranked().into_iter().find(|of| !of.lag);
-        let chosen = [Some(measured), without, self.best()].into_iter().flatten();
+        let chosen = [Some(measured), self.without_lag().next(), self.best()].into_iter().flatten();
         let is_as_good = |of: &Currents| self.less(*of).is_some_and(|less| less < diagnosis::VERY_STRONG);
         chosen.clone().find(is_as_good).or(chosen.last()).unwrap_or(measured)
     }

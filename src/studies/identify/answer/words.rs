@@ -4,7 +4,7 @@ use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
-    BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Identification,
+    BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Hold, Identification,
     Knowledge, LAG, Recording, Suspect, Told,
 };
 use crate::studies::identify::tolerance::plain;
@@ -51,18 +51,16 @@ pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &State
     words
 }
 
-/// By how much later than stated the currents act, if that was estimated, and what it is worth. The positions are late relative to the currents as these are read: so they
-/// would be if the currents acted later.
-pub(super) fn acting_later(found: &Identification, stated: &Stated, gain: f64) -> Option<String> {
-    let is_free = |bench: &&BenchEstimate| bench.told.knowledge == Knowledge::Free;
-    let delay = found.bench.iter().filter(is_free).find(|bench| plain(&bench.parameter.name) == DELAY)?.estimate;
-    let (later, hold) = (if delay.value > 0.0 { "later" } else { "earlier" }, stated.hold.name());
+/// By how much later than stated the currents act, and what it is worth. The positions are late relative to the currents as these are read: so they would be if the currents
+/// acted later.
+pub(super) fn acting_later(delay: Estimate, hold: Hold, gain: f64) -> String {
+    let later = if delay.value > 0.0 { "later" } else { "earlier" };
     let [delay, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
-    let worth = significant(gain, 3);
-    Some(format!(
-        "The currents act {delay} ± {std} {later} than {hold} says, or the positions are read so much {later} (worth {worth} in \
-         log-likelihood)."
-    ))
+    format!(
+        "The currents act {delay} ± {std} {later} than {} says, or the positions are read so much {later} (worth {} in log-likelihood).",
+        hold.name(),
+        significant(gain, 3)
+    )
 }
 
 /// Words for a parameter of the axial motion of a shaft.
