@@ -237,7 +237,7 @@ class Fault:
 
 
 def following(name, amplifier_s):
-    return Fault(f"commanded currents, {name}", commanded, cause="with a lag of", world=(("amplifier_s", amplifier_s),))
+    return Fault(f"commanded currents, {name}", commanded, cause="with a lag of|The currents act", world=(("amplifier_s", amplifier_s),))
 
 
 BLIND = HEADER.split(",theta")[0]
