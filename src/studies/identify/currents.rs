@@ -1,0 +1,121 @@
+//! Meaning of the readings of the currents, decided by likelihood.
+
+use super::diagnosis::{self, Take, VERY_STRONG};
+use super::likelihood::{DELAY, DYNAMICS, Hold, LAG, Options, Told};
+use super::samples::Samples;
+use super::tolerance::plain;
+use super::units::significant;
+use super::{Stated, answer};
+use crate::table::Table;
+use crate::variables::Choice;
+
+/// Meaning of the readings of the currents.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Currents {
+    /// What a sample stands for.
+    pub hold: Hold,
+    /// Whether the currents follow what is held with a lag.
+    pub lag: bool,
+}
+
+impl Currents {
+    fn name(self) -> String {
+        format!("{}{}", self.hold.name(), if self.lag { " with a lag" } else { "" })
+    }
+
+    /// The options of `identify` for it.
+    fn options(self) -> String {
+        format!("--hold {}{}", self.hold.name(), if self.lag { " --estimate lag" } else { "" })
+    }
+}
+
+/// Readings that are tried. Currents that are continuous follow nothing.
+const READINGS: [(Hold, bool); 5] = [
+    (Hold::HeldBefore, false),
+    (Hold::HeldAfter, false),
+    (Hold::Linear, false),
+    (Hold::HeldBefore, true),
+    (Hold::HeldAfter, true),
+];
+
+/// Readings of the currents, and by how much less likely than the best each is: differences of log-likelihoods, infinite where nothing fits.
+#[derive(Clone, Copy, Debug)]
+pub struct Holds(pub [(Currents, f64); 5]);
+
+impl Holds {
+    /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics.
+    #[must_use]
+    pub fn of(samples: &Samples, stated: &Stated) -> Self {
+        let readings = READINGS.map(|(hold, lag)| Currents { hold, lag });
+        let take = |currents: Currents| {
+            let stated = stated.clone().read_as(currents);
+            let recording = answer::recording(samples, &stated, currents.hold);
+            let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
+            let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
+            let others = options.bench().filter(|(of, _)| !kept.contains(&plain(&of.name)));
+            others.for_each(|(_, told)| *told = Told::default());
+            Take { recording, options, machine: stated.machine, bearing: 0 }
+        };
+        let less = diagnosis::holds(&readings.map(take));
+        Self(std::array::from_fn(|at| (readings[at], less[at])))
+    }
+
+    /// Those that fit at all, the most likely first.
+    pub(super) fn ranked(&self) -> Vec<Currents> {
+        let mut ranked: Vec<_> = self.0.iter().filter(|(_, less)| less.is_finite()).collect();
+        ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
+        ranked.into_iter().map(|(currents, _)| *currents).collect()
+    }
+
+    /// The same without those that have a lag.
+    pub(super) fn without_lag(&self) -> impl Iterator<Item = Currents> {
+        self.ranked().into_iter().filter(|of| !of.lag)
+    }
+
+    /// By how much less likely than the best a reading is.
+    fn less(&self, of: Currents) -> Option<f64> {
+        self.0.iter().find(|(currents, _)| *currents == of).map(|(_, less)| *less)
+    }
+
+    /// The most likely one; none if nothing fits.
+    fn best(&self) -> Option<Currents> {
+        self.ranked().first().copied()
+    }
+
+    /// That of measured currents, unless another one is clearly more likely; one without a lag, unless one with a lag is.
+    #[must_use]
+    pub fn most_likely(&self) -> Currents {
+        let measured = Currents { hold: Hold::HeldBefore, lag: false };
+        let chosen = [Some(measured), self.without_lag().next(), self.best()].into_iter().flatten();
+        let is_as_good = |of: &Currents| self.less(*of).is_some_and(|less| less < VERY_STRONG);
+        chosen.clone().find(is_as_good).or(chosen.last()).unwrap_or(measured)
+    }
+
+    /// The objection to a stated reading, if another one is clearly more likely.
+    pub(super) fn against(&self, stated: Currents) -> Option<String> {
+        let (less, best) = (self.less(stated)?, self.best()?);
+        let by =
+            if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
+        (less > VERY_STRONG).then(|| {
+            let (stated, options, best) = (stated.name(), best.options(), best.name());
+            format!("currents that are read as {stated} are less likely than as {best}{by}: {options}, or --hold auto")
+        })
+    }
+
+    /// The comparison as a table; none if nothing fits.
+    #[must_use]
+    pub fn table(&self, chosen: Currents) -> Option<Table> {
+        self.best()?;
+        let rows = self.0.iter().map(|(currents, less)| {
+            let mark = if *currents == chosen { "chosen" } else { "" };
+            let less = if less.is_finite() { format!("{less:.1}") } else { "does not fit".into() };
+            vec![currents.name(), less, mark.to_owned()]
+        });
+        Some(Table {
+            title: "What a current sample stands for".into(),
+            note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
+            head: ["", "less likely by", ""].map(String::from).into(),
+            rows: rows.collect(),
+        })
+    }
+}
