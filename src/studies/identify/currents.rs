@@ -12,7 +12,7 @@ use crate::variables::Choice;
 /// Meaning of the readings of the currents.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Currents {
-    /// What a sample stands for.
+    /// Time that a sample stands for.
     pub hold: Hold,
     /// Whether the currents follow what is held with a lag.
     pub lag: bool,

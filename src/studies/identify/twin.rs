@@ -29,7 +29,7 @@ pub struct Twin {
 
 impl Stated {
     /// Parameters of the plant, by name, of a bench with these errors, by their names. It turns from the angle θ₀ in rad with the speed ω in rad/s. The plant has no
-    /// rotation and no run-out of the sensors, no delay of the positions alone, and a shaft no backward forces.
+    /// rotation and no run-out of the sensors, no delay of the positions alone, no lag of the currents, and a shaft no backward forces.
     pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
         // κ is one of the mass.
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));

@@ -223,7 +223,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         squares
     }
 
-    /// What a longer lag adds to the acceleration in the interval that ends at a row, with the place of the lag.
+    /// Derivative of the acceleration to the lag in the interval that ends at a row, by magnets that pull from a point, with the place of the lag; none without one.
     #[inline(always)]
     pub fn by_lag(&self, row: usize, at: &[f64; N]) -> Option<(usize, [f64; N])> {
         let On { case, rotor, .. } = self.on;

@@ -397,11 +397,16 @@ impl Rotor {
     /// Acceleration by the magnets at a point, with given squared currents, A².
     #[inline(always)]
     pub fn pulled<const N: usize, const K: usize>(&self, at: &[f64; N], squares: [f64; K]) -> [f64; N] {
-        let (gaps, mut sum) = (self.gaps::<N, K>(at), [0.0; N]);
-        for k in 0..K {
-            add(&mut sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
-        }
+        let mut sum = [0.0; N];
+        self.add_pulls(&mut sum, self.gaps::<N, K>(at), squares);
         sum
+    }
+
+    #[inline(always)]
+    fn add_pulls<const N: usize, const K: usize>(&self, sum: &mut [f64; N], gaps: [f64; K], squares: [f64; K]) {
+        for k in 0..K {
+            add(sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
+        }
     }
 
     /// Gaps at a point, the iron path included, m.
@@ -460,9 +465,7 @@ impl Rotor {
         rate: &[f64; N],
     ) -> [f64; N] {
         let mut sum = self.external(&self.machine, &self.turning(shaft), shaft, rate);
-        for k in 0..K {
-            add(&mut sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
-        }
+        self.add_pulls(&mut sum, gaps, squares);
         sum
     }
 
