@@ -60,7 +60,7 @@ fn names(binaries: &Binaries) -> Vec<&'static str> {
 
 /// Folders with the binaries in them.
 fn places(binaries: &Binaries) -> Vec<(&'static str, Vec<u8>)> {
-    binaries.places(Standard::Fmi2).into_iter().map(|place| (place.folder, place.content.into_owned())).collect()
+    binaries.places(Standard::Fmi2).into_iter().map(|place| (place.folder, place.content.to_vec())).collect()
 }
 
 /// One file with the code for both processors.
@@ -91,7 +91,7 @@ fn every_platform_has_its_folder() {
     let places: Vec<_> = all.places(Standard::Fmi3 { arrays: false });
     let folders: Vec<_> = places.iter().map(|place| place.folder).collect();
     assert_eq!(folders, ["x86_64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-linux", "aarch64-darwin"]);
-    assert!(*places[2].content == *dylib(MACH_X86) && *places[4].content == *dylib(MACH_ARM));
+    assert!(**places[2].content == *dylib(MACH_X86) && **places[4].content == *dylib(MACH_ARM));
 }
 
 #[test]

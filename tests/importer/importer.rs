@@ -6,26 +6,31 @@
 use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use fmi_rs::fmi2::builder::FMU2Builder;
 use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi2::{CS, FMU2};
 use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
-use project::{MODELS, folder, program, root, run};
+use project::{MODELS, PLANAR, folder, program, root, run};
 
 mod project;
 
-/// The FMUs, packaged into a folder of that name.
-fn packaged(name: &str) -> HashMap<&'static str, FMU2Builder> {
-    let folder = folder(name);
+/// The folder with the archives of all machines, as the program packages them.
+static ARCHIVES: LazyLock<PathBuf> = LazyLock::new(|| {
+    let folder = folder("archives");
     run(program(&folder).args(["package", "--all", "--out", "."]));
+    folder
+});
+
+/// The FMUs of these models, unpacked.
+fn packaged(models: &[&'static str]) -> HashMap<&'static str, FMU2Builder> {
     let builder = |model: &str| {
-        let path = folder.join(format!("{model}.fmu"));
+        let path = ARCHIVES.join(format!("{model}.fmu"));
         FMU2Builder::new(&path).unwrap_or_else(|error| panic!("{model}: {error}"))
     };
-    MODELS.into_iter().map(|model| (model, builder(model))).collect()
+    models.iter().map(|model| (*model, builder(model))).collect()
 }
 
 #[track_caller]
@@ -89,7 +94,7 @@ impl<'a> Instance<'a> {
 
 #[test]
 fn the_importer_s_validation_finds_nothing() {
-    for (model, builder) in packaged("validation") {
+    for (model, builder) in packaged(&MODELS) {
         let findings = builder.model_description.validate().into_iter();
         let findings: Vec<_> = findings.map(|finding| finding.message).collect();
         assert!(findings.is_empty(), "{model}: {findings:#?}");
@@ -98,7 +103,7 @@ fn the_importer_s_validation_finds_nothing() {
 
 #[test]
 fn version_and_platform_are_the_standard_s() {
-    for (model, builder) in packaged("version") {
+    for (model, builder) in packaged(&MODELS) {
         let name = "a name with blanks/and.dots";
         let fmu = builder.instantiate_cs(name).unwrap_or_else(|error| panic!("{model}: {error}"));
         assert_eq!((fmu.getVersion().as_str(), fmu.getTypesPlatform().as_str()), ("2.0", "default"), "{model}");
@@ -170,12 +175,11 @@ impl<'a> Loop<'a> {
     }
 }
 
-/// The SSP that the program packages, unpacked into a folder of that name.
+/// The SSP of the planar machine, unpacked into a folder of that name.
 fn unpacked(name: &str) -> PathBuf {
     let folder = folder(name);
-    run(program(&folder).args(["package", "--all", "--out", "."]));
-    fmi_rs::zip::extract_zip_archive(folder.join("MagneticBearing.ssp"), folder.join("system")).expect("the system");
-    folder.join("system")
+    fmi_rs::zip::extract_zip_archive(ARCHIVES.join("MagneticBearing.ssp"), &folder).expect("the system");
+    folder
 }
 
 const STEP_S: f64 = 1e-4;
@@ -187,7 +191,7 @@ const STEP_S: f64 = 1e-4;
 #[test]
 fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
     const DURATION: &str = "0.1 s";
-    let builders = packaged("loop");
+    let builders = packaged(&PLANAR);
     let system = unpacked("loop-system");
 
     for (name, file) in [("paper", "PaperSimulation.ssd"), ("unbalanced", "SystemStructure.ssd")] {
@@ -227,7 +231,7 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
 #[test]
 fn final_values_are_written_down_for_comparison() {
     const STEPS: u32 = 4000;
-    let builders = packaged("final");
+    let builders = packaged(&PLANAR);
     let whole = Loop::new(&unpacked("final-system"), "SystemStructure.ssd", &builders, false);
     for step in 0..STEPS {
         whole.step(f64::from(step) * STEP_S, STEP_S);
@@ -262,8 +266,8 @@ fn unitless(head: &str) -> String {
 /// Messages pass through the importer's variadic logger.
 #[test]
 fn the_importer_is_told_why() {
-    let builder = packaged("messages").remove("MagneticBearing").expect("the plant");
-    let log = Path::new(env!("CARGO_TARGET_TMPDIR")).join("messages/log.txt");
+    let builder = packaged(&["MagneticBearing"]).remove("MagneticBearing").expect("the plant");
+    let log = folder("messages").join("log.txt");
     let builder = FMU2Builder { logFile: Some(log.clone()), ..builder };
     let plant = Instance::new("plant", &builder);
     plant.set("m", -6.7);
@@ -281,7 +285,7 @@ fn the_importer_is_told_why() {
 #[test]
 fn binaries_can_be_loaded_and_freed_without_end() {
     const TIMES: usize = 50;
-    for (model, builder) in packaged("campaign") {
+    for (model, builder) in packaged(&MODELS) {
         for _ in 0..TIMES {
             let instance = Instance::new(model, &builder);
             instance.start();

@@ -4,11 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// The FMUs of the planar machine.
+pub const PLANAR: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 /// The FMUs of every machine.
 pub const MODELS: [&str; 15] = [
-    "MagneticBearing",
-    "FlatnessController",
-    "AlgebraicEstimator",
+    PLANAR[0],
+    PLANAR[1],
+    PLANAR[2],
     "MagneticSpindle",
     "SpindleController",
     "SpindleEstimator",

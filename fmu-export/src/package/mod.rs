@@ -32,10 +32,10 @@ pub use library::built_library;
 pub use packager::{Packager, package, package_example};
 
 use zip::write::SimpleFileOptions;
-use zip::{CompressionMethod, DateTime, ZipWriter};
+use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
 use crate::{ModelType, Standard};
-use platforms::{Binaries, NotFor, Platform};
+use platforms::{Binaries, Binary, NotFor, Platform};
 
 /// An error, with the path concerned.
 #[derive(Debug, thiserror::Error)]
@@ -106,16 +106,24 @@ fn at(path: &Path) -> impl FnOnce(std::io::Error) -> PackageError {
 
 /// A file within an archive.
 pub struct Member {
-    /// Path within the archive, with slashes.
-    pub path: String,
-    /// Content.
-    pub content: Vec<u8>,
+    path: String,
+    content: Content,
+}
+
+enum Content {
+    Plain(Vec<u8>),
+    /// The only file of this archive.
+    Compressed(Vec<u8>),
 }
 
 impl Member {
-    /// A file with that path and content.
+    /// A file with that path, with slashes, and content.
     pub fn new(path: impl Into<String>, content: impl Into<Vec<u8>>) -> Self {
-        Self { path: path.into(), content: content.into() }
+        Self { path: path.into(), content: Content::Plain(content.into()) }
+    }
+
+    fn binary(path: String, binary: &Binary) -> Result<Self, PackageError> {
+        Ok(Self { path, content: Content::Compressed(binary.compressed()?.to_vec()) })
     }
 }
 
@@ -327,9 +335,9 @@ pub fn fmu(
         Standard::Fmi3 { .. } => "terminalsAndIcons/icon.png",
     };
     members.extend(extras.picture.as_deref().map(|content| Member::new(picture, content)));
-    members.extend(binaries.places(standard).into_iter().map(|place| {
-        Member::new(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content.into_owned())
-    }));
+    for place in binaries.places(standard) {
+        members.push(Member::binary(format!("binaries/{}/{name}.{}", place.folder, place.ending), place.content)?);
+    }
     members.push(Member::new(
         "documentation/index.html",
         (extras.page)(name, &documentation::body(model, standard, extras)),
@@ -376,8 +384,17 @@ pub fn archive(name: &str, members: &[Member]) -> Result<Vec<u8>, PackageError> 
             .compression_method(compression)
             .last_modified_time(DateTime::default())
             .unix_permissions(0o644);
-        writer.start_file(&member.path, options).map_err(fail)?;
-        writer.write_all(&member.content).map_err(|error| fail(error.into()))?;
+        match &member.content {
+            Content::Plain(content) => {
+                writer.start_file(&member.path, options).map_err(fail)?;
+                writer.write_all(content).map_err(|error| fail(error.into()))?;
+            }
+            Content::Compressed(archive) => {
+                let mut archive = ZipArchive::new(Cursor::new(archive)).map_err(fail)?;
+                let binary = archive.by_index_raw(0).map_err(fail)?;
+                writer.raw_copy_file_rename(binary, &member.path).map_err(fail)?;
+            }
+        }
     }
     Ok(writer.finish().map_err(fail)?.into_inner())
 }

@@ -5,10 +5,12 @@
 //! `x86_64-darwin`. Many importers on Arm know the first three only, so [`Binaries`]
 //! also puts a binary where they look, if there is room.
 
-use std::borrow::Cow;
 use std::collections::HashSet;
 use std::fmt;
+use std::ops::Deref;
+use std::sync::OnceLock;
 
+use super::{Member, PackageError, archive};
 use crate::Standard;
 
 /// A platform, under the name of its folder in an FMU.
@@ -299,12 +301,46 @@ pub struct Place<'a> {
     /// File name extension.
     pub ending: &'static str,
     /// The binary.
-    pub content: Cow<'a, [u8]>,
+    pub content: &'a Binary,
+}
+
+/// A binary, which is compressed once, whatever the number of archives that hold it.
+#[derive(Clone, Debug, Default)]
+pub struct Binary {
+    content: Vec<u8>,
+    compressed: OnceLock<Vec<u8>>,
+}
+
+impl Binary {
+    fn new(content: Vec<u8>) -> Self {
+        Self { content, compressed: OnceLock::new() }
+    }
+
+    /// An archive with nothing but this binary.
+    pub(super) fn compressed(&self) -> Result<&[u8], PackageError> {
+        if let Some(compressed) = self.compressed.get() {
+            return Ok(compressed);
+        }
+        let compressed = archive("binary", &[Member::new("binary", self.content.as_slice())])?;
+        Ok(self.compressed.get_or_init(|| compressed))
+    }
+}
+
+impl Deref for Binary {
+    type Target = [u8];
+
+    fn deref(&self) -> &[u8] {
+        &self.content
+    }
 }
 
 /// The binaries of an archive, at most one per platform.
 #[derive(Clone, Debug, Default)]
-pub struct Binaries(Vec<(&'static Platform, Vec<u8>)>);
+pub struct Binaries {
+    of: Vec<(&'static Platform, Binary)>,
+    /// The code for all processors of macOS, if there are several.
+    universal: Option<Binary>,
+}
 
 impl Binaries {
     /// Whether there is a binary for that platform.
@@ -317,8 +353,14 @@ impl Binaries {
         PLATFORMS.iter().filter(|platform| self.serve(platform))
     }
 
-    fn get(&self, platform: &Platform) -> Option<&[u8]> {
-        self.0.iter().find(|(of, _)| *of == platform).map(|(_, content)| content.as_slice())
+    fn get(&self, platform: &Platform) -> Option<&Binary> {
+        self.of.iter().find(|(of, _)| *of == platform).map(|(_, binary)| binary)
+    }
+
+    /// The binaries of a format.
+    fn of_format(&self, format: Format) -> impl Iterator<Item = &Binary> {
+        let of_format = PLATFORMS.iter().filter(move |platform| platform.format == format);
+        of_format.filter_map(|platform| self.get(platform))
     }
 
     /// Adds a binary, replacing an earlier one. A universal file of macOS serves every processor that it has code for, unless
@@ -340,10 +382,12 @@ impl Binaries {
         for part in libraries() {
             let Some(of) = part.platform() else { continue };
             if of == platform || !self.serve(of) {
-                self.0.retain(|(other, _)| *other != of);
-                self.0.push((of, part.content.to_vec()));
+                self.of.retain(|(other, _)| *other != of);
+                self.of.push((of, Binary::new(part.content.to_vec())));
             }
         }
+        let of_macos: Vec<&[u8]> = self.of_format(Format::MachO).map(|binary| &**binary).collect();
+        self.universal = (of_macos.len() > 1).then(|| Binary::new(universal(&of_macos)));
         Ok(())
     }
 
@@ -354,32 +398,16 @@ impl Binaries {
     ///
     /// FMI 3.0 has a name for each platform.
     pub fn places(&self, standard: Standard) -> Vec<Place<'_>> {
-        if let Standard::Fmi3 { .. } = standard {
-            let place = |platform: &'static Platform| {
-                let content = Cow::Borrowed(self.get(platform)?);
-                Some(Place { folder: platform.tuple, ending: platform.ending, content })
-            };
-            return PLATFORMS.iter().filter_map(place).collect();
-        }
         let place = |platform: &'static Platform| {
-            let content = match platform.name {
-                "darwin64" => {
-                    let of_macos = |platform: &&Platform| platform.format == Format::MachO;
-                    let files: Vec<_> =
-                        PLATFORMS.iter().filter(of_macos).filter_map(|platform| self.get(platform)).collect();
-                    match files[..] {
-                        [] => return None,
-                        [alone] => Cow::Borrowed(alone),
-                        _ => Cow::Owned(universal(&files)),
-                    }
+            let (folder, content) = match (standard, platform.name) {
+                (Standard::Fmi3 { .. }, _) => (platform.tuple, self.get(platform)),
+                (_, name @ "darwin64") => {
+                    (name, self.universal.as_ref().or_else(|| self.of_format(Format::MachO).next()))
                 }
-                "linux64" => {
-                    let of_linux = |platform: &&Platform| platform.format == Format::Elf;
-                    Cow::Borrowed(PLATFORMS.iter().filter(of_linux).find_map(|platform| self.get(platform))?)
-                }
-                _ => Cow::Borrowed(self.get(platform)?),
+                (_, name @ "linux64") => (name, self.of_format(Format::Elf).next()),
+                (_, name) => (name, self.get(platform)),
             };
-            Some(Place { folder: platform.name, ending: platform.ending, content })
+            Some(Place { folder, ending: platform.ending, content: content? })
         };
         PLATFORMS.iter().filter_map(place).collect()
     }
