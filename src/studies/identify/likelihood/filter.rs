@@ -10,7 +10,7 @@
 //! A piece is filtered with a margin of rows before it, and smoothed with one behind it, so that pieces are independent of each
 //! other: what lies further away is forgotten. Their number does not depend on that of the processors.
 //!
-//! Sizes: N coordinates, K magnets, S states, P columns.
+//! Sizes: N coordinates, K magnets, S states.
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
@@ -18,10 +18,11 @@ use std::ops::Range;
 
 use super::data::{On, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
-use super::rotor::{ByMagnet, Interval, State, regressors};
+use super::rotor::{ByMagnet, Interval, Layout, State, regressors};
 
 /// Columns in a register of the processor.
 const REGISTER: usize = 8;
+type Register = [f64; REGISTER];
 /// Rows of whitened sensitivities that are summed at once.
 const BATCH: usize = 16;
 /// Step of the logarithm of the noise of a current, for the derivatives of the innovations.
@@ -89,57 +90,74 @@ pub(super) struct Block {
     pub lags: [f64; LAGS],
 }
 
-struct Sums<const P: usize> {
-    j: Box<[[f64; P]; P]>,
-    b: [f64; P],
-    batch: Box<[[f64; P]; BATCH]>,
+/// Sums of the columns in some registers.
+struct Sums<'a> {
+    registers: &'a [usize],
+    columns: usize,
+    j: Vec<f64>,
+    b: Vec<f64>,
+    /// By register.
+    batch: Vec<[Register; BATCH]>,
     filled: usize,
 }
 
-impl<const P: usize> Sums<P> {
-    fn new() -> Self {
-        Self { j: Box::new([[0.0; P]; P]), b: [0.0; P], batch: Box::new([[0.0; P]; BATCH]), filled: 0 }
+impl<'a> Sums<'a> {
+    fn new(registers: &'a [usize]) -> Self {
+        let columns = registers.last().map_or(0, |last| (last + 1) * REGISTER);
+        let batch = vec![[[0.0; REGISTER]; BATCH]; registers.len()];
+        Self { registers, columns, j: vec![0.0; columns * columns], b: vec![0.0; columns], batch, filled: 0 }
     }
 
     #[inline(always)]
     fn flush(&mut self) {
-        for row in &mut self.batch[self.filled..] {
-            *row = [0.0; P];
-        }
+        self.batch.iter_mut().for_each(|batch| batch[self.filled..].fill([0.0; REGISTER]));
         self.filled = 0;
-        for i in 0..P {
-            for c in 0..=i / REGISTER {
-                let mut sum = [0.0; REGISTER];
-                for row in self.batch.iter() {
-                    let factor = row[i];
-                    for at in 0..REGISTER {
-                        sum[at] += factor * row[c * REGISTER + at];
+        for (n, (first, left)) in self.registers.iter().zip(&self.batch).enumerate() {
+            for lane in 0..REGISTER {
+                let row = &mut self.j[(first * REGISTER + lane) * self.columns..][..self.columns];
+                let to = row.as_chunks_mut::<REGISTER>().0;
+                for (second, right) in self.registers[..=n].iter().zip(&self.batch) {
+                    let mut sum = [0.0; REGISTER];
+                    for (left, right) in left.iter().zip(right) {
+                        for at in 0..REGISTER {
+                            sum[at] += left[lane] * right[at];
+                        }
                     }
-                }
-                for at in 0..REGISTER {
-                    self.j[i][c * REGISTER + at] += sum[at];
+                    for at in 0..REGISTER {
+                        to[*second][at] += sum[at];
+                    }
                 }
             }
         }
     }
 
+    /// Adds the last rows of the batch to `Σ φᵀ S⁻¹ e`.
+    #[inline(always)]
+    fn count<const N: usize>(&mut self, w: [f64; N]) {
+        for (register, batch) in self.registers.iter().zip(&self.batch) {
+            let to = &mut self.b[register * REGISTER..][..REGISTER];
+            for (w, row) in w.iter().zip(&batch[self.filled..]) {
+                to.iter_mut().zip(row).for_each(|(to, of)| *to += w * of);
+            }
+        }
+        self.filled += N;
+    }
+
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
         self.flush();
-        let j = self.j.as_flattened().to_vec();
-        let b = self.b.to_vec();
-        *self.j = [[0.0; P]; P];
-        self.b = [0.0; P];
-        (j, b)
+        let empty = |of: &mut Vec<f64>| {
+            let none = vec![0.0; of.len()];
+            std::mem::replace(of, none)
+        };
+        (empty(&mut self.j), empty(&mut self.b))
     }
 }
 
-/// Sums of the sensitivities of the first P parameters, block by block; with instruments, sensitivities as they were to be expected. The measured ones
+/// Sums of the sensitivities in some registers, block by block; with instruments, sensitivities as they were to be expected. The measured ones
 /// ([`Layout::measured`](super::rotor::Layout::measured)) follow after all others.
 #[inline(always)]
-fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
-    of: &Pass<N, K>,
-    columns: Columns,
-) -> Vec<Block> {
+fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, wanted: &Wanted) -> Vec<Block> {
+    let Wanted { columns, registers, bench } = wanted;
     let On { case, rotor, piece } = of.on;
     let h = rotor.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
@@ -149,15 +167,15 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     // the gains. Without that part λ of a slow bearing seemed known almost four times as well as it was.
     let gains = matches!(columns, Columns::Total | Columns::Instruments);
     let mut raised: [Kalman<S>; K] = std::array::from_fn(|_| kalman.clone());
-    let mut x = [[0.0; P]; S];
-    let mut force = [[0.0; P]; N];
-    let mut sensor = [[0.0; P]; N];
-    let mut sums = Box::new(Sums::<P>::new());
+    let mut x = vec![[[0.0; REGISTER]; S]; registers.len()];
+    let [mut force, mut sensor] = [(); 2].map(|()| Sheet::new(rotor.layout.columns(), wanted));
+    let mut sums = Sums::new(registers);
     let mut blocks = Vec::new();
-    let expected = |row: usize| of.expected(row).filter(|_| columns == Columns::Instruments);
+    let expected = |row: usize| of.expected(row).filter(|_| *columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
     let harmonics = || vec![Default::default(); N];
-    let empty = |row: usize| Block { rows: row..row, columns: P, harmonics: harmonics(), ..Block::default() };
+    let width = sums.columns;
+    let empty = |row: usize| Block { rows: row..row, columns: width, harmonics: harmonics(), ..Block::default() };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [[0.0; N]; LAGS];
@@ -185,35 +203,38 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             }
             acceleration = interval.end;
             rotor.force_columns(&at, pulls, measured, &between, &mut force);
-            if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| columns != Columns::Few) {
-                (0..N).for_each(|n| force[n][j] = column[n]);
+            if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| *bench) {
+                force.put(j, column);
             }
             let [a, b, c, g] = &transition.blocks;
-            for l in 0..P {
-                let [q, v]: State<N> = [std::array::from_fn(|i| x[i][l]), std::array::from_fn(|i| x[N + i][l])];
-                let mut f: [f64; N] = std::array::from_fn(|i| force[i][l]);
-                if S > 2 * N {
-                    for i in 0..N {
-                        f[i] += x[2 * N + i][l];
-                    }
-                }
-                for i in 0..N {
-                    let (mut to_q, mut to_v) = (q[i] + h_2 * f[i], v[i] + h * f[i]);
-                    for j in 0..N {
-                        to_q += a[i][j] * q[j] + b[i][j] * v[j];
-                        to_v += c[i][j] * q[j] + g[i][j] * v[j];
-                        if N > 2 {
-                            to_v += h_2 * interval.gyroscopic[i][j] * f[j];
+            for (x, register) in x.iter_mut().zip(registers) {
+                let force = &force.values[*register];
+                for l in 0..REGISTER {
+                    let [q, v]: State<N> = [std::array::from_fn(|i| x[i][l]), std::array::from_fn(|i| x[N + i][l])];
+                    let mut f: [f64; N] = std::array::from_fn(|i| force[i][l]);
+                    if S > 2 * N {
+                        for i in 0..N {
+                            f[i] += x[2 * N + i][l];
                         }
                     }
-                    x[i][l] = to_q;
-                    x[N + i][l] = to_v;
+                    for i in 0..N {
+                        let (mut to_q, mut to_v) = (q[i] + h_2 * f[i], v[i] + h * f[i]);
+                        for j in 0..N {
+                            to_q += a[i][j] * q[j] + b[i][j] * v[j];
+                            to_v += c[i][j] * q[j] + g[i][j] * v[j];
+                            if N > 2 {
+                                to_v += h_2 * interval.gyroscopic[i][j] * f[j];
+                            }
+                        }
+                        x[i][l] = to_q;
+                        x[N + i][l] = to_v;
+                    }
                 }
             }
         }
         from = to;
         let read = rotor.reading(&of.state[row], &acceleration, &to);
-        if columns != Columns::Few {
+        if *bench {
             // Where the filter predicts the rotor, as the force.
             let at: State<N> = match expected(row) {
                 Some((_, state)) => state,
@@ -230,23 +251,25 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
             sums.flush();
         }
         let filled = sums.filled;
-        let whitened = &mut sums.batch[filled..filled + N];
-        for l in 0..P {
-            let seen: [f64; N] = std::array::from_fn(|a| x[a][l] - d * x[N + a][l]);
-            let mut phi: [f64; N] = std::array::from_fn(|a| sensor[a][l]);
-            for a in 0..N {
-                for b in 0..N {
-                    phi[a] += m[a][b] * seen[b];
-                }
-            }
-            for i in 0..S {
+        for ((x, register), batch) in x.iter_mut().zip(registers).zip(&mut sums.batch) {
+            let sensor = &sensor.values[*register];
+            for l in 0..REGISTER {
+                let seen: [f64; N] = std::array::from_fn(|a| x[a][l] - d * x[N + a][l]);
+                let mut phi: [f64; N] = std::array::from_fn(|a| sensor[a][l]);
                 for a in 0..N {
-                    x[i][l] -= innovation.gain[i][a] * phi[a];
+                    for b in 0..N {
+                        phi[a] += m[a][b] * seen[b];
+                    }
                 }
-            }
-            let white = innovation.factor.whiten(phi);
-            for a in 0..N {
-                whitened[a][l] = white[a];
+                for i in 0..S {
+                    for a in 0..N {
+                        x[i][l] -= innovation.gain[i][a] * phi[a];
+                    }
+                }
+                let white = innovation.factor.whiten(phi);
+                for a in 0..N {
+                    batch[filled + a][l] = white[a];
+                }
             }
         }
         if gains {
@@ -261,8 +284,9 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
                     _ => Some(*j),
                 };
                 let Some(column) = column else { continue };
+                // All registers are there.
                 for a in 0..N {
-                    whitened[a][column] -= level * by_level[*k][a];
+                    sums.batch[column / REGISTER][filled + a][column % REGISTER] -= level * by_level[*k][a];
                 }
             }
         }
@@ -271,18 +295,13 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
         if counts {
             if block_of(row) != block_of(block.rows.start) {
                 // The batch holds the row that begins the next block.
-                let next: [[f64; P]; N] = std::array::from_fn(|a| sums.batch[filled + a]);
+                let next: Vec<[Register; N]> =
+                    sums.batch.iter().map(|batch| std::array::from_fn(|a| batch[filled + a])).collect();
                 close(&mut block, &mut sums, &mut log_det);
                 blocks.push(std::mem::replace(&mut block, empty(row)));
-                sums.batch[..N].copy_from_slice(&next);
+                sums.batch.iter_mut().zip(&next).for_each(|(batch, next)| batch[..N].copy_from_slice(next));
             }
-            let filled = sums.filled;
-            for a in 0..N {
-                for l in 0..P {
-                    sums.b[l] += w[a] * sums.batch[filled + a][l];
-                }
-            }
-            sums.filled += N;
+            sums.count(w);
             block.rows.end = row + 1;
             if case.tells(row) {
                 block.count += 1.0;
@@ -310,7 +329,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize, const P: usize>(
     blocks
 }
 
-fn close<const P: usize, const N: usize>(block: &mut Block, sums: &mut Sums<P>, log_det: &mut LogProduct<N>) {
+fn close<const N: usize>(block: &mut Block, sums: &mut Sums<'_>, log_det: &mut LogProduct<N>) {
     (block.j, block.b) = sums.take();
     block.log_det = log_det.finish(block.count);
     *log_det = LogProduct::new();
@@ -462,11 +481,34 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, 
     sums
 }
 
-/// Sums of a pass.
+/// Values of all columns by coordinate, register by register.
+pub(super) struct Sheet<'a, const N: usize> {
+    values: Vec<[Register; N]>,
+    pub wanted: &'a Wanted,
+}
+
+impl<'a, const N: usize> Sheet<'a, N> {
+    fn new(columns: usize, wanted: &'a Wanted) -> Self {
+        Self { values: vec![[[0.0; REGISTER]; N]; columns.div_ceil(REGISTER)], wanted }
+    }
+
+    #[inline(always)]
+    pub fn set(&mut self, n: usize, column: usize, value: f64) {
+        self.values[column / REGISTER][n][column % REGISTER] = value;
+    }
+
+    #[inline(always)]
+    pub fn put(&mut self, column: usize, values: [f64; N]) {
+        let register = &mut self.values[column / REGISTER];
+        (0..N).for_each(|n| register[n][column % REGISTER] = values[n]);
+    }
+}
+
+/// Sensitivities of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Columns {
-    /// Sensitivities to λ, unbalance and load.
-    Few,
+    /// To what is searched.
+    Searched,
     /// To all parameters.
     All,
     /// The same with what the parameters do through the gains of the filter.
@@ -475,9 +517,29 @@ pub(super) enum Columns {
     Instruments,
 }
 
-/// The passes of the filter. What is fixed at compile time, for it is done at every sample, begins here: coordinates, magnets, states and columns.
+/// The sums that are wanted of a pass.
+pub(super) struct Wanted {
+    columns: Columns,
+    /// Registers of these columns; others are left out.
+    registers: Vec<usize>,
+    /// Whether parameters of the bench are among them.
+    pub bench: bool,
+}
+
+impl Wanted {
+    /// `searched` tells whether a column is of use in a search.
+    pub fn of(columns: Columns, layout: &Layout, searched: impl Fn(usize) -> bool) -> Self {
+        let is_wanted = |j: &usize| columns != Columns::Searched || *j < layout.base || *j < layout.all && searched(*j);
+        let wanted = || (0..layout.columns()).filter(is_wanted);
+        let mut registers: Vec<usize> = wanted().map(|j| j / REGISTER).collect();
+        registers.dedup();
+        Self { columns, registers, bench: wanted().any(|j| j >= layout.base) }
+    }
+}
+
+/// The passes of the filter. What is fixed at compile time, for it is done at every sample, begins here: coordinates, magnets and states.
 pub(super) trait Passes: Sync {
-    fn columns(&self, on: On<'_>, columns: Columns) -> Vec<Block>;
+    fn columns(&self, on: On<'_>, wanted: &Wanted) -> Vec<Block>;
     /// Coordinates and rates, row by row.
     fn smooth(&self, on: On<'_>) -> Vec<f64>;
     fn innovations(&self, on: On<'_>) -> [Vec<f64>; 2];
@@ -486,21 +548,13 @@ pub(super) trait Passes: Sync {
     fn driven(&self, on: On<'_>, row: usize) -> [ByMagnet; 2];
 }
 
-/// N coordinates and K magnets. States are PLAIN, or SLOW with a slow force; columns FEW, or MANY with the bench: the numbers of parameters rounded up to whole
-/// registers. Where sizes are the same, one filter serves: each takes a second to compile.
-struct Of<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize, const FEW: usize, const MANY: usize>;
+/// N coordinates and K magnets. States are PLAIN, or SLOW with a slow force. Where they are as many, one filter serves: each takes a second to compile.
+struct Of<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize>;
 
-impl<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize, const FEW: usize, const MANY: usize> Passes
-    for Of<N, K, PLAIN, SLOW, FEW, MANY>
-{
-    fn columns(&self, on: On<'_>, columns: Columns) -> Vec<Block> {
-        let of = match (on.rotor.slow > 0.0, columns) {
-            (false, Columns::Few) => columns_of::<N, K, PLAIN, FEW>,
-            (false, _) => columns_of::<N, K, PLAIN, MANY>,
-            (true, Columns::Few) => columns_of::<N, K, SLOW, FEW>,
-            (true, _) => columns_of::<N, K, SLOW, MANY>,
-        };
-        of(&Pass::of(on), columns)
+impl<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize> Passes for Of<N, K, PLAIN, SLOW> {
+    fn columns(&self, on: On<'_>, wanted: &Wanted) -> Vec<Block> {
+        let of = if on.rotor.slow > 0.0 { columns_of::<N, K, SLOW> } else { columns_of::<N, K, PLAIN> };
+        of(&Pass::of(on), wanted)
     }
 
     fn smooth(&self, on: On<'_>) -> Vec<f64> {
@@ -530,11 +584,11 @@ impl<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize, cons
 /// The filters of all parts of machines, by coordinates and magnets.
 pub(super) fn passes(coordinates: usize, magnets: usize) -> &'static dyn Passes {
     match (coordinates, magnets) {
-        (1, 2) => &Of::<1, 2, 3, 3, 8, 24>,
-        (2, 3) => &Of::<2, 3, 4, 6, 8, 40>,
-        (2, 4) => &Of::<2, 4, 4, 6, 48, 48>,
-        (4, 6) => &Of::<4, 6, 8, 12, 88, 88>,
-        (4, 8) => &Of::<4, 8, 8, 12, 96, 96>,
+        (1, 2) => &Of::<1, 2, 3, 3>,
+        (2, 3) => &Of::<2, 3, 4, 6>,
+        (2, 4) => &Of::<2, 4, 4, 6>,
+        (4, 6) => &Of::<4, 6, 8, 12>,
+        (4, 8) => &Of::<4, 8, 8, 12>,
         _ => unreachable!("a part of a machine"),
     }
 }

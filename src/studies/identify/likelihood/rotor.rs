@@ -10,7 +10,7 @@
 use super::Part;
 use super::bench::{Places, Sensors};
 use super::case::Case;
-use super::filter::Passes;
+use super::filter::{Passes, Sheet};
 use super::lag::Lag;
 use crate::estimation::Machine;
 
@@ -513,45 +513,46 @@ impl Rotor {
     /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
     /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
     #[inline(always)]
-    pub fn force_columns<const N: usize, const K: usize, const P: usize>(
+    pub fn force_columns<const N: usize, const K: usize>(
         &self,
         [at, rate]: &State<N>,
         regressors: [f64; K],
         measured: [f64; K],
         shaft: &Shaft,
-        d: &mut [[f64; P]; N],
+        d: &mut Sheet<'_, N>,
     ) {
         let (layout, places, machine) = (&self.layout, &self.places, &self.machine);
-        let all = P >= layout.columns();
-        let mut put = |j: usize, column: [f64; N]| (0..N).for_each(|n| d[n][j] = column[n]);
+        let bench = d.wanted.bench;
         let gaps: [f64; K] = self.gaps(at);
         let (mut pulls, mut by_gap) = ([0.0; K], [0.0; K]);
         for k in 0..K {
             let acceleration = &machine.magnets[k];
-            put(k, scaled(acceleration, regressors[k]));
+            d.put(k, scaled(acceleration, regressors[k]));
             pulls[k] = self.theta[k] * regressors[k];
             by_gap[k] = -2.0 * pulls[k] / gaps[k];
-            if all {
-                put(layout.all + k, scaled(acceleration, measured[k]));
+            if bench {
+                if let Some(at) = layout.measured(k) {
+                    d.put(at, scaled(acceleration, measured[k]));
+                }
                 let gain = self.current[k][1];
                 let by_offset = -2.0 * self.theta[k] * regressors[k].max(0.0).sqrt() / gaps[k] / gain;
-                put(layout.base + places.current_offset + k, scaled(acceleration, by_offset));
-                put(layout.base + places.current_gain + k, scaled(acceleration, -2.0 * pulls[k] / gain));
+                d.put(layout.base + places.current_offset + k, scaled(acceleration, by_offset));
+                d.put(layout.base + places.current_gain + k, scaled(acceleration, -2.0 * pulls[k] / gain));
             }
         }
         let [by_cos, by_sin] = shaft.unbalance();
         let turned = |[y, z]: &[ByAxis; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
         for p in 0..machine.planes {
-            put(layout.magnets + 2 * p, turned(&machine.turning[p], by_cos));
-            put(layout.magnets + 2 * p + 1, turned(&machine.turning[p], by_sin));
-            if all {
+            d.put(layout.magnets + 2 * p, turned(&machine.turning[p], by_cos));
+            d.put(layout.magnets + 2 * p + 1, turned(&machine.turning[p], by_sin));
+            if bench {
                 let [cos, sin] = places.backward.map(|first| layout.base + first + p);
-                put(cos, turned(&machine.backward[p], [shaft.cos, -shaft.sin]));
-                put(sin, turned(&machine.backward[p], [shaft.sin, shaft.cos]));
+                d.put(cos, turned(&machine.backward[p], [shaft.cos, -shaft.sin]));
+                d.put(sin, turned(&machine.backward[p], [shaft.sin, shaft.cos]));
             }
         }
-        (0..N).for_each(|n| put(layout.load + n, scaled(&machine.loads[n], 1.0)));
-        if !all {
+        (0..N).for_each(|n| d.put(layout.load + n, scaled(&machine.loads[n], 1.0)));
+        if !bench {
             return;
         }
         let turning = self.turning(shaft);
@@ -560,14 +561,14 @@ impl Rotor {
             if let Some(place) = layout.measured(layout.base + j) {
                 let mut column = column;
                 (0..K).for_each(|k| add(&mut column, self.theta[k] * measured[k], &varied.magnets[k]));
-                put(place, column);
+                d.put(place, column);
             }
             for k in 0..K {
                 add(&mut column, pulls[k], &varied.magnets[k]);
                 let wider = varied.gap_m[k] - dot(&varied.directions[k], at);
                 add(&mut column, by_gap[k] * wider, &machine.magnets[k]);
             }
-            put(layout.base + j, column);
+            d.put(layout.base + j, column);
         }
     }
 
@@ -595,28 +596,28 @@ impl Rotor {
 
     /// `∂reading/∂θ` at a fixed trajectory, for all but the parameters of the force, whose columns stay as they are.
     #[inline(always)]
-    pub fn sensor_columns<const N: usize, const P: usize>(
+    pub fn sensor_columns<const N: usize>(
         &self,
         at: &State<N>,
         acceleration: &[f64; N],
         shaft: &Shaft,
-        d: &mut [[f64; P]; N],
+        d: &mut Sheet<'_, N>,
     ) {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let base = self.layout.base;
         let seen = self.seen(at, acceleration, shaft);
         let late: [f64; N] = std::array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
-        (0..N).for_each(|n| d[n][base + self.places.delay] = dot(&self.sensor[n], &late));
+        d.put(base + self.places.delay, std::array::from_fn(|n| dot(&self.sensor[n], &late)));
         if let Some([offset, gain]) = self.places.single {
-            d[0][base + offset] = 1.0;
-            d[0][base + gain] = seen[0];
+            d.set(0, base + offset, 1.0);
+            d.set(0, base + gain, seen[0]);
         }
         for (p, pair) in self.pairs.iter().enumerate() {
             let (first, places) = (2 * p, &pair.places);
             let mut put = |j: usize, y: f64, z: f64| {
-                d[first][base + j] = y;
-                d[first + 1][base + j] = z;
+                d.set(first, base + j, y);
+                d.set(first + 1, base + j, z);
             };
             put(places.offset[0], 1.0, 0.0);
             put(places.offset[1], 0.0, 1.0);

@@ -13,7 +13,7 @@ use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, slow_for
 use super::changes;
 use super::data::{On, Piece};
 use super::expected::expected;
-use super::filter::{Block, Columns, Levels, SAME};
+use super::filter::{Block, Columns, Levels, SAME, Wanted};
 use super::missing;
 use super::outcome;
 use super::rotor::{Kind, Rotor};
@@ -116,7 +116,9 @@ impl Search<'_> {
     }
 
     fn pass(&self, columns: Columns) -> Blocks {
-        let mut blocks = self.passes(&self.tasks(), &|on| self.kind.passes.columns(on, columns));
+        let layout = &self.kind.layout;
+        let wanted = Wanted::of(columns, layout, |j| self.prior[layout.unknown(j, 0)].1 > 0.0);
+        let mut blocks = self.passes(&self.tasks(), &|on| self.kind.passes.columns(on, &wanted));
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
@@ -382,11 +384,10 @@ impl Search<'_> {
     /// is multiplied, noise of the currents took up what was off balance, and 16 of 18 searches did not converge in 30 iterations (`scripts/faults.py`, seed 7807:
     /// stuck sensor, coarse quantisation, slow force); these take 4 to 9.
     fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
-        let all = self.estimated().iter().any(|at| self.bench().contains(at));
         self.converged = false;
         for iteration in begun..MOST {
             self.iterations = iteration + 1;
-            let blocks = self.pass(if all { Columns::All } else { Columns::Few });
+            let blocks = self.pass(Columns::Searched);
             let (step, mut largest) = self.newton(&self.normal(&blocks))?;
             let part = self.within(&step);
             self.x.iter_mut().zip(step).for_each(|(x, step)| *x += part * step);

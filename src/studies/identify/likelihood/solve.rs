@@ -25,7 +25,7 @@ impl Normal {
         let with_bench = layout.columns();
         let end = self.b.len();
         let place = |j: usize| if j < layout.all { layout.unknown(j, r) } else { end + j - with_bench };
-        for i in 0..if block.columns < with_bench { layout.base } else { with_bench } {
+        for i in 0..block.columns.min(with_bench) {
             let row = place(i);
             self.b[row] += block.b[i];
             for l in 0..=i {
