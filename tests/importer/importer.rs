@@ -284,7 +284,7 @@ fn the_importer_is_told_why() {
 /// Long campaigns load and free FMUs many times; each instance here loads its binary again.
 #[test]
 fn binaries_can_be_loaded_and_freed_without_end() {
-    const TIMES: usize = 50;
+    const TIMES: usize = 20;
     for (model, builder) in packaged(&MODELS) {
         for _ in 0..TIMES {
             let instance = Instance::new(model, &builder);
