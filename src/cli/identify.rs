@@ -277,6 +277,7 @@ impl Arguments {
     fn reading(&self, columns: &Pairs, machine: &'static Machine, magnets: Option<Vec<usize>>) -> Reading {
         Reading {
             machine,
+            is_stated: self.machine.is_some() || self.scenario.is_some(),
             magnets,
             columns: columns.clone(),
             units: self.unit.clone(),

@@ -242,8 +242,7 @@ fn wrong_columns_and_options_are_named() {
     }
     // All columns of the planar rotor are there as well.
     record(&folder, &PLANAR4, |text| text);
-    let (out, _) = ends(3, &folder, &["identify", "run.csv"]);
-    says(&out, &["There are also columns of the machine planar4: --machine planar4?"]);
+    refuses(&folder, &words("identify run.csv"), &["these are columns of the machine planar4: --machine planar4"]);
 
     record(&folder, &SPINDLE, |text| text.replace("plant.theta", "none").replace("plant.omegam", "nothing"));
     let (_, errors) = ends(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);

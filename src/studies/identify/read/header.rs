@@ -125,7 +125,7 @@ impl Signals {
 }
 
 /// The machine with the most magnets whose positions and currents all stand in the header, if it is another than this one.
-pub(super) fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machine> {
+fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machine> {
     let fits = |machine: &&Machine| Signals::of(machine).are_all_in(columns);
     MACHINES.iter().filter(fits).max_by_key(|machine| machine.magnets()).filter(|most| *most != machine)
 }
@@ -266,7 +266,8 @@ pub(super) fn places(
         });
         places[at] = Some(Place { column, unit });
     }
-    let other = other_machine(columns, reading.machine).filter(|_| findings.len() > before);
+    let is_other = findings.len() > before || !reading.is_stated;
+    let other = other_machine(columns, reading.machine).filter(|_| is_other);
     findings.extend(other.map(|other| format!("these are columns of the machine {0}: --machine {0}", other.name)));
     if is_absent {
         findings.push(format!("the header has the columns {}", joined(columns.iter().map(|column| &column.name))));

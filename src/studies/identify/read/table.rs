@@ -64,11 +64,6 @@ impl Table {
         let (data, units) = (vec![Vec::new(); count], vec![None; count]);
         let (lines, notes) = (Vec::new(), Vec::new());
         let mut table = Self { signals, columns: data, lines, units, stamps: None, notes, places, separator };
-        let larger = header::other_machine(&columns, reading.machine)
-            .filter(|other| other.magnets() > reading.machine.magnets());
-        table.notes.extend(
-            larger.map(|other| format!("There are also columns of the machine {0}: --machine {0}?", other.name)),
-        );
         let line = |row: &StringRecord| line - 1 + row.position().map_or(1, csv::Position::line) as u32;
         if let Some(first) = &first
             && let Err(why) = table.take_stamps(first)
