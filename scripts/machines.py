@@ -3,10 +3,12 @@
 
     cargo build --release
     scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded | --bench]
+    cargo run --release -- package --all && .venv/bin/python scripts/machines.py --seed 9101 --runs 20 --lag 50e-6
 
 Positions have 0.05 to 0.5 µm of noise, currents 5 to 20 mA. Prints error/± (rms over all magnets of all valid answers) in all and of noise, the
 worst, and how often the currents were read as measured ones; `--commanded` records the commands of the controller instead. With `--bench` mass, inertia,
-gaps, angles, positions along the shaft, gains and offsets are off by the tolerances of a typical bench, which `identify` is told.
+gaps, angles, positions along the shaft, gains and offsets are off by the tolerances of a typical bench, which `identify` is told. With `--lag` the
+currents follow the commands, which are recorded, with this time constant in s: plant and controller are FMUs in fmpy, with amplifiers between them.
 """
 
 import argparse
@@ -15,11 +17,15 @@ import math
 import random
 import re
 import subprocess
+import tempfile
 from pathlib import Path
 
 PROGRAM = Path(__file__).resolve().parents[1] / "target" / "release" / "magnetic-bearing"
+SYSTEMS = {"planar4": "MagneticBearing4", "spindle": "MagneticSpindle", "spindle4": "MagneticSpindle4"}
 TIMES_S = (0.1, 1.0, 5.0)
 RATE_HZ = 10_000
+# Steps of the plant in a sample, in each of which a lagging current has its mean.
+STEPS = 20
 
 # Standard deviations of a typical bench, and what belongs to a shaft.
 RELATIVE = {"m": 0.01, "s": 0.01, "Jt": 0.01, "Jp": 0.01}
@@ -69,13 +75,52 @@ def bench(machine: str, draw: random.Random) -> tuple[dict[str, float], list[str
     return errors, told
 
 
-def record(machine: str, seed: int, commanded: bool, off: bool) -> tuple[dict[str, float], list[str], list[str]]:
+def lagging(machine: str, values: dict[str, float], lag_s: float) -> list[str]:
+    """Rows of a loop whose currents follow the commands with a lag, with their header."""
+    from closed_loop import Instance, open_models, read_system
+
+    system = read_system(PROGRAM.parents[1] / "fmu" / f"{SYSTEMS[machine]}.ssp")
+    with tempfile.TemporaryDirectory() as folder:
+        models = open_models(system, Path(folder))
+        plant, controller = (Instance(models[system.elements[name][0]], name) for name in ("plant", "controller"))
+        plant.start(system.elements["plant"][1] | values)
+        guess = {name.replace("lambda", "lambda0"): values[name] for name in magnets(machine)}
+        controller.start(system.elements["controller"][1] | guess | {"update.mode": "never"})
+        commands = [name.replace("lambda", "i") for name in magnets(machine)]
+        readings = [end for (of, _), (to, end) in system.connections if (of, to) == ("plant", "controller")]
+        positions = [name for name in readings if name.endswith("m")]
+        measure, turn, command = plant.reader(readings), plant.reader(["theta", "omegam"]), controller.reader(commands)
+        answer, drive = controller.writer(readings), plant.writer(commands)
+        sample_s, step_s = 1 / RATE_HZ, 1 / RATE_HZ / STEPS
+        left = math.exp(-step_s / lag_s)
+        mean, currents = lag_s / step_s * (1 - left), command()
+        read = [name.replace("i[", "im[") for name in commands]
+        head = ["time [s]", *(f"{name} [m]" for name in positions), *(f"{name} [A]" for name in read)]
+        rows = [",".join([*head, "theta [rad]", "omega [rad/s]"])]
+        for row in range(round(TIMES_S[-1] * RATE_HZ) + 1):
+            seen, held, time_s = measure(), command(), row * sample_s
+            cells = [time_s, *(value for name, value in zip(readings, seen) if name in positions), *held, *turn()]
+            rows.append(",".join(map(repr, cells)))
+            answer(seen)
+            controller.step(time_s, sample_s)
+            for step in range(STEPS):
+                drive([to + (current - to) * mean for current, to in zip(currents, held)])
+                plant.step(time_s + step * step_s, step_s)
+                currents = [to + (current - to) * left for current, to in zip(currents, held)]
+        plant.close()
+        controller.close()
+    return rows
+
+
+def record(machine: str, seed: int, commanded: bool, off: bool, lag_s: float | None) -> tuple[dict[str, float], list[str], list[str]]:
     """The force constants that were drawn, the rows of the recording with their header, and arguments for `identify`."""
     draw = random.Random(seed)
     truth = {name: 2e-6 * draw.uniform(0.8, 1.2) for name in magnets(machine)}
     values = {"sensor.seed": seed, "sensor.positionNoise": 10 ** draw.uniform(-7.3, -6.3)}
     values["sensor.currentNoise"] = draw.uniform(0.005, 0.02)
     errors, told = bench(machine, draw) if off else ({}, [])
+    if lag_s:
+        return truth, lagging(machine, values | truth | errors, lag_s), told
     changes = [f"--set=plant.{name}={value}" for name, value in (values | truth | errors).items()]
     command = [PROGRAM, "simulate", machine, f"--set=duration={TIMES_S[-1]}", *changes, "--csv", "-"]
     currents = re.compile(r"controller\.((?:[ABX]\.)?)i\[" if commanded else r"plant\.((?:[ABX]\.)?)im\[")
@@ -99,12 +144,13 @@ def main() -> None:
     parser.add_argument("--machine", nargs="*", default=["planar4", "spindle", "spindle4"])
     parser.add_argument("--commanded", action="store_true")
     parser.add_argument("--bench", action="store_true")
+    parser.add_argument("--lag", type=float, metavar="SECONDS")
     arguments = parser.parse_args()
     print("| machine | recording | valid | error/± in all | error/± of noise | worst/± in all | rms error [%] | read as measured |")
     print("|---|---|---|---|---|---|---|---|")
     for machine in arguments.machine:
         seeds = range(arguments.seed, arguments.seed + arguments.runs)
-        recordings = [record(machine, seed, arguments.commanded, arguments.bench) for seed in seeds]
+        recordings = [record(machine, seed, arguments.commanded, arguments.bench, arguments.lag) for seed in seeds]
         for time_s in TIMES_S:
             valid, measured, errors = 0, 0, []
             for truth, rows, told in recordings:

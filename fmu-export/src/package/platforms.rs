@@ -305,7 +305,7 @@ pub struct Place<'a> {
 }
 
 /// A binary, which is compressed once, whatever the number of archives that hold it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Binary {
     content: Vec<u8>,
     compressed: OnceLock<Vec<u8>>,
