@@ -47,7 +47,8 @@ impl Holds {
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let readings = READINGS.map(|(hold, lag)| Currents { hold, lag });
-        let take = |currents: Currents| {
+        let take = |at: usize| {
+            let currents: Currents = readings[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::recording(samples, &stated, currents.hold);
             let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
@@ -56,7 +57,7 @@ impl Holds {
             others.for_each(|(_, told)| *told = Told::default());
             Take { recording, options, machine: stated.machine, bearing: 0 }
         };
-        let less = diagnosis::holds(&readings.map(take));
+        let less: [f64; READINGS.len()] = diagnosis::holds(take);
         Self(std::array::from_fn(|at| (readings[at], less[at])))
     }
 

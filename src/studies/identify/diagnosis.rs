@@ -210,9 +210,10 @@ fn stretch(take: &Take, stretches: usize) -> Take {
 
 /// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the lag that suits it
 /// best, if one is asked for, or else the delay, as far as those of a typical bench: without it a delay of a third of a sample looks like a current that is continuous.
-pub(super) fn holds<const N: usize>(takes: &[Take; N]) -> [f64; N] {
-    let mut takes = takes.each_ref().map(|take| {
-        let mut take = stretch(take, HOLD_STRETCHES);
+pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
+    // One whole recording at a time: each may have millions of rows.
+    let mut takes: [Take; N] = std::array::from_fn(|at| {
+        let mut take = stretch(&take(at), HOLD_STRETCHES);
         let parts = take.options.parts.iter_mut().filter(|part| !part.beside.lag);
         for (parameter, told) in parts.flat_map(Part::known).filter(|(of, _)| plain(&of.name) == DELAY) {
             if told.knowledge == Knowledge::Exact {
