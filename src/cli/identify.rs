@@ -68,7 +68,7 @@ pub struct Arguments {
     /// machines than planar the built-in one with the name of the machine. A file needs no title, duration and step.
     #[arg(long, value_name = "SCENARIO")]
     scenario: Option<PathBuf>,
-    /// The machine: planar (a rotor in a bearing with three magnets), planar4 (with four), spindle or spindle4 (a shaft in two radial bearings
+    /// The machine: planar (a rotor in a bearing with three magnets; the default), planar4 (with four), spindle or spindle4 (a shaft in two radial bearings
     /// with three or four magnets, and an axial one), or axial (one axis between one or two magnets). A scenario may name it as well.
     #[arg(long, value_name = "MACHINE", value_parser = MACHINES.map(|machine| machine.name))]
     machine: Option<String>,
