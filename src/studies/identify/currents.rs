@@ -48,7 +48,7 @@ impl Holds {
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let readings = READINGS.map(|(hold, lag)| Currents { hold, lag });
         let take = |at: usize| {
-            let currents: Currents = readings[at];
+            let currents = readings[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::recording(samples, &stated, currents.hold);
             let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };

@@ -25,7 +25,7 @@ pub(super) use self::header::{Signals, TIME_AT};
 pub struct Reading {
     /// The machine; its signals are read.
     pub machine: &'static Machine,
-    /// Whether somebody said so: otherwise a recording of another machine with more magnets is refused.
+    /// Whether the machine was stated. If not, a recording with the columns of a machine with more magnets is refused.
     pub is_stated: bool,
     /// The magnets that are used, counted from 0, if not all are.
     pub magnets: Option<Vec<usize>>,

@@ -113,14 +113,14 @@ impl<'a> Sums<'a> {
         self.batch.iter_mut().for_each(|batch| batch[self.filled..].fill([0.0; REGISTER]));
         self.filled = 0;
         for (n, (first, left)) in self.registers.iter().zip(&self.batch).enumerate() {
-            for lane in 0..REGISTER {
-                let row = &mut self.j[(first * REGISTER + lane) * self.columns..][..self.columns];
+            for i in 0..REGISTER {
+                let row = &mut self.j[(first * REGISTER + i) * self.columns..][..self.columns];
                 let to = row.as_chunks_mut::<REGISTER>().0;
                 for (second, right) in self.registers[..=n].iter().zip(&self.batch) {
                     let mut sum = [0.0; REGISTER];
                     for (left, right) in left.iter().zip(right) {
                         for at in 0..REGISTER {
-                            sum[at] += left[lane] * right[at];
+                            sum[at] += left[i] * right[at];
                         }
                     }
                     for at in 0..REGISTER {
@@ -145,11 +145,8 @@ impl<'a> Sums<'a> {
 
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
         self.flush();
-        let empty = |of: &mut Vec<f64>| {
-            let none = vec![0.0; of.len()];
-            std::mem::replace(of, none)
-        };
-        (empty(&mut self.j), empty(&mut self.b))
+        let full = std::mem::replace(self, Self::new(self.registers));
+        (full.j, full.b)
     }
 }
 
@@ -168,14 +165,13 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
     let gains = matches!(columns, Columns::Total | Columns::Instruments);
     let mut raised: [Kalman<S>; K] = std::array::from_fn(|_| kalman.clone());
     let mut x = vec![[[0.0; REGISTER]; S]; registers.len()];
-    let [mut force, mut sensor] = [(); 2].map(|()| Sheet::new(rotor.layout.columns(), wanted));
+    let [mut force, mut sensor] = [(); 2].map(|()| Sheet::new(rotor.layout.columns()));
     let mut sums = Sums::new(registers);
     let mut blocks = Vec::new();
     let expected = |row: usize| of.expected(row).filter(|_| *columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
     let harmonics = || vec![Default::default(); N];
-    let width = sums.columns;
-    let empty = |row: usize| Block { rows: row..row, columns: width, harmonics: harmonics(), ..Block::default() };
+    let empty = |row: usize| Block { rows: row..row, harmonics: harmonics(), ..Block::default() };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [[0.0; N]; LAGS];
@@ -202,13 +198,13 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
                 raised[k].predict(&transition, &interval, &of.scales(row, scales), of.slow(1));
             }
             acceleration = interval.end;
-            rotor.force_columns(&at, pulls, measured, &between, &mut force);
+            rotor.force_columns(&at, pulls, measured, &between, *bench, &mut force);
             if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| *bench) {
                 force.put(j, column);
             }
             let [a, b, c, g] = &transition.blocks;
             for (x, register) in x.iter_mut().zip(registers) {
-                let force = &force.values[*register];
+                let force = &force.0[*register];
                 for l in 0..REGISTER {
                     let [q, v]: State<N> = [std::array::from_fn(|i| x[i][l]), std::array::from_fn(|i| x[N + i][l])];
                     let mut f: [f64; N] = std::array::from_fn(|i| force[i][l]);
@@ -252,7 +248,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
         }
         let filled = sums.filled;
         for ((x, register), batch) in x.iter_mut().zip(registers).zip(&mut sums.batch) {
-            let sensor = &sensor.values[*register];
+            let sensor = &sensor.0[*register];
             for l in 0..REGISTER {
                 let seen: [f64; N] = std::array::from_fn(|a| x[a][l] - d * x[N + a][l]);
                 let mut phi: [f64; N] = std::array::from_fn(|a| sensor[a][l]);
@@ -330,6 +326,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
 }
 
 fn close<const N: usize>(block: &mut Block, sums: &mut Sums<'_>, log_det: &mut LogProduct<N>) {
+    block.columns = sums.columns;
     (block.j, block.b) = sums.take();
     block.log_det = log_det.finish(block.count);
     *log_det = LogProduct::new();
@@ -482,24 +479,21 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, 
 }
 
 /// Values of all columns by coordinate, register by register.
-pub(super) struct Sheet<'a, const N: usize> {
-    values: Vec<[Register; N]>,
-    pub wanted: &'a Wanted,
-}
+pub(super) struct Sheet<const N: usize>(Vec<[Register; N]>);
 
-impl<'a, const N: usize> Sheet<'a, N> {
-    fn new(columns: usize, wanted: &'a Wanted) -> Self {
-        Self { values: vec![[[0.0; REGISTER]; N]; columns.div_ceil(REGISTER)], wanted }
+impl<const N: usize> Sheet<N> {
+    fn new(columns: usize) -> Self {
+        Self(vec![[[0.0; REGISTER]; N]; columns.div_ceil(REGISTER)])
     }
 
     #[inline(always)]
     pub fn set(&mut self, n: usize, column: usize, value: f64) {
-        self.values[column / REGISTER][n][column % REGISTER] = value;
+        self.0[column / REGISTER][n][column % REGISTER] = value;
     }
 
     #[inline(always)]
     pub fn put(&mut self, column: usize, values: [f64; N]) {
-        let register = &mut self.values[column / REGISTER];
+        let register = &mut self.0[column / REGISTER];
         (0..N).for_each(|n| register[n][column % REGISTER] = values[n]);
     }
 }
@@ -523,7 +517,7 @@ pub(super) struct Wanted {
     /// Registers of these columns; others are left out.
     registers: Vec<usize>,
     /// Whether parameters of the bench are among them.
-    pub bench: bool,
+    bench: bool,
 }
 
 impl Wanted {

@@ -508,7 +508,7 @@ impl Rotor {
         Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle }
     }
 
-    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, and after all parameters once more those of λ and κ, for the measured ones.
+    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, those of the bench as well if asked for, and after all parameters once more those of λ and κ, for the measured ones.
     ///
     /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
     /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
@@ -519,10 +519,10 @@ impl Rotor {
         regressors: [f64; K],
         measured: [f64; K],
         shaft: &Shaft,
-        d: &mut Sheet<'_, N>,
+        bench: bool,
+        d: &mut Sheet<N>,
     ) {
         let (layout, places, machine) = (&self.layout, &self.places, &self.machine);
-        let bench = d.wanted.bench;
         let gaps: [f64; K] = self.gaps(at);
         let (mut pulls, mut by_gap) = ([0.0; K], [0.0; K]);
         for k in 0..K {
@@ -601,7 +601,7 @@ impl Rotor {
         at: &State<N>,
         acceleration: &[f64; N],
         shaft: &Shaft,
-        d: &mut Sheet<'_, N>,
+        d: &mut Sheet<N>,
     ) {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
