@@ -240,7 +240,8 @@ pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
         lags.all(|lag| lag.estimate.value >= -CERTAIN * lag.estimate.total_std)
     };
     let of: [f64; N] = std::array::from_fn(|at| {
-        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(follows);
+        let pulls = |of: &&Identification| of.lambda.iter().all(|lambda| lambda.value > 0.0);
+        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(follows).filter(pulls);
         whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
     });
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);

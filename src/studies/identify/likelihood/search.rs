@@ -545,8 +545,9 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
     let mut gain = None;
     // Each round leaves out what contradicts most.
     for _ in 0..ROUNDS {
-        // Away from the solution everything contradicts everything.
-        if !finished.search.converged {
+        // Away from the solution, or where a magnet would push, everything contradicts everything.
+        let pushes = finished.search.x[..kind.layout.magnets].iter().any(|lambda| *lambda <= 0.0);
+        if !finished.search.converged || pushes {
             break;
         }
         let disturbed = changes::disturbed(&finished);
