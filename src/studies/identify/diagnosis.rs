@@ -4,7 +4,9 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::answer::{implausible, with_slow_force};
-use super::likelihood::{Change, DELAY, Hold, Identification, Knowledge, LAG, Options, Origin, Part, Recording};
+use super::likelihood::{
+    Change, DELAY, Estimate, Hold, Identification, Knowledge, LAG, Options, Origin, Part, Recording,
+};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -18,8 +20,6 @@ const TURNS: f64 = 5.0;
 /// The reading of the currents decides several per cent of λ: it is judged on so many times as many rows. On one stretch, a force that wanders made a
 /// current that is held look continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
-/// A lag that is below 0 by so many deviations is none: the currents would lead what they follow.
-const CERTAIN: f64 = 3.0;
 /// Probability that something is proposed for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
@@ -235,13 +235,13 @@ pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
         takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.recording.usable[rows.clone()].fill(false)));
         found = all(&takes);
     }
-    let follows = |of: &&Identification| {
-        let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
-        lags.all(|lag| lag.estimate.value >= -CERTAIN * lag.estimate.total_std)
+    // No magnet pushes, and no current leads what it follows.
+    let is_possible = |of: &&Identification| {
+        let lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG).map(|lag| &lag.estimate);
+        !of.lambda.iter().chain(lags).any(Estimate::is_negative)
     };
     let of: [f64; N] = std::array::from_fn(|at| {
-        let pulls = |of: &&Identification| of.lambda.iter().all(|lambda| lambda.value > 0.0);
-        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(follows).filter(pulls);
+        let whole = found[at].as_ref().filter(|of| of.contradictions.is_empty()).filter(is_possible);
         whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
     });
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);

@@ -225,7 +225,15 @@ pub struct Estimate {
     pub total_std: f64,
 }
 
+/// A value that cannot be negative is below 0 by more than so many deviations where the model is wrong.
+const CERTAIN: f64 = 3.0;
+
 impl Estimate {
+    /// Whether the value is negative, chance excluded.
+    pub(super) fn is_negative(&self) -> bool {
+        self.value < -CERTAIN * self.total_std
+    }
+
     /// The value with its deviations.
     pub(super) fn json(&self) -> Json {
         json!({"value": self.value, "std": self.noise_std, "stdTotal": self.total_std})

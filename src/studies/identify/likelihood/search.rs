@@ -546,7 +546,7 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
     // Each round leaves out what contradicts most.
     for _ in 0..ROUNDS {
         // Away from the solution, or where a magnet would push, everything contradicts everything.
-        let pushes = finished.search.x[..kind.layout.magnets].iter().any(|lambda| *lambda <= 0.0);
+        let pushes = (0..kind.layout.magnets).any(|k| finished.estimate(k).is_negative());
         if !finished.search.converged || pushes {
             break;
         }
