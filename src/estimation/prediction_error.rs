@@ -26,9 +26,9 @@ const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 const BRIDGED: u32 = 8;
 
 /// The estimate is solved at the end of each quarter, whose samples are judged first. At first, and where the noise is estimated, it is solved within a quarter
-/// too, for every so many samples, or for this part of those before: where it lags behind the data, its error passes for noise of the currents. Solved
-/// by quarters alone it made this noise of spindles 1.5 times as large at 0.1 s (true: 10 mA), and error/std 0.71 instead of 0.86 (seeds 61501 to 61600);
-/// with a part of 1/32 it is 0.81, with 1/128 0.88.
+/// too, for every so many samples, or for this part of those before: where it lags behind the data, its error passes for noise of the currents. With
+/// quarters alone this noise of spindles came out 1.5 times too large at 0.1 s, and error/std was 0.71 instead of 0.86 (seeds 61501 to 61600); with a
+/// part of 1/32 it is 0.81, with 1/128 0.88.
 const SOLVE_EVERY: f64 = 4.0;
 const SOLVE_PART: f64 = 1.0 / 64.0;
 
