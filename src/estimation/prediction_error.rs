@@ -315,7 +315,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             }
         }
         let every = SOLVE_EVERY.max((SOLVE_PART * state.models.sums().samples).floor());
-        if state.present.samples % every == 0.0 && (self.known_noise.contains(&0.0) || !state.is_settled()) {
+        let lags = self.known_noise.contains(&0.0) && !state.changed;
+        if state.present.samples % every == 0.0 && (lags || !state.is_settled()) {
             self.solve(state);
         }
         let verdict = self.end_sample(state);
