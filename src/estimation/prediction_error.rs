@@ -153,9 +153,13 @@ pub struct PredictionError<const N: usize, const K: usize, const U: usize, const
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionError<N, K, U, T> {
+    /// Whether the noise of positions and currents is known.
+    fn knows_noise(&self) -> bool {
+        self.known_noise.iter().all(|noise| *noise > 0.0)
+    }
+
     /// A fresh state.
     pub fn start(&self) -> PredictionErrorState<N, K, U, T> {
-        let known = self.known_noise.iter().all(|noise| *noise > 0.0);
         let running = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
         let lambda = SVector::from(self.lambda0);
         let variance = lambda.component_mul(&lambda);
@@ -174,7 +178,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             estimate,
             waiting: Box::new(Waiting::empty()),
             gap: 0,
-            noise: known.then(|| Noise::new(self.known_noise, self.known_noise[0])),
+            noise: self.knows_noise().then(|| Noise::new(self.known_noise, self.known_noise[0])),
             trusted: [const { None }; QUARTERS],
             filter: None,
             running,
@@ -315,7 +319,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             }
         }
         let every = SOLVE_EVERY.max((SOLVE_PART * state.models.sums().samples).floor());
-        let lags = self.known_noise.contains(&0.0) && !state.changed;
+        let lags = !self.knows_noise() && !state.changed;
         if state.present.samples % every == 0.0 && (lags || !state.is_settled()) {
             self.solve(state);
         }
@@ -515,7 +519,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let was_valid = state.estimate.verdict == Verdict::Valid;
         let limit = if was_valid { 2.0 * STD_LIMIT } else { STD_LIMIT };
         // A quarter for the first solution and a revolution until it is settled; noise that is estimated takes longer to be found.
-        let least = if self.known_noise.contains(&0.0) { 2 * QUARTERS } else { QUARTERS + 1 };
+        let least = if self.knows_noise() { QUARTERS + 1 } else { 2 * QUARTERS };
         if state.validation.quarters() < least || (state.estimated_at.is_some() && !state.is_settled()) {
             if state.changed { Verdict::Changed } else { Verdict::Collecting }
         } else if state.estimate.condition >= CONDITION_CAP {
