@@ -13,7 +13,7 @@ use support::named::Named;
 mod support;
 
 /// Steps of every instance; fewer without optimisation, to keep the test short.
-const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 1_000_000 };
+const STEPS: u64 = if cfg!(debug_assertions) { 50_000 } else { 200_000 };
 
 const STEP_S: f64 = 1e-4;
 
@@ -114,10 +114,10 @@ fn loops() -> [(Loop, u64); 4] {
     // The data contradict the model: the estimator restarts again and again.
     changing.extend([("estimator.identify.unbalance", "false"), ("controller.update.mode", "whenValid")]);
     [
-        (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 20),
+        (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 4),
         (Loop::new("unbalanced", &noise), STEPS),
-        (Loop::new("unbalanced", &told), STEPS / 20),
-        (Loop::new("unbalanced", &changing), STEPS / 20),
+        (Loop::new("unbalanced", &told), STEPS / 4),
+        (Loop::new("unbalanced", &changing), STEPS / 4),
     ]
 }
 
@@ -152,7 +152,7 @@ fn a_step_of_a_spindle_allocates_nothing() {
     ];
     let mut spindle = Named::started("MagneticSpindle", &settings);
     let before = CALLS.get();
-    for step in 0..STEPS / 50 {
+    for step in 0..STEPS / 10 {
         spindle.step(step as f64 * STEP_S, STEP_S);
     }
     assert_eq!(CALLS.get() - before, 0, "calls of the allocator");
@@ -171,7 +171,7 @@ fn a_step_of_the_controller_of_a_spindle_allocates_nothing() {
     let hats: Vec<_> = names.iter().filter(|name| name.contains("lambdaHat")).collect();
     assert_eq!(hats.len(), 8, "magnets");
     let before = CALLS.get();
-    for step in 0..STEPS / 50 {
+    for step in 0..STEPS / 10 {
         for hat in &hats {
             controller.set(hat, 2e-6 + 1e-9 * (step % 7) as f64);
         }
