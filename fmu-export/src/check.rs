@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::model::Info;
-use crate::unit::Unit;
+use crate::unit::{Display, Unit};
 use crate::variable::{Causality, Type, Variability, Variable};
 
 /// Defects of a model's name and table, one sentence each.
@@ -20,6 +20,18 @@ pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
         if !(value.is_finite() && value > 0.0) {
             found.push(format!("{what} = {value} of the typical run is refused: expected a number above 0"));
         }
+    }
+    if variables.is_empty() {
+        found.push("there is no variable: expected one at least".into());
+    }
+    for (what, text) in [
+        ("description", info.description),
+        ("version", info.version),
+        ("author", info.author),
+        ("license", info.license),
+        ("tool", info.tool),
+    ] {
+        check_text(&format!("the {what}"), text, &mut found);
     }
     if variables.iter().any(|variable| variable.name == "time" && variable.causality != Causality::Independent) {
         found.push("the name `time` is that of the independent variable in FMI 3.0: expected another one".into());
@@ -57,11 +69,25 @@ fn check_name(variable: &Variable, found: &mut Vec<String>) {
     if !is_structured(name) {
         found.push(format!(
             "the name `{name}` is not allowed: expected letters, digits and underscores, not beginning with a digit, in \
-             parts divided by points, with indices such as [1] or [2,3]; anything else between apostrophes"
+             parts divided by points, with indices such as [1] or [2,3]; other characters of ASCII between apostrophes"
         ));
     }
     if variable.description.contains(char::is_control) {
         found.push(format!("the description of {name} contains a control character"));
+    }
+    if let Type::String { start } = &variable.data_type {
+        check_text(&format!("the start value of {name}"), start, found);
+    }
+}
+
+/// A text may hold what XML can hold.
+fn check_text(what: &str, text: &str, found: &mut Vec<String>) {
+    let is_foreign = |letter: char| {
+        (letter.is_ascii_control() && !matches!(letter, '\t' | '\n' | '\r'))
+            || matches!(letter, '\u{fffe}' | '\u{ffff}')
+    };
+    if let Some(letter) = text.chars().find(|letter| is_foreign(*letter)) {
+        found.push(format!("{what} contains the character {}, which XML cannot hold", letter.escape_unicode()));
     }
 }
 
@@ -84,8 +110,7 @@ fn is_structured(name: &str) -> bool {
 /// Text after the first part of a name and its indices.
 fn after_part(text: &str) -> Option<&str> {
     let rest = if let Some(quoted) = text.strip_prefix('\'') {
-        let end = quoted.find('\'').filter(|end| *end > 0)?;
-        &quoted[end + 1..]
+        after_quoted(quoted)?
     } else {
         let end = text.find(|letter: char| !(letter.is_ascii_alphanumeric() || letter == '_')).unwrap_or(text.len());
         (end > 0 && !text.starts_with(|letter: char| letter.is_ascii_digit())).then_some(&text[end..])?
@@ -93,6 +118,20 @@ fn after_part(text: &str) -> Option<&str> {
     let Some(indices) = rest.strip_prefix('[') else { return Some(rest) };
     let (indices, rest) = indices.split_once(']')?;
     indices.split(',').all(is_number).then_some(rest)
+}
+
+/// Text after the apostrophe that ends a name of any characters of the grammar: ASCII, with a backslash before some.
+fn after_quoted(text: &str) -> Option<&str> {
+    let mut rest = text;
+    loop {
+        let letter = rest.chars().next()?;
+        rest = match letter {
+            '\'' => return (rest.len() < text.len()).then_some(&rest[1..]),
+            '\\' => rest[1..].strip_prefix(['\'', '"', '?', '\\', 'a', 'b', 'f', 'n', 'r', 't', 'v'])?,
+            ' '..='~' if !matches!(letter, '"' | '`') => &rest[1..],
+            _ => return None,
+        };
+    }
 }
 
 fn is_number(text: &str) -> bool {
@@ -180,14 +219,22 @@ fn check_definitions(variables: &[Variable], found: &mut Vec<String>) {
     let mut enumerations = HashMap::new();
     for variable in variables {
         match &variable.data_type {
-            Type::Real { unit, .. } if *units.entry(unit.name).or_insert(unit) != unit => {
-                found.push(format!("there are two units named {}; {} has the second", unit.name, variable.name));
-            }
+            Type::Real { unit, .. } => match units.insert(unit.name, unit) {
+                None => check_unit(unit, found),
+                Some(first) if first != unit => {
+                    found.push(format!("there are two units named {}; {} has the second", unit.name, variable.name));
+                }
+                Some(_) => {}
+            },
             Type::Enumeration { items, .. } => {
                 if *enumerations.entry(items.name).or_insert(*items) != *items {
                     found.push(format!("there are two enumerations named {}", items.name));
                 }
-                for (at, (item, _)) in items.items.iter().enumerate() {
+                check_text(&format!("the name of the enumeration {}", items.name), items.name, found);
+                check_text(&format!("the description of the enumeration {}", items.name), items.description, found);
+                for (at, (item, meaning)) in items.items.iter().enumerate() {
+                    check_text(&format!("an item of the enumeration {}", items.name), item, found);
+                    check_text(&format!("the description of {item}"), meaning, found);
                     if items.items[..at].iter().any(|(other, _)| other == item) {
                         found.push(format!("the enumeration {} has the item {item} twice", items.name));
                     }
@@ -197,4 +244,32 @@ fn check_definitions(variables: &[Variable], found: &mut Vec<String>) {
         }
     }
     found.dedup();
+}
+
+/// A unit: base units of the standard, and display units that can be converted.
+fn check_unit(unit: &Unit, found: &mut Vec<String>) {
+    const BASE: [&str; 8] = ["kg", "m", "s", "A", "K", "mol", "cd", "rad"];
+    let name = unit.name;
+    check_text(&format!("the name of the unit {name}"), name, found);
+    for (at, (base, _)) in unit.base.iter().enumerate() {
+        if !BASE.contains(base) {
+            found.push(format!("the unit {name} has the base unit {base}: expected one of {}", BASE.join(", ")));
+        }
+        if unit.base[..at].iter().any(|(other, _)| other == base) {
+            found.push(format!("the unit {name} has the base unit {base} twice"));
+        }
+    }
+    for (at, display) in unit.displays.iter().enumerate() {
+        check_text(&format!("a display unit of {name}"), display.name, found);
+        if !(display.factor.is_finite() && display.factor != 0.0 && display.offset.is_finite()) {
+            let Display { name: shown, factor, offset } = display;
+            let wanted = "expected a factor that is not 0, and finite numbers";
+            found.push(format!(
+                "the display unit {shown} of {name} has the factor {factor} and the offset {offset}: {wanted}"
+            ));
+        }
+        if unit.displays[..at].iter().any(|other| other.name == display.name) {
+            found.push(format!("the unit {name} has the display unit {} twice", display.name));
+        }
+    }
 }

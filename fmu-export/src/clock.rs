@@ -39,6 +39,12 @@ impl Clock {
         })
     }
 
+    /// Whether the next instant is reached at the end of a step that has taken all samples before.
+    pub fn is_due(&self, end_s: f64) -> bool {
+        let instant_s = self.start_s + self.taken as f64 * self.period_s;
+        instant_s <= end_s + self.tolerance_s(instant_s)
+    }
+
     /// Number of samples taken.
     pub fn taken(&self) -> u64 {
         self.taken

@@ -386,6 +386,12 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// Why the run cannot continue.
     fn sample(&self, state: &mut Self::State, values: &mut Self::Values, instant_s: f64, log: &mut dyn Log) -> Stepped;
 
+    /// Writes the outputs that the last sample has computed for the instant of the next one, which is reached: a controller
+    /// acts one sample later, whatever the communication steps. By default there are none.
+    fn take_effect(&self, state: &mut Self::State, values: &mut Self::Values) {
+        let _ = (state, values);
+    }
+
     /// As [`Model::retune`]. A changed period is refused, because the samples taken so far belong to the former one.
     ///
     /// # Errors
@@ -430,7 +436,7 @@ impl<T: HiddenState> HiddenState for SampledState<T> {
     }
 
     fn write(&self, bytes: &mut Vec<u8>) -> Option<()> {
-        write_to(bytes, &self.clock);
+        write_to(bytes, &self.clock)?;
         self.state.write(bytes)
     }
 
@@ -457,7 +463,12 @@ impl<S: SampledModel> Model for Sampled<S> {
     }
 
     fn new(values: &S::Values, resources: &Resources) -> Result<Self, Vec<Invalid>> {
-        S::new(values, resources).map(Self)
+        let model = S::new(values, resources)?;
+        let period_s = model.period_s();
+        if !(period_s.is_finite() && period_s > 0.0) {
+            return Err(Invalid::new("the sample period", format!("{period_s} s"), "a number above 0").into());
+        }
+        Ok(Self(model))
     }
 
     fn start(&self, values: &mut S::Values, start_s: f64) -> SampledState<S::State> {
@@ -473,8 +484,18 @@ impl<S: SampledModel> Model for Sampled<S> {
         log: &mut dyn Log,
     ) -> Stepped {
         while let Some(instant_s) = clock.next_before(step.end_s()) {
+            self.0.take_effect(state, values);
             inputs.apply(values, instant_s);
-            self.0.sample(state, values, instant_s, log)?;
+            // Importers that add up their steps may begin one slightly after the instant.
+            self.0.sample(state, values, instant_s, log).map_err(|error| match error {
+                StepError::Terminated { time_s, reason } if time_s == instant_s => {
+                    StepError::terminate(time_s.max(step.time_s), reason)
+                }
+                error => error,
+            })?;
+        }
+        if clock.is_due(step.end_s()) {
+            self.0.take_effect(state, values);
         }
         Ok(())
     }

@@ -32,8 +32,7 @@ impl<T: Clone + Serialize + DeserializeOwned + Send + Sync + 'static> HiddenStat
     }
 
     fn write(&self, bytes: &mut Vec<u8>) -> Option<()> {
-        write_to(bytes, self);
-        Some(())
+        write_to(bytes, self)
     }
 
     fn read(bytes: &[u8]) -> Result<(Self, &[u8]), String> {
@@ -41,11 +40,10 @@ impl<T: Clone + Serialize + DeserializeOwned + Send + Sync + 'static> HiddenStat
     }
 }
 
-/// Appends a value in postcard's format.
-pub(crate) fn write_to(bytes: &mut Vec<u8>, value: &impl Serialize) {
-    let former = std::mem::take(bytes);
-    *bytes = postcard::to_extend(value, former)
-        .expect("numbers, texts and lists can be written, and memory grows as needed");
+/// Appends a value in postcard's format; `None` for one whose length is not known beforehand, or that refuses to be written.
+pub(crate) fn write_to(bytes: &mut Vec<u8>, value: &impl Serialize) -> Option<()> {
+    *bytes = postcard::to_extend(value, std::mem::take(bytes)).ok()?;
+    Some(())
 }
 
 /// A state that snapshots cannot hold; an FMU with it declares that it has none.

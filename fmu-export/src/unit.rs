@@ -1,6 +1,7 @@
 //! Units: the one of a variable, and those for display. Models declare missing ones themselves.
 
-/// A unit of the interface, with its exponents of the SI base units and its display units.
+/// A unit of the interface, with its exponents of the SI base units and its display units. Values in it are those in base units: what
+/// has another factor or zero, such as `°C`, is a display unit of one that has not.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Unit {

@@ -4,8 +4,9 @@ use fmu_export::fmi2::bindings::{fmi2Boolean, fmi2Real, fmi2Status, fmi2StatusKi
 use fmu_export::log::Silent;
 use fmu_export::package::{PackageError, Packager};
 use fmu_export::prelude::*;
+use fmu_export::variable::Value;
 use fmu_export::variable::Variable;
-use fmu_export::{Array, Instance, ModelType};
+use fmu_export::{Array, Instance, ModelType, Standard};
 
 mod support;
 
@@ -416,6 +417,63 @@ mod mistakes {
 
     mistaken!(units, "Units", vec![x("a"), Row::real("b", place!(Values.x), one_metre(), 0.0).output()]);
 
+    const ODD: unit::Unit =
+        unit::Unit::new("f\u{7}", &[("furlong", 1), ("m", 1), ("m", 1)], &[unit::Display::new("d", 0.0)]);
+
+    mistaken!(texts, "Texts", vec![x("'Größe'"), x("'a\\'b c'"), Row::real("b", place!(Values.x), ODD, 0.0).output()]);
+    mistaken!(nothing, "Nothing", vec![]);
+    // As an array x would have one nominal value, and its derivative one state.
+    mistaken!(unlike, "Unlike", {
+        let states = Row::elements("x", [0.0; 2], |name, start| Row::real(name, place!(Values.x), unit::ONE, start));
+        let derivatives =
+            Row::elements("dx", [0.0; 2], |name, start| Row::real(name, place!(Values.x), unit::ONE, start));
+        let states = states.zip([1.0, 2.0]).map(|(row, nominal)| row.local().state().nominal(nominal));
+        states.chain(derivatives.map(|row| row.local().derivative_of("x"))).collect()
+    });
+
+    #[derive(Clone, Default, Serialize, Deserialize)]
+    pub struct Flat {
+        #[serde(flatten)]
+        inner: Inner,
+    }
+
+    #[derive(Clone, Default, Serialize, Deserialize)]
+    struct Inner {
+        count: u32,
+    }
+
+    /// A model with its period as a parameter, whose state serde cannot write without a name for each field.
+    #[derive(Clone)]
+    pub struct Flattened(f64);
+
+    impl SampledModel for Flattened {
+        const INFO: Info = Info::new("Flattened", "A mistake");
+        type Values = Values;
+        type State = Flat;
+
+        fn table() -> Vec<Row<Values>> {
+            vec![Row::real("period", place!(Values.x), unit::SECOND, 1.0).fixed()]
+        }
+
+        fn new(values: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
+            Ok(Self(values.x))
+        }
+
+        fn period_s(&self) -> f64 {
+            self.0
+        }
+
+        fn start(&self, _: &mut Values, _: f64) -> Flat {
+            Flat::default()
+        }
+
+        fn sample(&self, _: &mut Flat, _: &mut Values, instant_s: f64, _: &mut dyn Log) -> Stepped {
+            if instant_s > 0.55 { Err(StepError::terminate(instant_s, "it is over")) } else { Ok(()) }
+        }
+    }
+
+    pub static FLATTENED: fmu_export::Fmus =
+        fmu_export::Fmus::new("none", || vec![ModelType::of::<fmu_export::Sampled<Flattened>>()]);
     pub static EMPTY: fmu_export::Fmus = fmu_export::Fmus::new("none", || vec![ModelType::of::<empty::Mistaken>()]);
     pub static TWICE: fmu_export::Fmus =
         fmu_export::Fmus::new("none", || vec![ModelType::of::<named::Mistaken>(), ModelType::of::<named::Mistaken>()]);
@@ -435,6 +493,12 @@ fn mistakes_are_found_when_packing() {
         (problems::<mistakes::bound::Mistaken>(), "the min of a is not a finite number"),
         (problems::<mistakes::derivative::Mistaken>(), "v refers to n, which is not a state"),
         (problems::<mistakes::units::Mistaken>(), "there are two units named m; b has the second"),
+        (problems::<mistakes::texts::Mistaken>(), "the name `'Größe'` is not allowed"),
+        (problems::<mistakes::texts::Mistaken>(), "contains the character \\u{7}, which XML cannot hold"),
+        (problems::<mistakes::texts::Mistaken>(), "has the base unit furlong: expected one of kg"),
+        (problems::<mistakes::texts::Mistaken>(), "has the base unit m twice"),
+        (problems::<mistakes::texts::Mistaken>(), "the display unit d of f\u{7} has the factor 0"),
+        (problems::<mistakes::nothing::Mistaken>(), "there is no variable"),
     ];
     for (said, wanted) in found {
         assert!(said.contains(wanted), "`{wanted}` is not said in: {said}");
@@ -442,6 +506,40 @@ fn mistakes_are_found_when_packing() {
     for name in ["Pid", "Tank"] {
         assert_eq!(made(name).0.problems(), [""; 0], "{name}");
     }
+}
+
+/// Fails if an array of a derivative stands beside states that are no array.
+#[test]
+fn states_and_derivatives_are_arrays_together() {
+    let model = ModelType::of::<mistakes::unlike::Mistaken>();
+    let xml = &model.description(Standard::Fmi3 { arrays: true }).xml;
+    assert!(["x[1]", "x[2]", "dx[1]", "dx[2]"].iter().all(|name| xml.contains(&format!("name=\"{name}\""))), "{xml}");
+}
+
+/// Fails if the sum of steps makes an end an error, if a period of 0 hangs, or if a state that cannot be written is packed.
+#[test]
+fn what_a_sampled_model_cannot_be_is_refused() {
+    let model = ModelType::of::<fmu_export::Sampled<mistakes::Flattened>>();
+    let (mut instance, mut time_s) = (model.instantiate(), 0.0);
+    instance.set(0, Value::Real(0.01)).expect("a parameter");
+    instance.start().expect("a good period");
+    let end = loop {
+        let step = Step { time_s, length_s: 0.01 };
+        if let Err(error) = instance.step(step, &mut Silent) {
+            break error;
+        }
+        time_s += 0.01;
+    };
+    assert!(matches!(end, StepError::Terminated { .. }), "{end}");
+    let mut still = model.instantiate();
+    still.set(0, Value::Real(0.0)).expect("a parameter");
+    let said = Invalid::list(&still.start().expect_err("no period"));
+    assert!(said.contains("the sample period = 0 s is refused: expected a number above 0"), "{said}");
+    let error = Packager::new(&mistakes::FLATTENED).write("none").expect_err("it cannot be saved");
+    assert!(error.to_string().contains("cannot be saved"), "{error}");
+    let leaving = Packager::new(&FMUS).extras(|_| fmu_export::package::Extras::default().resource("../../a", "b"));
+    let error = leaving.write("none").expect_err("outside");
+    assert!(format!("{error:?}").contains("\"../../a\" is not allowed"), "{error:?}");
 }
 
 /// Fails if an archive is written of a model that cannot be instantiated, or two under one name.

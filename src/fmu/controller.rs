@@ -46,6 +46,14 @@ fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K]
     );
 }
 
+/// The state of a controller, with the outputs that take effect with the next sample.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "ControllerState<N, K, G>: Saved, ControllerOutput<N, K>: Saved")]
+pub struct State<const N: usize, const K: usize, const G: usize> {
+    controller: ControllerState<N, K, G>,
+    next: Option<ControllerOutput<N, K>>,
+}
+
 /// The model of a controller of a machine with N coordinates, K magnets in G groups, and B bearings.
 #[derive(Clone)]
 pub struct ControllerModel<const N: usize, const K: usize, const B: usize, const G: usize>(Controller<N, K, B, G>);
@@ -54,11 +62,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledMode
 where
     // True of every length that is used; serde does not know it of all.
     Values<N, K, B, G>: Saved,
-    ControllerState<N, K, G>: Saved + Send + Sync + 'static,
+    ControllerState<N, K, G>: Saved,
+    State<N, K, G>: Saved + Send + Sync + 'static,
 {
     const INFO: Info = info(&Rotor::<N, K, B>::MACHINE.models[1]);
     type Values = Values<N, K, B, G>;
-    type State = ControllerState<N, K, G>;
+    type State = State<N, K, G>;
 
     fn table() -> Vec<Row<Self::Values>> {
         let machine = Rotor::<N, K, B>::MACHINE;
@@ -75,7 +84,7 @@ where
 
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State {
         values.output = self.0.output_at_start();
-        self.0.start(start_s)
+        State { controller: self.0.start(start_s), next: None }
     }
 
     fn sample(
@@ -86,12 +95,19 @@ where
         log: &mut dyn Log,
     ) -> Result<(), StepError> {
         let used = values.output.lambda_used_nm2_a2;
-        values.output = self.0.sample(state, &values.input).map_err(StepError::of)?;
-        let now = values.output.lambda_used_nm2_a2;
+        let next = self.0.sample(&mut state.controller, &values.input).map_err(StepError::of)?;
+        let now = next.lambda_used_nm2_a2;
+        state.next = Some(next);
         if used != now && self.0.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
             log_update(log, instant_s, &used, &now);
         }
         Ok(())
+    }
+
+    fn take_effect(&self, state: &mut Self::State, values: &mut Self::Values) {
+        if let Some(next) = state.next.take() {
+            values.output = next;
+        }
     }
 
     fn retune(&mut self, _: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
@@ -100,6 +116,9 @@ where
     }
 
     fn accepts(&self, state: &Self::State) -> Result<(), String> {
-        self.0.accepts(state).then_some(()).ok_or_else(|| "the state is not one that this controller can have".into())
+        self.0
+            .accepts(&state.controller)
+            .then_some(())
+            .ok_or_else(|| "the state is not one that this controller can have".into())
     }
 }

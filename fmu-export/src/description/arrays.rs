@@ -1,6 +1,7 @@
 //! Rows that are the elements of one array in FMI 3.0.
 
 use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
 #[cfg(feature = "fmi3")]
 use std::sync::Arc;
 
@@ -52,13 +53,38 @@ fn without_number(text: &str, number: usize) -> String {
     general + rest
 }
 
-/// All variables in order. With `arrays`, consecutive rows `x[1]`, `x[2]`, … with the same attributes are one variable `x`.
+/// All variables in order. With `arrays`, consecutive rows `x[1]`, `x[2]`, … with the same attributes are one variable `x`. States and their
+/// derivatives are arrays of the same length, or none.
 pub(crate) fn groups(variables: &[Variable], arrays: bool) -> Vec<Group<'_>> {
+    // Names that an array cannot have.
+    let mut taken: HashSet<&str> = variables.iter().map(|variable| variable.name.as_ref()).chain(["time"]).collect();
+    loop {
+        let groups = grouped(variables, |name| arrays && !taken.contains(name));
+        let length = |group: &Group<'_>| (group.is_array, group.rows.len());
+        let states = groups.iter().filter(|group| group.first().state);
+        let states: HashMap<&str, &Group<'_>> =
+            states.flat_map(|group| group.rows.iter().map(move |row| (row.name.as_ref(), group))).collect();
+        let derivatives =
+            groups.iter().filter_map(|group| Some((group, *states.get(group.first().derivative_of.as_deref()?)?)));
+        let unequal = derivatives.filter(|(derivative, state)| length(derivative) != length(state));
+        let split: Vec<&str> = unequal
+            .flat_map(|pair| <[_; 2]>::from(pair))
+            .filter(|group| group.is_array)
+            .map(|group| group.name)
+            .collect();
+        if split.is_empty() {
+            return groups;
+        }
+        taken.extend(split);
+    }
+}
+
+fn grouped<'v>(variables: &'v [Variable], may_be: impl Fn(&str) -> bool) -> Vec<Group<'v>> {
     let mut groups = Vec::new();
     let mut at = 0;
     while at < variables.len() {
         let rest = &variables[at..];
-        let array = if arrays { array(rest) } else { None };
+        let array = array(rest).filter(|(name, _)| may_be(name));
         let (name, count) = array.unwrap_or((rest[0].name.as_ref(), 1));
         groups.push(Group { reference: at, name, rows: &rest[..count], is_array: array.is_some() });
         at += count;

@@ -1,5 +1,7 @@
 //! `modelDescription.xml` of FMI 2.0.
 
+use std::collections::HashMap;
+
 use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
 use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
@@ -7,13 +9,15 @@ use crate::unit::Unit;
 use crate::variable::{Causality, Enumeration, Type, Variable};
 use crate::xml::{Page, element, real, units, write_base_unit};
 
-/// The text of the description, with that GUID.
-pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], guid: &str) -> String {
+/// The text of the description, with an empty GUID.
+pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable]) -> String {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
+    // Other elements refer to a variable by its place, counted from 1.
+    let places: HashMap<&str, usize> = variables.iter().map(|variable| variable.name.as_ref()).zip(1..).collect();
     let root = element("fmiModelDescription")
         .with("fmiVersion", "2.0")
         .with("modelName", info.name)
-        .with("guid", guid)
+        .with("guid", "")
         .with("description", info.description)
         .with_some("author", given(info.author))
         .with_some("version", given(info.version))
@@ -35,11 +39,11 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
                 .with("canSerializeFMUstate", capabilities.snapshots.to_string())
                 .with("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
         );
-        page.nest(element("UnitDefinitions"), |page| {
-            for unit in units(variables) {
-                write_unit(page, unit);
-            }
-        });
+        // The schema knows no empty lists.
+        let units = units(variables);
+        if !units.is_empty() {
+            page.nest(element("UnitDefinitions"), |page| units.into_iter().for_each(|unit| write_unit(page, unit)));
+        }
         let enumerations = enumerations(variables);
         if !enumerations.is_empty() {
             page.nest(element("TypeDefinitions"), |page| {
@@ -63,11 +67,12 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
         );
         page.nest(element("ModelVariables"), |page| {
             for (reference, variable) in variables.iter().enumerate() {
-                let state = variable.derivative_of.as_ref().and_then(|state| index_of(variables, state));
+                let state = variable.derivative_of.as_ref().and_then(|state| places.get(state.as_ref()));
+                let state = state.map(usize::to_string);
                 write_variable(page, reference, variable, state);
             }
         });
-        page.nest(element("ModelStructure"), |page| write_structure(page, variables));
+        page.nest(element("ModelStructure"), |page| write_structure(page, variables, &places));
     })
 }
 
@@ -91,11 +96,6 @@ fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
             }
         });
     });
-}
-
-/// The index of a variable, counted from 1, as other elements refer to it.
-fn index_of(variables: &[Variable], name: &str) -> Option<String> {
-    variables.iter().position(|variable| variable.name == name).map(|index| (index + 1).to_string())
 }
 
 fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state: Option<String>) {
@@ -134,50 +134,40 @@ fn write_variable(page: &mut Page, reference: usize, variable: &Variable, state:
 }
 
 /// Outputs and derivatives of states with their dependencies, and the initial unknowns.
-fn write_structure(page: &mut Page, variables: &[Variable]) {
+fn write_structure(page: &mut Page, variables: &[Variable], places: &HashMap<&str, usize>) {
     let chosen = |choice: fn(&Variable) -> bool| (1..).zip(variables).filter(move |(_, variable)| choice(variable));
-    let unknown = |index: i32| element("Unknown").with("index", index.to_string());
-    let indices = |names: &mut dyn Iterator<Item = &str>| {
-        let mut indices: Vec<usize> = names
-            .filter_map(|name| variables.iter().position(|variable| variable.name == name))
-            .map(|at| at + 1)
-            .collect();
-        indices.sort_unstable();
-        indices.iter().map(usize::to_string).collect::<Vec<_>>().join(" ")
-    };
-    let dependent = |page: &mut Page, index: i32, variable: &Variable| {
-        let there = |name: &str| variables.iter().any(|variable| variable.name == name);
+    let unknown = |index: usize| element("Unknown").with("index", index.to_string());
+    let listed =
+        |indices: &mut dyn Iterator<Item = usize>| indices.map(|index| index.to_string()).collect::<Vec<_>>().join(" ");
+    let dependent = |(index, variable): (usize, &Variable)| {
         // Without `dependencies` it depends on all inputs and states.
-        let Some(depends_on) = &variable.depends_on else { return page.empty(unknown(index)) };
-        let mut depends_on: Vec<_> = depends_on.iter().filter(|(name, _)| there(name)).collect();
-        depends_on.sort_by_key(|(name, _)| variables.iter().position(|variable| variable.name == *name));
+        let Some(depends_on) = &variable.depends_on else { return unknown(index) };
+        let known = depends_on.iter().filter_map(|(name, how)| Some((*places.get(name.as_ref())?, *how)));
+        let mut depends_on: Vec<_> = known.collect();
+        depends_on.sort_by_key(|(known, _)| *known);
         let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
-        let tag = unknown(index).with("dependencies", indices(&mut depends_on.iter().map(|(name, _)| name.as_ref())));
-        page.empty(tag.with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" "))));
+        let tag = unknown(index).with("dependencies", listed(&mut depends_on.iter().map(|(known, _)| *known)));
+        tag.with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" ")))
     };
-    page.nest(element("Outputs"), |page| {
-        for (index, output) in chosen(|variable| variable.causality == Causality::Output) {
-            dependent(page, index, output);
-        }
-    });
-    if variables.iter().any(|variable| variable.derivative_of.is_some()) {
-        page.nest(element("Derivatives"), |page| {
-            // In the order of the state vector.
-            for state in variables.iter().filter(|variable| variable.state) {
-                for (index, derivative) in chosen(|variable| variable.derivative_of.is_some()) {
-                    if derivative.derivative_of.as_ref() == Some(&state.name) {
-                        dependent(page, index, derivative);
-                    }
-                }
-            }
+    let starting = |(index, variable): (usize, &Variable)| {
+        // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
+        let from = variable.starts_from.as_ref().map(|names| {
+            let mut known: Vec<_> = names.iter().filter_map(|name| places.get(name.as_ref()).copied()).collect();
+            known.sort_unstable();
+            listed(&mut known.into_iter())
         });
+        unknown(index).with_some("dependencies", from)
+    };
+    let outputs = chosen(|variable| variable.causality == Causality::Output).map(dependent);
+    // In the order of the state vector.
+    let mut derivatives: Vec<_> = chosen(|variable| variable.derivative_of.is_some()).collect();
+    derivatives.sort_by_key(|(_, variable)| places.get(variable.derivative_of.as_deref().unwrap_or_default()));
+    let lists: [(&str, Vec<_>); 3] = [
+        ("Outputs", outputs.collect()),
+        ("Derivatives", derivatives.into_iter().map(dependent).collect()),
+        ("InitialUnknowns", chosen(is_initial_unknown).map(starting).collect()),
+    ];
+    for (name, unknowns) in lists.into_iter().filter(|(_, unknowns)| !unknowns.is_empty()) {
+        page.nest(element(name), |page| unknowns.into_iter().for_each(|unknown| page.empty(unknown)));
     }
-    page.nest(element("InitialUnknowns"), |page| {
-        for (index, variable) in chosen(is_initial_unknown) {
-            // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
-            let from = variable.starts_from.as_ref();
-            let from = from.map(|names| indices(&mut names.iter().map(|name| name.as_ref())));
-            page.empty(unknown(index).with_some("dependencies", from));
-        }
-    });
 }

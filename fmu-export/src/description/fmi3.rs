@@ -1,5 +1,7 @@
 //! `modelDescription.xml` of FMI 3.0.
 
+use std::collections::{BTreeMap, HashMap};
+
 use super::arrays::{Group, groups};
 use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
 use crate::interface::logger::Category;
@@ -8,19 +10,16 @@ use crate::unit::{SECOND, Unit};
 use crate::variable::{Causality, Dependency, Enumeration, Type, Variable};
 use crate::xml::{Element, Page, element, real, units, write_base_unit};
 
-/// The text of the description, with that instantiation token.
-pub(super) fn document(
-    info: &Info,
-    capabilities: Capabilities,
-    variables: &[Variable],
-    arrays: bool,
-    token: &str,
-) -> String {
+/// Value references by the names of rows.
+type References<'v> = HashMap<&'v str, usize>;
+
+/// The text of the description, with an empty instantiation token.
+pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], arrays: bool) -> String {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
     let root = element("fmiModelDescription")
         .with("fmiVersion", "3.0")
         .with("modelName", info.name)
-        .with("instantiationToken", token)
+        .with("instantiationToken", "")
         .with("description", info.description)
         .with_some("author", given(info.author))
         .with_some("version", given(info.version))
@@ -28,6 +27,9 @@ pub(super) fn document(
         .with_some("generationTool", given(info.tool))
         .with("variableNamingConvention", "structured");
     let groups = groups(variables, arrays);
+    // The value reference of a row, or of the array that it is an element of.
+    let rows = groups.iter().flat_map(|group| group.rows.iter().map(|row| (row.name.as_ref(), group.reference)));
+    let references: References<'_> = rows.collect();
     Page::document(root, |page| {
         page.empty(
             element("CoSimulation")
@@ -74,8 +76,8 @@ pub(super) fn document(
         );
         page.nest(element("ModelVariables"), |page| {
             for group in &groups {
-                let state = group.first().derivative_of.as_ref().and_then(|state| reference_of(&groups, state));
-                write_variable(page, group, state);
+                let state = group.first().derivative_of.as_ref().and_then(|state| references.get(state.as_ref()));
+                write_variable(page, group, state.copied());
             }
             if variables.iter().any(|variable| variable.causality == Causality::Independent) {
                 return;
@@ -90,7 +92,7 @@ pub(super) fn document(
                     .with("unit", SECOND.name),
             );
         });
-        page.nest(element("ModelStructure"), |page| write_structure(page, &groups));
+        page.nest(element("ModelStructure"), |page| write_structure(page, &groups, &references));
     })
 }
 
@@ -112,11 +114,6 @@ fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
             page.empty(item.with("description", *description));
         }
     });
-}
-
-/// The value reference of a row, or of the array that it is an element of.
-fn reference_of(groups: &[Group<'_>], name: &str) -> Option<usize> {
-    groups.iter().find(|group| group.rows.iter().any(|row| row.name == name)).map(|group| group.reference)
 }
 
 fn write_variable(page: &mut Page, group: &Group<'_>, state: Option<usize>) {
@@ -177,26 +174,24 @@ fn write_variable(page: &mut Page, group: &Group<'_>, state: Option<usize>) {
 }
 
 /// Outputs and derivatives of states with their dependencies, and the initial unknowns.
-fn write_structure(page: &mut Page, groups: &[Group<'_>]) {
+fn write_structure(page: &mut Page, groups: &[Group<'_>], references: &References<'_>) {
     let unknown = |name, group: &Group<'_>| element(name).with("valueReference", group.reference.to_string());
     let listed = |references: &[usize]| references.iter().map(usize::to_string).collect::<Vec<_>>().join(" ");
     let dependent = |tag: Element, group: &Group<'_>| {
         // Without `dependencies` it depends on all inputs and states.
         let named: Option<Vec<_>> = group.rows.iter().map(|row| row.depends_on.as_ref()).collect();
         let Some(named) = named else { return tag };
-        let mut depends_on: Vec<(usize, Dependency)> = Vec::new();
+        let mut depends_on: BTreeMap<usize, Dependency> = BTreeMap::new();
         for (name, how) in named.into_iter().flatten() {
-            let Some(reference) = reference_of(groups, name) else { continue };
-            match depends_on.iter_mut().find(|(known, _)| *known == reference) {
-                // Elements that depend in different ways depend in some way.
-                Some((_, known)) if *known != *how => *known = Dependency::Any,
-                Some(_) => {}
-                None => depends_on.push((reference, *how)),
+            let Some(reference) = references.get(name.as_ref()) else { continue };
+            // Elements that depend in different ways depend in some way.
+            let known = depends_on.entry(*reference).or_insert(*how);
+            if *known != *how {
+                *known = Dependency::Any;
             }
         }
-        depends_on.sort_by_key(|(reference, _)| *reference);
-        let references: Vec<_> = depends_on.iter().map(|(reference, _)| *reference).collect();
-        let kinds: Vec<_> = depends_on.iter().map(|(_, how)| kind_of(*how)).collect();
+        let references: Vec<_> = depends_on.keys().copied().collect();
+        let kinds: Vec<_> = depends_on.values().map(|how| kind_of(*how)).collect();
         tag.with("dependencies", listed(&references))
             .with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" ")))
     };
@@ -215,7 +210,7 @@ fn write_structure(page: &mut Page, groups: &[Group<'_>]) {
         let from: Option<Vec<_>> = group.rows.iter().map(|row| row.starts_from.as_ref()).collect();
         let from = from.map(|from| {
             let names = from.into_iter().flatten();
-            let mut references: Vec<_> = names.filter_map(|name| reference_of(groups, name)).collect();
+            let mut references: Vec<_> = names.filter_map(|name| references.get(name.as_ref()).copied()).collect();
             references.sort_unstable();
             references.dedup();
             listed(&references)

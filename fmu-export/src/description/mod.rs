@@ -65,15 +65,20 @@ pub struct Description {
 
 /// The model description by a standard.
 pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable], standard: Standard) -> Description {
-    let document = |token: &str| match standard {
-        Standard::Fmi2 => fmi2::document(info, capabilities, variables, token),
-        Standard::Fmi3 { arrays } => fmi3::document(info, capabilities, variables, arrays, token),
+    let xml = match standard {
+        Standard::Fmi2 => fmi2::document(info, capabilities, variables),
+        Standard::Fmi3 { arrays } => fmi3::document(info, capabilities, variables, arrays),
     };
-    let digest = Sha256::digest(document("").as_bytes());
+    let digest = Sha256::digest(xml.as_bytes());
     let digits: String = digest[..16].iter().map(|byte| format!("{byte:02x}")).collect();
     let token =
         format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
-    let xml = document(&token);
+    // In attributes, quotation marks are written as `&quot;`.
+    let attribute = match standard {
+        Standard::Fmi2 => "guid",
+        Standard::Fmi3 { .. } => "instantiationToken",
+    };
+    let xml = xml.replacen(&format!(r#"{attribute}="""#), &format!(r#"{attribute}="{token}""#), 1);
     Description { token, xml }
 }
 

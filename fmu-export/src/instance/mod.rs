@@ -358,11 +358,11 @@ impl Instance {
         true
     }
 
-    /// The instance in postcard's format; `None` if the model has no snapshots. Equal bits give equal bytes.
+    /// The instance in postcard's format; `None` if the model has no snapshots, or its state cannot be written. Equal bits give equal bytes.
     pub fn write(&self) -> Option<Vec<u8>> {
         let mut bytes = Vec::new();
-        self.core.write_values(&mut bytes);
-        write_to(&mut bytes, &(self.stale, &self.moving, &self.moved, self.has_begun));
+        self.core.write_values(&mut bytes)?;
+        write_to(&mut bytes, &(self.stale, &self.moving, &self.moved, self.has_begun))?;
         self.core.write_state(&mut bytes)?;
         self.capabilities.snapshots.then_some(bytes)
     }

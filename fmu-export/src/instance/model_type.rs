@@ -1,5 +1,6 @@
 //! A model that can be instantiated, and its descriptions.
 
+use std::collections::HashMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, OnceLock};
 
@@ -66,22 +67,48 @@ impl ModelType {
     /// Pairs of rows that access the same place: each changes what the other reads.
     fn shared_places(&self) -> Vec<String> {
         let start = (self.new_core)();
-        let indices = 0..self.variables.len();
+        let indices = self.suspects(&*start).into_iter();
         // Variables that read differently once the row has written another value.
         let changed = |index: usize| {
             let mut core = (self.new_core)();
             core.set(index, other(&self.variables[index], start.get(index)));
             indices.clone().filter(|at| !same(&core.get(*at), &start.get(*at))).collect::<Vec<_>>()
         };
-        let changed: Vec<Vec<usize>> = indices.clone().map(changed).collect();
+        let changed: HashMap<usize, Vec<usize>> = indices.clone().map(|index| (index, changed(index))).collect();
         let mut found = Vec::new();
         for one in indices {
-            for other in changed[one].iter().filter(|other| one < **other && changed[**other].contains(&one)) {
+            for other in changed[&one].iter().filter(|other| one < **other && changed[*other].contains(&one)) {
                 let [one, other] = [one, *other].map(|index| &self.variables[index].name);
                 found.push(format!("{one} and {other} access the same field"));
             }
         }
         found
+    }
+
+    /// Rows that do not keep what was written, because others were written too. Each is written with its start value or another, by a bit of its
+    /// number, so that any two are once written with different values, once the first last and once the second.
+    fn suspects(&self, start: &dyn Core) -> Vec<usize> {
+        let count = self.variables.len();
+        let mut suspect = vec![false; count];
+        for bit in 0..usize::BITS - count.leading_zeros() {
+            for backward in [false, true] {
+                let mut core = (self.new_core)();
+                let written: Vec<_> = (0..count)
+                    .map(|index| match (index >> bit) & 1 {
+                        0 => start.get(index),
+                        _ => other(&self.variables[index], start.get(index)),
+                    })
+                    .collect();
+                for at in 0..count {
+                    let index = if backward { count - 1 - at } else { at };
+                    core.set(index, written[index].clone());
+                }
+                for index in 0..count {
+                    suspect[index] |= !same(&core.get(index), &written[index]);
+                }
+            }
+        }
+        (0..count).filter(|index| suspect[*index]).collect()
     }
 
     /// The model description by a standard.

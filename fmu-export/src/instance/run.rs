@@ -52,7 +52,7 @@ pub(super) trait Core: Any + Send + Sync {
     fn output_derivatives(&self, moving: &Moving, time_s: f64, order: usize) -> Option<InPlaces>;
     /// Derivatives in a direction, before the run those at a start.
     fn differentiate(&self, direction: &[(usize, f64)], begin: Begin<'_>) -> Result<InPlaces, Vec<Invalid>>;
-    fn write_values(&self, bytes: &mut Vec<u8>);
+    fn write_values(&self, bytes: &mut Vec<u8>) -> Option<()>;
     fn write_state(&self, bytes: &mut Vec<u8>) -> Option<()>;
     /// Reads values and returns the bytes after them.
     fn read_values<'b>(&mut self, bytes: &'b [u8]) -> Result<&'b [u8], String>;
@@ -228,8 +228,8 @@ impl<M: Model> Core for Typed<M> {
         Ok(self.in_places(found))
     }
 
-    fn write_values(&self, bytes: &mut Vec<u8>) {
-        let _ = self.values.write(bytes);
+    fn write_values(&self, bytes: &mut Vec<u8>) -> Option<()> {
+        self.values.write(bytes)
     }
 
     fn write_state(&self, bytes: &mut Vec<u8>) -> Option<()> {

@@ -18,6 +18,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use super::component::Problem;
 use super::sequence::State;
 use crate::instance::{Instance, ModelType};
 use crate::resources::Resources;
@@ -66,11 +67,15 @@ struct Head {
 
 impl Snapshot {
     /// Serializes the snapshot. Equal snapshots give equal bytes.
-    pub(crate) fn write(&self) -> Vec<u8> {
+    ///
+    /// # Errors
+    /// If the state of the model refuses to be written.
+    pub(crate) fn write(&self) -> Result<Vec<u8>, Problem> {
         let Stage { state, time_s, start_s, stop_s, failed, terminated } = self.stage;
         let head = Head { state: state as u8, time_s, start_s, stop_s, failed, terminated };
         let mut content = postcard::to_stdvec(&head).expect("numbers can be written, and memory grows as needed");
-        content.extend(self.instance.write().expect("there are snapshots of models only that have them"));
+        let refused = || Problem::Call("the state of the model cannot be written: serde refuses it".into());
+        content.extend(self.instance.write().ok_or_else(refused)?);
 
         let mut bytes = Vec::with_capacity(content.len() + 128);
         bytes.extend(MAGIC);
@@ -83,7 +88,7 @@ impl Snapshot {
         bytes.extend(content);
         let hash = Sha256::digest(&bytes);
         bytes.extend(hash);
-        bytes
+        Ok(bytes)
     }
 
     /// Reads serialized bytes, of this process or another.

@@ -67,7 +67,7 @@ pub(crate) unsafe fn free(place: *mut *mut c_void) -> Outcome {
 pub(crate) unsafe fn size(state: *mut c_void, size: *mut usize) -> Outcome {
     // SAFETY: by this function's contract.
     let (snapshot, size) = unsafe { (snapshot(state)?, element_mut("size", size)?) };
-    *size = snapshot.write().len();
+    *size = snapshot.write()?.len();
     Ok(())
 }
 
@@ -78,7 +78,7 @@ pub(crate) unsafe fn size(state: *mut c_void, size: *mut usize) -> Outcome {
 pub(crate) unsafe fn serialize(state: *mut c_void, first: *mut u8, size: usize) -> Outcome {
     // SAFETY: by this function's contract.
     let (snapshot, room) = unsafe { (snapshot(state)?, elements_mut("serializedState", first, size)?) };
-    let bytes = snapshot.write();
+    let bytes = snapshot.write()?;
     let room = room
         .get_mut(..bytes.len())
         .ok_or_else(|| Problem::Call(format!("size = {size} is refused: the snapshot has {} bytes", bytes.len())))?;

@@ -1,4 +1,4 @@
-//! The library to package: the one that cargo has built with the running program, or builds for it.
+//! The library to package: the one that cargo has built with the running program.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -19,25 +19,6 @@ pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
         .into_iter()
         .find(|candidate| candidate.is_file())
         .ok_or(PackageError::NoBinary(beside))
-}
-
-/// As [`built_library`], with optimization: a program without is run by `cargo run`, and cargo builds the library once more. A
-/// library without optimization is slow, and has twenty times the size.
-pub(super) fn released_library(name: &str) -> Result<PathBuf, PackageError> {
-    let built = built_library(name)?;
-    if !cfg!(debug_assertions) {
-        return Ok(built);
-    }
-    let Some((cargo, manifest)) = cargo() else { return Ok(built) };
-    let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
-    // The program is target/debug/NAME.
-    let Some(target) = program.ancestors().nth(2) else { return Ok(built) };
-    let library = target.join("release").join(file_name(name));
-    let mut command = Command::new(cargo);
-    command.args(["build", "--quiet", "--lib", "--release", "--manifest-path"]).arg(manifest);
-    command.arg("--target-dir").arg(target);
-    let done = command.status().is_ok_and(|status| status.success());
-    if done && library.is_file() { Ok(library) } else { Err(PackageError::Build(name.into())) }
 }
 
 /// An example of the crate type `cdylib`, built by cargo with optimization, unless the running program has another profile.

@@ -37,8 +37,8 @@ use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 use crate::{ModelType, Standard};
 use platforms::{Binaries, Binary, NotFor, Platform};
 
-/// An error, with the path concerned.
-#[derive(Debug, thiserror::Error)]
+/// An error, with the path concerned. `Debug` gives the same sentence, which a `main` that returns an error prints.
+#[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum PackageError {
     /// A file could not be read or written.
@@ -57,9 +57,12 @@ pub enum PackageError {
         /// The errors.
         problems: Vec<String>,
     },
-    /// There are two models of one name.
-    #[error("there are two models named {0}, which would be one file")]
-    SameName(&'static str),
+    /// The FMUs of two models have one name, but for upper and lower case, which some systems do not tell apart.
+    #[error("two models are to be written to {0}: give one of them another name")]
+    SameFile(String),
+    /// The path of a resource or a licence leaves its folder.
+    #[error("the path {0:?} is not allowed for a file in an FMU: expected one below its folder, as in tables/map.csv")]
+    Outside(String),
     /// A model cannot be used as it stands.
     #[error("{name}: {why}")]
     Trial {
@@ -98,6 +101,12 @@ pub enum PackageError {
     /// The archive could not be written.
     #[error("{0}: {1}")]
     Archive(String, zip::result::ZipError),
+}
+
+impl fmt::Debug for PackageError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
+    }
 }
 
 fn at(path: &Path) -> impl FnOnce(std::io::Error) -> PackageError {
@@ -190,6 +199,14 @@ impl Extras {
     pub fn license(mut self, file: impl Into<Cow<'static, str>>, text: impl Into<Cow<'static, str>>) -> Self {
         self.licenses.push((file.into(), text.into()));
         self
+    }
+
+    /// Whether all files stay in their folders.
+    fn check(&self) -> Result<(), PackageError> {
+        let is_name = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(['\\', ':']);
+        let mut paths = self.licenses.iter().map(|(path, _)| path).chain(self.resources.iter().map(|(path, _)| path));
+        let outside = paths.find(|path| !path.split('/').all(is_name));
+        outside.map_or(Ok(()), |path| Err(PackageError::Outside(path.to_string())))
     }
 
     /// Adds a file to the folder `resources`, which the model reads by [`Resources`](crate::Resources).
@@ -324,6 +341,7 @@ pub fn fmu(
     extras: &Extras,
 ) -> Result<Vec<u8>, PackageError> {
     let name = model.info.name;
+    extras.check()?;
     let problems = model.problems();
     if !problems.is_empty() {
         return Err(PackageError::Model { name, problems });

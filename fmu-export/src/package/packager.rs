@@ -7,8 +7,8 @@ use super::{Extras, PackageError, Written, binaries, fmu, library, platform, sta
 use crate::{Fmus, ModelType, Standard};
 
 /// Writes the FMUs of each model, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, into a folder, which is created if
-/// missing, and prints what was written. The library is the one that cargo has built together with the running program; for a
-/// program without optimization cargo builds a library with.
+/// missing, and prints what was written. The library is the one that cargo has built together with the running program, as
+/// `cargo run --release` does with optimization.
 ///
 /// The arguments of the program may name libraries for other platforms, as in `win64=low_pass.dll`; with `--arrays` the FMUs of
 /// FMI 3.0 have arrays.
@@ -34,6 +34,11 @@ pub fn package_example(fmus: &'static Fmus, library: &str, folder: impl AsRef<Pa
 fn report(written: Vec<Written>) {
     for archive in written {
         println!("wrote {archive}");
+    }
+    if cfg!(debug_assertions) {
+        eprintln!(
+            "the library is slow and large, for it was built without optimization: `cargo run --release` builds one with"
+        );
     }
 }
 
@@ -112,10 +117,16 @@ impl Packager {
     /// A mistake in a model, and whatever file cannot be read or written.
     pub fn write(self, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
         let models = self.fmus.models();
-        for (at, model) in models.iter().enumerate() {
+        let standards = self.standards.clone().unwrap_or_else(|| standards(self.arrays));
+        let mut files: Vec<String> = Vec::new();
+        for model in models.iter() {
             let name = model.info.name;
-            if models[..at].iter().any(|other| other.info.name == name) {
-                return Err(PackageError::SameName(name));
+            for standard in &standards {
+                let file = format!("{}.fmu", standard.file_stem(name));
+                if files.iter().any(|other| other.eq_ignore_ascii_case(&file)) {
+                    return Err(PackageError::SameFile(file));
+                }
+                files.push(file);
             }
             let problems = model.problems();
             if !problems.is_empty() {
@@ -127,7 +138,7 @@ impl Packager {
         let own = match (platform().ok().and_then(given), &self.library) {
             (Some((_, path)), _) => path.clone(),
             (None, Some(path)) => path.clone(),
-            (None, None) => library::released_library(self.fmus.library())?,
+            (None, None) => library::built_library(self.fmus.library())?,
         };
         let binaries = binaries(&self.others, || Ok(own.clone()))?;
         if platform().is_ok() {
@@ -137,11 +148,10 @@ impl Packager {
         }
         let mut archives = Vec::new();
         for model in models.iter() {
-            for standard in self.standards.clone().unwrap_or_else(|| standards(self.arrays)) {
-                let name = format!("{}.fmu", standard.file_stem(model.info.name));
-                archives.push((name, fmu(model, standard, &binaries, &(self.extras)(model))?));
+            for standard in &standards {
+                archives.push(fmu(model, *standard, &binaries, &(self.extras)(model))?);
             }
         }
-        write(archives, &binaries, folder.as_ref())
+        write(files.into_iter().zip(archives).collect(), &binaries, folder.as_ref())
     }
 }

@@ -15,6 +15,7 @@ struct Folder(PathBuf);
 
 impl Folder {
     fn with(extras: &Extras) -> Result<Self, PackageError> {
+        extras.check()?;
         static COUNT: std::sync::atomic::AtomicUsize = std::sync::atomic::AtomicUsize::new(0);
         let number = COUNT.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
         let folder = std::env::temp_dir().join(format!("fmu-export-{}-{number}", std::process::id())).join("resources");
@@ -35,7 +36,7 @@ impl Drop for Folder {
     }
 }
 
-/// Starts the model with its start values, and reads all variables.
+/// Starts the model with its start values, reads all variables, and writes and reads a snapshot.
 pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageError> {
     let fail = |why: String| PackageError::Trial { name: model.info.name, why };
     let folder = Folder::with(extras)?;
@@ -46,6 +47,17 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
         })?;
         for index in 0..model.variables().len() {
             instance.get(index).map_err(|error| error.to_string())?;
+        }
+        if !model.capabilities.snapshots {
+            return Ok(());
+        }
+        let not_saved = "the type of its state or values cannot be saved, for instance because of serde's attributes flatten, tag or \
+                         skip_serializing_if; wrap the state in NotSaved for an FMU without snapshots";
+        let bytes = instance.write().ok_or(not_saved)?;
+        let mut read = model.instantiate_with(Resources::in_folder(&folder.0));
+        read.read(&bytes, 0.0, true).map_err(|why| format!("{not_saved}: {why}"))?;
+        if read.write().is_none_or(|again| again != bytes) {
+            return Err(format!("{not_saved}: what is read is not what was written"));
         }
         Ok(())
     }));

@@ -103,7 +103,9 @@ fn complete(mut rows: Vec<(Variable, Details)>) -> Arc<[Variable]> {
         }
         variables.push(variable);
     }
-    let found: Vec<_> = variables.iter().map(|variable| starts_from(variable, &variables, &parameters)).collect();
+    let by_name: HashMap<&str, &Variable> =
+        variables.iter().map(|variable: &Variable| (variable.name.as_ref(), variable)).collect();
+    let found: Vec<_> = variables.iter().map(|variable| starts_from(variable, &by_name, &parameters)).collect();
     for (variable, mut names) in variables.iter_mut().zip(found) {
         if let Some(names) = &mut names {
             names.sort_unstable();
@@ -151,7 +153,7 @@ fn resolve(rows: &mut [(Variable, Details)]) {
 /// states depends on these inputs, on whatever the states depend on at the start, and on any parameter.
 fn starts_from(
     variable: &Variable,
-    variables: &[Variable],
+    variables: &HashMap<&str, &Variable>,
     parameters: &[Cow<'static, str>],
 ) -> Option<Vec<Cow<'static, str>>> {
     match (&variable.starts_from, &variable.depends_on) {
@@ -167,8 +169,8 @@ fn starts_from(
 }
 
 /// Parameters and inputs that a known depends on at the start; `None` for all of them.
-fn at_start(variables: &[Variable], known: &str) -> Option<Vec<Cow<'static, str>>> {
-    let variable = variables.iter().find(|variable| variable.name == known)?;
+fn at_start(variables: &HashMap<&str, &Variable>, known: &str) -> Option<Vec<Cow<'static, str>>> {
+    let variable = variables.get(known)?;
     match variable.causality {
         Causality::Input => Some(vec![variable.name.clone()]),
         // A start value that can be set is known like a parameter.
