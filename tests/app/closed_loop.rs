@@ -310,3 +310,11 @@ fn an_unbalance_is_identified_together_with_the_force_constants() {
     const PHASE: f64 = PREDICTION_ERROR_PERCENT / 100.0;
     below("error of its phase", (phase - truth("unbalance.phase")).abs(), PHASE);
 }
+
+/// Fails if the controller acts sooner than one sample later where the communication step is a part of one.
+#[test]
+fn finer_communication_steps_change_nothing() {
+    let (scenario, run) = of("unbalanced", &[("step", "25 µs"), ("duration", "0.2 s")]);
+    let errors = lambda_errors(&scenario, &run, "predictionError", 0.2);
+    assert!(errors.iter().all(|error| error.abs() < 1e-4), "{errors:?}");
+}

@@ -119,17 +119,23 @@ fn a_step_begins_where_the_last_one_ended() {
     }
 }
 
-/// The sample at the end of a step belongs to the next one, whose inputs it sees. Fails if the clock takes it before.
+/// A controller acts one sample later, and the sample at the end of a step belongs to the next one, whose inputs it sees. Fails if the clock
+/// takes it before, or if a shorter step makes the controller act sooner.
 #[test]
-fn a_step_leaves_the_sample_at_its_end_to_the_next_one() {
-    let [half, whole] = [0.5, 1.0].map(|length| {
+fn a_controller_acts_one_sample_later_whatever_the_steps() {
+    let [start, halves, whole] = [0, 2, 1].map(|steps| {
         let fmu = Fmu::started(CONTROLLER, &[("Ym", 1e-5)]);
-        fmu.step(0.0, length * TS).ok(&fmu);
+        let length = TS / f64::from(steps.max(1));
+        for step in 0..steps {
+            assert_eq!(fmu.get("i[1]"), Fmu::started(CONTROLLER, &[]).get("i[1]"), "not before a sample has passed");
+            fmu.step(f64::from(step) * length, length).ok(&fmu);
+        }
         fmu
     });
-    assert_eq!(half.all_bits(), whole.all_bits(), "one sample each");
-    whole.step(TS, 0.5 * TS).ok(&whole);
-    assert_ne!(half.all_bits(), whole.all_bits(), "the second sample shows");
+    assert_ne!(start.get("i[1]"), whole.get("i[1]"));
+    assert_eq!(halves.all_bits(), whole.all_bits(), "one sample each");
+    whole.step(TS, TS).ok(&whole);
+    assert_ne!(halves.all_bits(), whole.all_bits(), "the second sample shows");
 }
 
 /// Fails if a step of any length is begun: with a sample time of 0.1 ms this one would take hours.
