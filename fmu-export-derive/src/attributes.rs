@@ -87,13 +87,7 @@ impl Attributes {
         }
         let (role, items) = found.unwrap_or((Role::Nested, Vec::new()));
         let attributes = Self { role, items };
-        for [one, other] in [
-            ["name", "names"],
-            ["fixed", "tunable"],
-            ["tunable", "calculated"],
-            ["fixed", "calculated"],
-            ["prefix", "prefixes"],
-        ] {
+        for [one, other] in [["name", "names"], ["fixed", "tunable"], ["fixed", "calculated"], ["prefix", "prefixes"]] {
             if attributes.get(one).is_some()
                 && let Some(second) = attributes.get(other)
             {

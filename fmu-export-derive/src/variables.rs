@@ -197,13 +197,15 @@ fn nested(member: &Member, of_type: &Type, attributes: &Attributes, name: Option
     let count = optional(attributes.value("count"));
     let context = attributes.value("context").map_or_else(|| quote!(context), |context| quote!(&#context));
     let structures = quote_spanned!(of_type.span()=> ::fmu_export::variables::items::<_, #of_type>);
+    let describe = quote_spanned!(of_type.span()=> ::fmu_export::Variables::describe);
+    let variables = quote_spanned!(of_type.span()=> <#of_type as ::fmu_export::variables::Field<_>>::COUNT);
     quote! {
         let (lengths, structures) = #structures(&self.#member);
-        let variables = <#of_type as ::fmu_export::variables::Field<_>>::COUNT;
+        let variables = #variables;
         let prefixes = &::fmu_export::variables::Names::#prefixes;
         for scope in &scope.nested((before, variables), prefixes, &lengths, #count) {
             let index = scope.index;
-            ::fmu_export::Variables::describe(structures[index], scope, #context, rows);
+            #describe(structures[index], scope, #context, rows);
         }
     }
 }
@@ -220,7 +222,10 @@ fn variable(
     let of_type = &field.ty;
     let names = match (attributes.value("names"), attributes.value("name"), name) {
         (Some(names), ..) => quote!(each(#names)),
-        (_, Some(name), None) => quote!(Common(::std::string::String::from(#name))),
+        (_, Some(name), None) => {
+            let text = quote_spanned!(name.span()=> ::std::string::String::from);
+            quote!(Common(#text(#name)))
+        }
         (_, _, name) => quote!(Common(::std::string::String::from(#name))),
     };
     let start = match attributes.value("start") {
@@ -285,8 +290,9 @@ fn checks(attributes: &Attributes, of_type: &Type) -> TokenStream {
 fn steps(attributes: &Attributes, field: &Field) -> TokenStream {
     let mut steps = Vec::new();
     steps.push(match attributes.role {
-        Role::Parameter if attributes.has("tunable") => quote!(.tunable()),
+        Role::Parameter if attributes.has("calculated") && attributes.has("tunable") => quote!(.calculated().tunable()),
         Role::Parameter if attributes.has("calculated") => quote!(.calculated()),
+        Role::Parameter if attributes.has("tunable") => quote!(.tunable()),
         Role::Parameter => quote!(.fixed()),
         Role::Input => quote!(.input()),
         Role::Output => quote!(.output()),

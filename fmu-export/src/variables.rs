@@ -363,6 +363,11 @@ impl<T: Choice> Slot for T {
 
 /// A field: a variable or a structure of variables, or an array of them.
 #[doc(hidden)]
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` is neither a type of variables nor a structure of them",
+    label = "expected f64, i32, bool, String, an enum with `#[derive(Choice)]`, a structure with `#[derive(Variables)]`, or an array of \
+             them; `#[hidden]` for what is no variable"
+)]
 pub trait Field<Kind> {
     /// The variable or structure, or that in the array.
     type Item;

@@ -8,6 +8,7 @@ use super::{Extras, PackageError, at};
 use crate::interface::guard::words;
 use crate::interface::load;
 use crate::model::Invalid;
+use crate::variable::Value;
 use crate::{ModelType, Resources, Standard};
 
 /// A folder with the files of a model, removed in the end.
@@ -46,7 +47,16 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
             format!("the model does not start with its start values: {}", Invalid::list(&findings))
         })?;
         for index in 0..model.variables().len() {
-            instance.get(index).map_err(|error| error.to_string())?;
+            let value = instance.get(index).map_err(|error| error.to_string())?;
+            if let (Value::Real(value), variable) = (value, &model.variables()[index])
+                && variable.is_computed()
+                && !value.is_finite()
+            {
+                return Err(format!(
+                    "{} = {value} after the start: expected a finite number, which importers can read",
+                    variable.name
+                ));
+            }
         }
         if !model.capabilities.snapshots {
             return Ok(());

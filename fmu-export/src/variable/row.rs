@@ -145,7 +145,8 @@ impl<D> Row<D> {
         self.role(Causality::Parameter, Variability::Fixed)
     }
 
-    /// Makes it a parameter that follows from other parameters; [`Model::start`](crate::Model::start) computes it.
+    /// Makes it a parameter that follows from other parameters; [`Model::start`](crate::Model::start) computes it. One that follows from
+    /// tunable parameters is `tunable` as well, and computed by [`Model::refresh`](crate::Model::refresh) too.
     pub fn calculated(self) -> Self {
         self.role(Causality::CalculatedParameter, Variability::Fixed)
     }
@@ -155,9 +156,11 @@ impl<D> Row<D> {
         self.role(Causality::Local, Variability::Constant)
     }
 
-    /// Makes it a parameter that may change between steps.
+    /// Makes it a parameter that may change between steps; one that is calculated stays so.
     pub fn tunable(self) -> Self {
-        self.role(Causality::Parameter, Variability::Tunable)
+        let is_calculated = self.variable.causality == Causality::CalculatedParameter;
+        let causality = if is_calculated { Causality::CalculatedParameter } else { Causality::Parameter };
+        self.role(causality, Variability::Tunable)
     }
 
     /// Makes it an input.
