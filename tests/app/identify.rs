@@ -239,7 +239,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             stated.know(at, likelihood::Knowledge::Tolerance(std));
         }
     }
-    Question { stated, holds: None, slow_force: None }
+    Question { stated, holds: None, as_likely: Vec::new(), slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {

@@ -13,7 +13,7 @@ pub(super) use self::recorded::recording;
 pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, DELAY, DYNAMICS, Failed, Identification, Knowledge, Options, Recording, Suspect};
+use super::likelihood::{self, DELAY, DYNAMICS, Failed, Hold, Identification, Knowledge, Options, Recording};
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::significant;
@@ -41,6 +41,8 @@ pub struct Question {
     pub stated: Stated,
     /// The readings of the currents, if they were compared.
     pub holds: Option<Holds>,
+    /// Other readings that are as likely, if none is stated.
+    pub as_likely: Vec<Hold>,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
     pub slow_force: Option<bool>,
 }
@@ -102,7 +104,10 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
         .stated
         .bench()
         .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
-    let judged = judged(&data, data.thinned.as_slice().iter().filter(|_| is_searched), question);
+    let read_as = |hold: &Hold| recordings.iter().map(|samples| recording(samples, &question.stated, *hold)).collect();
+    let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(read_as).collect();
+    let beside = data.thinned.iter().filter(|_| is_searched).chain(&as_likely);
+    let judged = judged(&data, beside, question);
     let mut answer = match with_delay(recordings, &data, &judged) {
         Some(delayed) => worded(delayed, &data.all),
         None => worded(judged, &data.all),
@@ -147,24 +152,32 @@ impl Data {
     }
 }
 
-/// The same with a delay of the positions, if the residuals ask for one of which nothing is stated and the answer is valid then. The course of a current between two
-/// samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
+/// The same with a delay of the positions of which nothing is stated, if the residuals ask for one or several readings of the currents are as likely (with a delay each), and
+/// the answer is valid then. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
 fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Judged> {
-    before.refusal.as_ref()?;
+    let is_open = !before.question.as_likely.is_empty();
+    if before.refusal.is_none() && !is_open {
+        return None;
+    }
     let found = before.found.as_ref().filter(|found| found.converged)?;
     let next = before.question.holds?.without_lag().nth(1)?.hold;
-    let is_delay = |of: &&Suspect| {
-        let bench = &found.bench[of.parameter];
+    let is_delay = |at: &usize| {
+        let bench = &found.bench[*at];
         plain(&bench.parameter.name) == DELAY && bench.told.knowledge == Knowledge::Exact
     };
-    let suspect = found.suspects.iter().find(is_delay)?;
+    let delays: Vec<usize> = if is_open {
+        (0..found.bench.len()).filter(is_delay).collect()
+    } else {
+        found.suspects.iter().map(|of| of.parameter).filter(is_delay).take(1).collect()
+    };
+    let first = *delays.first()?;
     let mut question = before.question.clone();
-    question.stated.know(suspect.parameter, Knowledge::Free);
+    delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
     let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
     let mut delayed = judged(data, data.thinned.iter().chain([&other]), question);
     let now = delayed.found.as_ref().filter(|_| delayed.refusal.is_none())?;
     let gain = Some(now.log_likelihood - found.log_likelihood).filter(|gain| *gain >= diagnosis::VERY_STRONG)?;
-    let late = words::acting_later(now.bench[suspect.parameter].estimate, delayed.question.stated.hold, gain);
+    let late = words::acting_later(now.bench[first].estimate, delayed.question.stated.hold, gain);
     delayed.notes.push(late);
     Some(delayed)
 }

@@ -73,6 +73,13 @@ impl Holds {
         self.ranked().into_iter().filter(|of| !of.lag)
     }
 
+    /// Other readings without a lag that are as good as the best one.
+    #[must_use]
+    pub fn as_likely(&self, chosen: Currents) -> Vec<Hold> {
+        let is_as_good = |of: &Currents| *of != chosen && self.less(*of).is_some_and(|less| less < VERY_STRONG);
+        self.without_lag().filter(is_as_good).map(|of| of.hold).collect()
+    }
+
     /// By how much less likely than the best a reading is.
     fn less(&self, of: Currents) -> Option<f64> {
         self.0.iter().find(|(currents, _)| *currents == of).map(|(_, less)| *less)

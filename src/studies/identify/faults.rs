@@ -42,8 +42,13 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             }
         }
         let [low, high] = range(values.iter().copied());
+        let is_position = name.ends_with('m');
         for rows in stuck(values) {
             let value = values[rows.start];
+            // A command that rests on its least value: no sensor ends there.
+            if value == low && low > 0.0 && !is_position {
+                continue;
+            }
             let how = if value == low || value == high { "clipped" } else { "stuck" };
             let [from, to] = [instant(rows.start), instant(rows.end - 1)];
             found.push(format!("{how} at {} from {from} to {to}", significant(value, 4)));
@@ -51,7 +56,6 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
             let first = rows.start + usize::from(how == "stuck");
             values[first..rows.end].fill(f64::NAN);
         }
-        let is_position = name.ends_with('m');
         let outliers = outliers(values, if is_position { 0.0 } else { RARE });
         if let Some(first) = outliers.first() {
             let (count, first) = (outliers.len(), instant(*first));
