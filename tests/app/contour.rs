@@ -1,7 +1,9 @@
 //! Contours of holes as tables of points: what is read, and what is refused with which message.
 
+use crate::program::{folder, write};
 use magnetic_bearing::control::reference::HARMONICS;
 use magnetic_bearing::simulation::contour::{Fit, read};
+use magnetic_bearing::simulation::scenario::{Scenario, built_in};
 
 /// A table of `count` points of an ellipse of 30 µm by 70 µm about (1, −2) µm, in the units of `head`.
 fn table(head: &str, count: usize, [angle, length_y, length_z]: [f64; 3]) -> String {
@@ -35,6 +37,22 @@ fn points_at_any_angles_and_in_any_unit_give_their_series() {
             assert!((value - wanted).abs() < 1e-15, "{head}: {what} is {value}, not {wanted}");
         }
     }
+}
+
+/// An ellipse that begins 90° from the axis y has neither cosines along y nor sines along z.
+#[test]
+fn a_contour_may_begin_at_any_angle() {
+    let folder = folder("contour");
+    let row = |k: u32| {
+        let (sin, cos) = f64::from(5 * k).to_radians().sin_cos();
+        format!("\n{},{},{}", 5 * k, -50.0 * sin, 30.0 * cos)
+    };
+    write(&folder, "turned.csv", "theta [deg],Y [um],Z [um]".to_owned() + &(0..72).map(row).collect::<String>());
+    let hole = built_in("hole".as_ref()).expect("a scenario of the program").replace("hole.csv", "turned.csv");
+    write(&folder, "turned.toml", hole);
+    let scenario = Scenario::open(&folder.join("turned.toml")).expect("a sound scenario");
+    let sine_m = scenario.number("controller", "reference.sinY[1]");
+    assert!((sine_m + 50e-6).abs() < 1e-12, "{sine_m} m");
 }
 
 /// The series cannot represent a corner; it reports its largest deviation.

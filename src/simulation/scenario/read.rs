@@ -401,8 +401,8 @@ fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result
         (name, text) if name == file && !path.exists() => contour::read(text)?,
         _ => contour::read(&std::fs::read_to_string(path).map_err(|error| error.to_string())?)?,
     };
-    let largest_size = |values: &[f64]| values.iter().fold(0.0f64, |size, value| size.max(value.abs()));
-    let size_m = largest_size(&contour.cos_y_m).max(largest_size(&contour.sin_z_m));
+    let series = [contour.cos_y_m, contour.sin_y_m, contour.cos_z_m, contour.sin_z_m].concat();
+    let size_m = series.iter().fold(0.0f64, |size, value| size.max(value.abs()));
     if largest_m > CONTOUR_MISS * size_m {
         return Err(format!(
             "the Fourier series with {HARMONICS} harmonics misses a point by {:.3} µm, more than {} % of the contour's size",
