@@ -497,7 +497,7 @@ impl<const N: usize, const K: usize, const P: usize> Default for EstimatorOutput
 
 /// Standard deviations of ki or ks, which are as uncertain as λ; 0 before the first sample.
 pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f64; K], lambda: [f64; K]) -> [f64; K] {
-    let of = |k: usize| if lambda[k] > 0.0 { stiffness[k] * lambda_std[k] / lambda[k] } else { 0.0 };
+    let of = |k: usize| if lambda[k] > 0.0 { (stiffness[k] * lambda_std[k] / lambda[k]).abs() } else { 0.0 };
     std::array::from_fn(of)
 }
 
