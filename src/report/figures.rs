@@ -202,13 +202,15 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
     let machine = run.scenario.machine;
     let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
-    let truth = &run.truth[magnets];
+    let is_used = |k: usize| run.scenario.uses(magnets.start + k);
+    let truth = &run.truth[magnets.clone()];
     let of_magnets = |name: &str| run.of_magnets(element, bearing, name);
     let Some(lambda) = of_magnets("lambdaHat") else { return plot };
     // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
     // deviation.
-    let firsts = lambda.iter().map(|values| &values[0]);
-    let most = firsts.chain(truth).copied().filter(|value| value.is_finite()).fold(0.0, f64::max);
+    let ends = lambda.iter().zip(truth).enumerate().filter(|(k, _)| is_used(*k));
+    let ends = ends.flat_map(|(_, (values, truth))| [values[0], *truth]);
+    let most = ends.filter(|value| value.is_finite()).fold(0.0, f64::max);
     plot = plot.range(1, [0.0, 1.15 * most]);
     let Some(valid) = run.get(&format!("{element}.valid")) else { return plot };
     let is_valid = |at: usize| valid[at] > 0.5;
@@ -218,7 +220,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
         plot.shade(run.time_s()[stretch[0]], run.time_s()[(stretch[0] + stretch.len()).min(rows.len() - 1)]);
     }
     let std = of_magnets("lambdaStdTotal").unwrap_or_default();
-    for (k, lambda) in lambda.into_iter().enumerate() {
+    for (k, lambda) in lambda.into_iter().enumerate().filter(|(k, _)| is_used(*k)) {
         let group = format!("λ{}", k + 1);
         let shown = where_shown(lambda, is_valid);
         if let Some(std) = std.get(k) {
@@ -347,14 +349,20 @@ fn errors(run: &Signals) -> Figure {
     let truth = &run.truth;
     let machine = run.scenario.machine;
     let relative = |values: &[f64], truth: f64| values.iter().map(|value| (value / truth - 1.0).abs()).collect();
-    let lambda = |element: &str, bearing: usize| -> Vec<Vec<f64>> {
-        let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
-        let columns = run.of_magnets(element, bearing, "lambdaHat").unwrap_or_default();
-        columns.into_iter().zip(&truth[magnets]).map(|(values, truth)| relative(values, *truth)).collect()
+    // A column for each magnet of a bearing, beside its true λ; those of magnets that are not used are left out.
+    let used = |element: &str, b: usize, name: &str| {
+        let magnets = machine.magnets_of(b);
+        let columns = run.of_magnets(element, &machine.bearings[b], name).unwrap_or_default();
+        let of_used = columns.into_iter().zip(magnets).enumerate().filter(|(_, (_, k))| run.scenario.uses(*k));
+        of_used.map(|(k, (values, at))| (k, values, truth[at])).collect::<Vec<_>>()
+    };
+    let lambda = |element: &str, b: usize| -> Vec<(usize, Vec<f64>)> {
+        let of_used = used(element, b, "lambdaHat").into_iter();
+        of_used.map(|(k, values, truth)| (k, relative(values, truth))).collect()
     };
     // Down to typical errors: an error that changes its sign is small for an instant.
     let of_method = |[element, _]: &[String; 2]| {
-        (0..machine.bearings.len()).flat_map(|b| lambda(element, b)).flatten().collect::<Vec<_>>()
+        (0..machine.bearings.len()).flat_map(|b| lambda(element, b)).flat_map(|(_, errors)| errors).collect::<Vec<_>>()
     };
     let mut all: Vec<f64> = run.methods.iter().flat_map(of_method).filter(|error| *error > 0.0).collect();
     all.sort_by(f64::total_cmp);
@@ -362,13 +370,11 @@ fn errors(run: &Signals) -> Figure {
     let positive = |values: &[f64]| where_shown(values, |at| values[at] > 0.0);
     let plots = run.of_methods(|element, b| {
         let mut plot = run.plot("|λ̂ − λ|/λ", PlotUnit::PERCENT).decades(1).range(1, [least, 2.0]).height(280.0);
-        let (magnets, bearing) = (machine.magnets_of(b), &machine.bearings[b]);
-        for (k, error) in lambda(element, b).iter().enumerate() {
+        for (k, error) in lambda(element, b) {
             let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
-            run.line(&mut plot, line, &positive(error));
+            run.line(&mut plot, line, &positive(&error));
         }
-        let std = run.of_magnets(element, bearing, "lambdaStdTotal");
-        for (k, (std, truth)) in std.into_iter().flatten().zip(&truth[magnets]).enumerate() {
+        for (k, std, truth) in used(element, b, "lambdaStdTotal") {
             let stated: Vec<f64> = std.iter().map(|std| 2.0 * std / truth).collect();
             let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
             run.line(&mut plot, line.dashed().width(1.0).unlisted(), &positive(&stated));
