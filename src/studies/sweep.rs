@@ -28,6 +28,9 @@ use crate::simulation::simulate::{self, Run};
 /// Length of the stretch at the end of a run over which tracking is judged, in seconds.
 const STRETCH_S: f64 = 0.04;
 
+/// The most cases of a design; all are in memory.
+const MOST_CASES: usize = 1_000_000;
+
 /// The scenario to vary when none is named.
 const DEFAULT_SCENARIO: &str = "unbalanced";
 
@@ -342,6 +345,8 @@ struct Figure {
     name: String,
     /// The output that it is taken from, as element and variable joined by a dot.
     source: String,
+    /// The magnet, counted from 0, without which there is none.
+    magnet: Option<usize>,
     of: Of,
 }
 
@@ -364,21 +369,22 @@ fn results(scenario: &Scenario) -> Vec<Figure> {
     };
     let last = |name: String| {
         let (source, unit) = (format!("estimator.{name}"), unit(scenario.estimator(), &name));
-        Figure { name: with_unit(name, unit), source, of: Of::Last }
+        Figure { name: with_unit(name, unit), source, magnet: None, of: Of::Last }
     };
-    let error = |(name, truth): (String, String)| {
+    let of_magnet = |(k, name): (usize, String)| Figure { magnet: Some(k), ..last(name) };
+    let error = |((k, name), truth): ((usize, String), String)| {
         let source = format!("estimator.{}", truth.replace("lambda", "lambdaHat"));
-        Figure { name, source, of: Of::Error(truth) }
+        Figure { name, source, magnet: Some(k), of: Of::Error(truth) }
     };
     let tracking = |(name, error): (String, String)| {
         let name = with_unit(name.replace("reference.", "tracking."), unit(scenario.controller(), &error));
-        Figure { name, source: format!("controller.{error}"), of: Of::Tracking }
+        Figure { name, source: format!("controller.{error}"), magnet: None, of: Of::Tracking }
     };
-    let of_magnets = |name: &str| machine.of_magnets(name).into_iter();
+    let of_magnets = |name: &str| machine.of_magnets(name).into_iter().enumerate();
     let estimates = [machine.of_planes("magnitude"), machine.of_planes("phase"), machine.of_loads("p", "Hat")].concat();
     [last("valid".into())]
         .into_iter()
-        .chain(of_magnets("lambdaHat").chain(of_magnets("lambdaStd")).map(last))
+        .chain(of_magnets("lambdaHat").chain(of_magnets("lambdaStd")).map(of_magnet))
         .chain(of_magnets("error").zip(machine.of_magnets("lambda")).map(error))
         .chain(["condition", "residual"].map(String::from).into_iter().chain(estimates).map(last))
         .chain(machine.of_references().into_iter().zip(machine.of_readings("e")).map(tracking))
@@ -398,7 +404,8 @@ impl Figure {
                 column.iter().rev().take(points).map(|error| error.abs()).reduce(f64::max)
             }
         };
-        value.map_or(String::new(), |value| format!("{value:e}"))
+        let is_used = self.magnet.is_none_or(|k| scenario.uses(k));
+        value.filter(|_| is_used).map_or(String::new(), |value| format!("{value:e}"))
     }
 }
 
@@ -425,14 +432,20 @@ fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
 
 /// Draws the cases of a design.
 fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> {
+    if document.cases > MOST_CASES {
+        return Err(format!("cases = {} is refused: expected at most {MOST_CASES}", document.cases));
+    }
     let mut random = Pcg64::seed_from_u64(document.seed);
     let mut columns = Vec::new();
     let mut cases = vec![Vec::new(); document.cases];
     for (path, range) in leaves(&document.ranges, &|inner| inner.contains_key("from")) {
-        let range: Range = range
-            .clone()
-            .try_into()
-            .map_err(|_| format!("{path} = {range} is refused: expected {{ from = …, to = … }}, a list, or a value"))?;
+        let range: Range = match range.clone().try_into() {
+            Ok(Range::Always(toml::Value::Table(_))) | Err(_) => {
+                let wanted = "expected { from = …, to = … }, with unit and log if they are wanted, a list, or a value";
+                return Err(format!("{path} = {range} is refused: {wanted}"));
+            }
+            Ok(range) => range,
+        };
         let mut parts: Vec<usize> = (0..document.cases).collect();
         // Fisher–Yates.
         for at in (1..parts.len()).rev() {

@@ -110,4 +110,14 @@ fn what_is_wrong_with_a_design_is_said_by_name() {
         let error = Sweep::open(&wrong, scenario.map(Path::new)).err().expect("nothing is right in it");
         says(&error.to_string(), words);
     }
+    for (cases, range, words) in [
+        ("1000000000000", "{ from = 1, to = 2 }", "cases = 1000000000000 is refused: expected at most"),
+        ("3", "{ from = 1, to = 2, unti = \"g\" }", "expected { from = …, to = … }"),
+        ("3", "{ from = 1 }", "expected { from = …, to = … }"),
+    ] {
+        let wrong = fresh("wrong.toml");
+        let text = format!("cases = {cases}\nseed = 1\nsampling = \"monteCarlo\"\n[ranges]\nplant.m = {range}\n");
+        fs::write(&wrong, text).expect("a file can be written");
+        says(&Sweep::open(&wrong, None).err().expect(words).to_string(), &[words]);
+    }
 }
