@@ -20,12 +20,20 @@ pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 /// The machines of these names.
 ///
 /// # Errors
-/// A name that none has, with the nearest one.
+/// A name that none has, with the nearest one; one that is listed twice.
 pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
     let known = MACHINES.map(|machine| machine.name.to_owned());
     let find =
         |name: &str| machine::find(name).ok_or_else(|| format!("{name} is no machine; {}", suggestion(name, &known)));
-    names.iter().map(|name| find(name.as_ref())).collect()
+    let mut machines: Vec<&Machine> = Vec::new();
+    for name in names {
+        let machine = find(name.as_ref())?;
+        if machines.contains(&machine) {
+            return Err(format!("{} is listed twice", machine.name));
+        }
+        machines.push(machine);
+    }
+    Ok(machines)
 }
 
 /// Picture and documentation text of a model, and the licences that go with every binary: this project's and those of the
