@@ -44,10 +44,15 @@ pub struct Precision {
     pub std: Vec<Vec<f64>>,
 }
 
+/// The worst of some standard deviations; one that is not known is infinite.
+fn worst<'s>(std: impl Iterator<Item = &'s f64>) -> f64 {
+    std.map(|std| if std.is_nan() { f64::INFINITY } else { *std }).fold(0.0, f64::max)
+}
+
 impl Precision {
     /// The worst λ at the requested instant.
     pub fn worst(&self) -> f64 {
-        self.std.last().map_or(f64::INFINITY, |std| std.iter().copied().fold(0.0, f64::max))
+        self.std.last().map_or(f64::INFINITY, |std| worst(std.iter()))
     }
 }
 
@@ -69,6 +74,10 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
     let mut scenario = montecarlo::study("", scenario, conditions.noise, true, 1).scenario;
     if let Some(step_s) = conditions.step_s {
         cases::sample_time(&mut scenario, step_s);
+    }
+    if conditions.instant_s < scenario.step_s * (1.0 - 1e-9) {
+        let (at_s, step_s) = (conditions.instant_s, scenario.step_s);
+        return Err(Refused(vec![format!("--at {at_s} is refused: expected at least one sample, {step_s} s")]));
     }
     montecarlo::at_speed(&mut scenario, conditions.rpm);
     if conditions.rpm == 0.0 {
@@ -110,26 +119,29 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
     let [alone, modulated] = precisions;
     let recommended = is_modulation_recommended(precisions);
     let best = if recommended { modulated } else { alone };
+    let is_enough = best.worst() < STD_LIMIT;
+    let percent = |precision: &Precision| montecarlo::known(100.0 * precision.worst(), 2);
     let first = if recommended {
         let frequencies: Vec<_> =
             frequencies(scenario).iter().map(|(name, frequency)| format!("{name} = {frequency} Hz")).collect();
         format!(
-            "F0.modulation = {} at {} is recommended: after {} s the worst λ is known to {:.2} % instead of {:.2} %.",
+            "F0.modulation = {} at {} is recommended: after {} s the worst λ is known to {} % instead of {} %.",
             MODULATION.0,
             frequencies.join(", "),
             conditions.instant_s,
-            100.0 * modulated.worst(),
-            100.0 * alone.worst()
+            percent(modulated),
+            percent(alone)
         )
     } else {
         format!(
-            "The reference trajectory excites enough: after {} s the worst λ is known to {:.2} %; modulation would make that {:.2} %.",
+            "{}: after {} s the worst λ is known to {} %; modulation would make that {} %.",
+            if is_enough { "The reference trajectory excites enough" } else { "Modulation does not suffice" },
             conditions.instant_s,
-            100.0 * alone.worst(),
-            100.0 * modulated.worst()
+            percent(alone),
+            percent(modulated)
         )
     };
-    if best.worst() < STD_LIMIT {
+    if is_enough {
         return first;
     }
     format!(
@@ -152,8 +164,8 @@ pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precisi
     let head = |modulated: &str| columns.iter().map(move |(name, _)| format!("{name}{modulated}")).collect::<Vec<_>>();
     let rows = (0..precisions[0].std.len()).map(|at| {
         let std = |precision: &Precision| {
-            let worst = |magnets: &[usize]| magnets.iter().map(|k| precision.std[at][*k]).fold(0.0, f64::max);
-            columns.iter().map(|(_, magnets)| format!("{:.2}", 100.0 * worst(magnets))).collect::<Vec<_>>()
+            let worst = |magnets: &[usize]| worst(magnets.iter().map(|k| &precision.std[at][*k]));
+            columns.iter().map(|(_, magnets)| montecarlo::known(100.0 * worst(magnets), 2)).collect::<Vec<_>>()
         };
         let instant = format!("{} s", precisions[0].instants_s[at]);
         std::iter::once(instant).chain(precisions.iter().flat_map(std)).collect()

@@ -60,6 +60,22 @@ fn modulation_is_recommended_where_the_path_is_weak() {
     assert_eq!(design::table(&unbalanced(), &rest, &precisions).rows.len(), design::INSTANTS_S.len() + 1);
 }
 
+/// Neither is enough where the bound is beyond what is valid, or is none.
+#[test]
+fn what_is_not_known_is_not_enough() {
+    let good = conditions(3000.0, 0.01);
+    let too_early = Conditions { instant_s: 1e-3, ..good.clone() };
+    let [loud, quiet] = [[NOISE[0], 1e300], [1e-300, NOISE[1]]].map(|noise| Conditions { noise, ..good.clone() });
+    for conditions in [too_early, loud, quiet] {
+        let precisions = design(&unbalanced(), &conditions).expect("a good scenario");
+        let advice = design::advice(&unbalanced(), &conditions, &precisions);
+        assert!(!advice.contains("enough:") && !advice.contains("0.00 %"), "{advice}");
+        says(&advice, &["The limit of a valid estimate"]);
+        let table = design::table(&unbalanced(), &conditions, &precisions);
+        assert!(!table.rows.iter().flatten().any(|cell| cell == "0.00" || cell == "NaN"), "{:?}", table.rows);
+    }
+}
+
 #[test]
 fn bad_questions_are_refused_by_name() {
     let good = conditions(3000.0, 0.1);
@@ -67,6 +83,7 @@ fn bad_questions_are_refused_by_name() {
         (Conditions { rpm: -1.0, ..good.clone() }, "speed"),
         (Conditions { rpm: f64::NAN, ..good.clone() }, "speed"),
         (Conditions { instant_s: 0.0, ..good.clone() }, "at"),
+        (Conditions { instant_s: 1e-5, ..good.clone() }, "at least one sample, 0.0001 s"),
         (Conditions { noise: [0.0, NOISE[1]], ..good.clone() }, "position-noise"),
         (Conditions { noise: [NOISE[0], f64::INFINITY], ..good }, "current-noise"),
     ] {

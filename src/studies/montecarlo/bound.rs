@@ -224,10 +224,11 @@ impl Bound {
         self.p.view_mut((0, 0), (of_motion, of_motion)).copy_from(&(0.5 * (&moved + moved.transpose())));
     }
 
-    /// The bound for the standard deviation of each λ, relative to λ.
+    /// The bound for the standard deviation of each λ, relative to λ; not a number beyond what numbers can hold.
     pub fn lambda(&self) -> Vec<f64> {
         let first = 2 * self.rotor.coordinates();
-        (first..first + self.rotor.lambda_nm2_a2.len()).map(|n| self.p[(n, n)].max(0.0).sqrt()).collect()
+        let of = |n: usize| self.p[(n, n)].clamp(0.0, f64::INFINITY).sqrt();
+        (first..first + self.rotor.lambda_nm2_a2.len()).map(of).collect()
     }
 }
 
