@@ -310,7 +310,7 @@ pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(&'static str, Vec<(String
 }
 
 /// A number with so many decimals if it is known.
-fn known(value: f64, digits: usize) -> String {
+pub(super) fn known(value: f64, digits: usize) -> String {
     if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
 }
 
@@ -369,18 +369,19 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         });
     }
     let (seed, worst) = outcome.worst();
-    let mut note = format!(
-        "{} runs, seeds {} to {}. Over all valid samples the greatest error is {:.1} standard deviations (seed {seed}, {:.4} s: \
-         {:.2} % by {:.2} %); {} runs have one beyond {CONFIDENT}.",
-        study.runs,
-        study.first_seed,
-        study.first_seed + study.runs as u64 - 1,
-        worst.ratio,
-        worst.time_s,
-        100.0 * worst.error,
-        100.0 * worst.std,
-        outcome.beyond(),
-    );
+    let last_seed = study.first_seed + study.runs as u64 - 1;
+    let mut note = format!("{} runs, seeds {} to {last_seed}. ", study.runs, study.first_seed);
+    note += &match worst.ratio {
+        0.0 => "No sample is valid.".into(),
+        ratio => format!(
+            "Over all valid samples the greatest error is {ratio:.1} standard deviations (seed {seed}, {:.4} s: {:.2} % by \
+             {:.2} %); {} runs have one beyond {CONFIDENT}.",
+            worst.time_s,
+            100.0 * worst.error,
+            100.0 * worst.std,
+            outcome.beyond(),
+        ),
+    };
     if study.offline.is_none() {
         let lost = outcome.trials.iter().map(|trial| trial.lost).sum::<usize>();
         note += &format!(" Valid estimates ceased to be valid {lost} times.");
