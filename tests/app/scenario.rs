@@ -129,6 +129,7 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "not one of kg, g"]),
         ("", "[controller]\nreference.omega = \"50 kHz\"", &["reference.omega", "kHz", "rad/s, rpm, Hz"]),
         ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is not a number"]),
+        ("", "[plant]\nY0 = \"\"", &["Y0 = \"\"", "expected a number in m"]),
         // Types.
         ("", "[plant]\nm = true", &["m = true", "a number in kg"]),
         ("", "[plant]\nm = [1.0]", &["m = [1.0]", "a number in kg"]),
@@ -172,7 +173,11 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 0]\nvalue = [1, 2]", &["increasing"]),
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 1]\nvalue = [1]", &["as many values as times"]),
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0]\nvalue = [\"1 kg\"]", &["unit kg"]),
+        ("", OF_TWO_UNITS, &["3000 rpm", "not the same for plant.pY as for plant.omega", "of its own"]),
         ("contour = \"nowhere.csv\"", "", &["nowhere.csv"]),
+        // Correction masses.
+        ("balance = \"99 s\"", "", &["balance = \"99 s\"", "before the end, 0.01 s"]),
+        ("machine = \"axial\"\nbalance = 1e-3", "", &["balance = 0.001", "the machine axial has no unbalance"]),
         // Comparisons.
         ("compare = [\"best\"]", "", &["compare = \"best\"", "one of paperLiteral (1)"]),
         ("compare = [\"paper\", \"paper\"]", "", &["compare = \"paper\"", "twice"]),
@@ -196,6 +201,7 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("machine = \"spindle4\"", "[controller]\nB.bias.current = -1", &["B.bias.current = -1 A is refused"]),
         ("machine = \"axial\"", "[controller]\nreference.rX = 6e-4", &["reference.rX", "does not touch magnet 1"]),
     ];
+    const OF_TWO_UNITS: &str = "[[profile]]\nof = [\"plant.omega\", \"plant.pY\"]\ntime = [0]\nvalue = [\"3000 rpm\"]";
     const OF_PAPER_TOLERANCE: &str = "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"";
     const OF_PAPER_UNBALANCE: &str = "[estimator]\nmethod = \"paper\"\nidentify.unbalance = false";
     const NONE_OPPOSITE: &str = "[controller]\nallocation = \"biasCurrent\"\n[all]\nalpha = [0.8, 2.3, 4.0, 5.5]";

@@ -193,6 +193,13 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("machine = \"{given}\" is refused: expected one of {}; {suggestion}", names.join(", ")));
         &MACHINES[0]
     });
+    if let Some(value) = &document.balance {
+        if machine.planes == 0 {
+            findings.push(format!("balance = {value} is refused: the machine {} has no unbalance", machine.name));
+        } else if findings.is_empty() && document.duration.is_some() && balance_s >= Some(duration_s) {
+            findings.push(format!("balance = {value} is refused: expected a time before the end, {duration_s} s"));
+        }
+    }
     let element = |(name, (model, _)): (&str, (&str, &str))| {
         let model_type = fmu::find(model).expect("a model of this project");
         Element { name: name.into(), model_type, settings: Vec::new() }
@@ -282,7 +289,11 @@ impl Reading<'_> {
             match permitted(name, variable, &self.connected).and_then(|()| convert(&variable.data_type, value)) {
                 Ok(value) => settings.push(Setting { index, value }),
                 Err(why) => {
-                    self.findings.push(format!("[{table}] {} = {value} is refused: {why}", variable.name));
+                    // A change may reach several elements.
+                    let finding = format!("[{table}] {} = {value} is refused: {why}", variable.name);
+                    if !self.findings.contains(&finding) {
+                        self.findings.push(finding);
+                    }
                 }
             }
         }
@@ -385,6 +396,16 @@ impl Reading<'_> {
         };
         let time_s: Vec<f64> = all(&SECOND, &text.time).into_iter().map(Value::as_f64).collect();
         let values = all(data_type, &text.value);
+        // All targets follow the same numbers.
+        for &(at, index) in &targets[1..] {
+            let Element { name, model_type, .. } = &self.elements[at];
+            let other = &model_type.variables()[index];
+            let differs = |value: &&toml::Value| convert(&other.data_type, value) != convert(data_type, value);
+            if let Some(value) = text.value.iter().find(differs) {
+                let (other, wanted) = (&other.name, "expected a [[profile]] of its own");
+                refused.push(format!("{value} is not the same for {name}.{other} as for {}: {wanted}", text.of[0]));
+            }
+        }
         let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
         if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
             refused.push("expected as many values as times, at least one, with increasing times".into());
@@ -520,8 +541,10 @@ pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
             let ends = (1..=text.len()).rev().filter(|end| text.is_char_boundary(*end));
             let number_and_unit = |end| Some((text[..end].trim_end().parse::<f64>().ok()?, text[end..].trim_start()));
             let first = text.split_whitespace().next().unwrap_or_default();
-            let (number, name) =
-                ends.filter_map(number_and_unit).next().ok_or_else(|| format!("{first} is not a number"))?;
+            let (number, name) = ends.filter_map(number_and_unit).next().ok_or_else(|| match first {
+                "" => format!("expected a number in {}", unit.name),
+                _ => format!("{first} is not a number"),
+            })?;
             let name = if name.is_empty() { unit.name } else { name };
             unit.convert(number, name).map(Value::Real).ok_or_else(|| {
                 let names: Vec<_> = unit.names().collect();
