@@ -1,5 +1,6 @@
 //! The results of a run in numbers, and its report page.
 
+use std::f64::consts::TAU;
 use std::path::Path;
 
 use maud::{Markup, html};
@@ -53,20 +54,23 @@ pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
 
 /// The error that a harmonic perturbation in phase with the reference trajectory causes in any estimator that does not model
 /// it.
-pub(super) fn coherence_note(scenario: &Scenario) -> String {
+pub(super) fn coherence_note(scenario: &Scenario, run: &Run) -> String {
     let of = |element: &str, name: &str| scenario.number(element, name);
     let force_n = scenario.real("perturbation.amplitudeZ").unwrap_or_default();
     let omega = of("plant", "perturbation.omega");
     // The two come from different conversions of the same speed.
     let alike = (omega / of("controller", "reference.omega") - 1.0).abs() <= 1e-9;
-    if force_n == 0.0 || !alike {
+    let turned = (of("plant", "perturbation.phaseZ") - of("plant", "theta0")) / TAU;
+    let in_phase = (turned - turned.round()).abs() <= 1e-9;
+    if force_n == 0.0 || !alike || !in_phase || run.recording.time_s.len() < 2 {
         return String::new();
     }
     let inertia_n = of("plant", "m") * omega * omega * of("controller", "reference.rZ");
     format!(
         "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² r_Z = \
-         {inertia_n:.1} N look like magnets weaker by {:.2} %. No filter removes that; the paper's method attributes it to λ. ",
-        100.0 * force_n / (inertia_n + force_n)
+         {inertia_n:.1} N look like magnets {} by {:.2} %. No filter removes that; the paper's method attributes it to λ. ",
+        if force_n > 0.0 { "weaker" } else { "stronger" },
+        100.0 * (force_n / (inertia_n + force_n)).abs()
     )
 }
 
@@ -137,7 +141,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
             @if let Some(method) = method { ", by the method " code { (method) } }
             "; ± is two standard deviations as stated by the \
              estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * limit))
-            " % of each λ. " @if is_paper { (coherence_note(scenario)) }
+            " % of each λ. " @if is_paper { (coherence_note(scenario, run)) }
         }
     })
 }

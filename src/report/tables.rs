@@ -52,7 +52,7 @@ fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     let head = [vec![String::new()], of_magnets("λ"), of_magnets("error "), vec!["valid".to_owned()]];
     Table {
         title: "Estimated force constants, 10⁻⁶ N·m²/A², and their errors".into(),
-        note: [coherence_note(scenario), literal_note(scenario, run, &truth)].concat(),
+        note: [coherence_note(scenario, run), literal_note(scenario, run, &truth)].concat(),
         head: head.concat(),
         rows,
     }
@@ -69,7 +69,8 @@ fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64]) -> String {
         late.map(|(time_s, value)| ((value / truth - 1.0).abs(), *time_s)).collect::<Vec<_>>()
     };
     let errors = truth.iter().enumerate().flat_map(of_magnet);
-    let worst = errors.fold((0.0, 0.0), |worst, error| if error.0 > worst.0 { error } else { worst });
+    let worst = errors.filter(|error| error.0 > 0.0).reduce(|one, other| if other.0 > one.0 { other } else { one });
+    let Some(worst) = worst else { return String::new() };
     format!(
         "Equation (20) to the letter (paperLiteral) divides by a signed determinant that passes through zero: its greatest \
          error after {} s is {:.0} %, at {:.4} s.",
@@ -153,11 +154,15 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
 
 /// Forces before and after correction masses.
 pub fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
-    let before = synchronous::forces(&run.recording, scenario.balance_s?)?;
-    let after = synchronous::forces(&run.recording, *run.recording.time_s.last()?)?;
+    let (balance_s, end_s) = (scenario.balance_s?, *run.recording.time_s.last()?);
+    if end_s - balance_s < INTERVAL_S - 1e-9 {
+        return None;
+    }
+    let [before, after] = [balance_s, end_s].map(|end_s| synchronous::forces(&run.recording, end_s));
+    let (before, after) = (before?, after?);
     let rows = ["A, y", "A, z", "B, y", "B, z"].into_iter().zip(before.into_iter().zip(after));
     let row = |(name, (before, after)): (&str, (f64, f64))| {
-        let removed = format!("{:.1} %", 100.0 * (1.0 - after / before));
+        let removed = if before > 0.0 { format!("{:.1} %", 100.0 * (1.0 - after / before)) } else { "–".into() };
         vec![name.into(), format!("{before:.3}"), format!("{after:.3}"), removed]
     };
     Some(Table {

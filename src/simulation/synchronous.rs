@@ -19,9 +19,12 @@ pub fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
 }
 
 /// Amplitudes of the synchronous forces of the magnets of a spindle, in N, over the interval that ends at `end_s` in s: along y and z of
-/// A, then of B.
+/// A, then of B; none if the recording does not hold that interval.
 pub fn forces(recording: &Recording, end_s: f64) -> Option<[f64; 4]> {
     let (time_s, theta) = (&recording.time_s, recording.get("plant.theta")?);
+    if end_s < INTERVAL_S - 1e-9 || end_s > time_s.last()? + 1e-9 {
+        return None;
+    }
     let at = |at_s: f64| time_s.partition_point(|time_s| *time_s < at_s - 1e-9);
     let (from, to) = (at(end_s - INTERVAL_S), at(end_s).min(time_s.len().checked_sub(1)?));
     let mut forces = [0.0; 4];

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use crate::program::{column, error_m, of, row};
+use crate::program::{column, error_m, fresh, of, row, rows};
 use crate::support::says;
 
 use magnetic_bearing::report::experiment;
-use magnetic_bearing::simulation::synchronous;
+use magnetic_bearing::simulation::{summary, synchronous};
+use magnetic_bearing::studies::sweep::Sweep;
 
 /// From an instant in s on the estimate is valid, and all magnets in use are known within a part and so many of their own standard deviations.
 ///
@@ -67,6 +68,31 @@ fn correction_masses_remove_the_synchronous_force() {
     let (before, after) = (forces(scenario.balance_s.expect("a time")), forces(scenario.duration_s));
     for (before, after) in before.into_iter().zip(after) {
         assert!(before > 2.0 && after < 0.05 * before, "{before} N before, {after} N after");
+    }
+    for outside_s in [0.05, 99.0] {
+        assert_eq!(synchronous::forces(&run.recording, outside_s), None, "{outside_s} s");
+    }
+}
+
+/// Neither in the report nor for other programs.
+#[test]
+fn a_magnet_that_is_not_used_has_no_estimate() {
+    let (scenario, run) = of("levitation", &[("duration", "0.1")]);
+    let page = experiment::page(Path::new("levitation"), "", &scenario, &run);
+    assert!(page.contains("true λ₁") && page.contains("error 1"), "the magnet that is used is drawn");
+    assert!(!page.contains("true λ₂") && !page.contains("error 2") && !page.contains("2 std 2"), "the other is not");
+    let estimate = &summary::json(&scenario, &run)["estimates"][0];
+    for name in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "error"] {
+        assert!(estimate[name][0].is_f64() && estimate[name][1].is_null(), "{name}: {estimate}");
+    }
+    let (design, out) = (fresh("used.csv"), fresh("used-rows.csv"));
+    std::fs::write(&design, "controller.magnets.used,estimator.magnets.used\nfirst,first\n").expect("a file");
+    Sweep::open(&design, Some(Path::new("levitation"))).expect("a design").run(&out).expect("rows");
+    let row = rows(&std::fs::read_to_string(&out).expect("rows")).remove(0);
+    for name in ["error", "lambdaHat", "lambdaStd"] {
+        let is_empty =
+            |k: &str| row.iter().any(|(head, cell)| head.starts_with(&format!("{name}[{k}]")) && cell.is_empty());
+        assert!(!is_empty("1") && is_empty("2"), "{name}: {row:?}");
     }
 }
 

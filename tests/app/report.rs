@@ -275,6 +275,22 @@ fn a_run_without_update_or_with_another_speed_in_the_end_compares_nothing() {
     assert!(!faster.contains("Before the update") && PAGE.contains("Before the update"));
 }
 
+/// Fails if the phase or the sign of the perturbation is left out of the note, or the end of the run.
+#[test]
+fn notes_are_where_they_hold() {
+    let short = [("duration", "0.05"), ("update.mode", "never")];
+    for (change, is_in_phase, words) in [
+        (("perturbation.phaseZ", "1 rad"), false, ""),
+        (("perturbation.amplitudeZ", "2 N"), true, "look like magnets weaker by"),
+        (("perturbation.amplitudeZ", "-2 N"), true, "look like magnets stronger by"),
+    ] {
+        let (scenario, run) = of("paper", &[&short[..], &[change]].concat());
+        let note = experiment::tables("paper".as_ref(), &scenario, &run).remove(0).note;
+        assert_eq!(note.contains("in phase"), is_in_phase, "{change:?}: {note}");
+        assert!(note.contains(words) && !note.contains("its greatest error after"), "{change:?}: {note}");
+    }
+}
+
 #[test]
 fn missing_columns_leave_out_their_figure_with_a_sentence() {
     let forces_and_currents = &["plant.F", "plant.im", "controller.u["][..];
