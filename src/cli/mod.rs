@@ -229,13 +229,13 @@ struct MonteCarlo {
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
     /// Standard deviation of the position noise, in m.
-    #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
+    #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
     position_noise: f64,
     /// Standard deviation of the current noise, in A.
-    #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario")]
+    #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
     current_noise: f64,
     /// The estimator estimates the noise instead of knowing it.
-    #[arg(long, requires = "scenario")]
+    #[arg(long, requires = "scenario", conflicts_with = "only")]
     estimate_noise: bool,
     /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
     #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
@@ -433,9 +433,20 @@ fn claim(destinations: &[Destination<'_>]) -> Result<()> {
     if !standard.is_empty() {
         output::take_standard_output();
     }
-    for (option, path, format) in files {
-        // The folder of a report is created.
-        let folder = path.parent().filter(|folder| option != "--report" && !folder.as_os_str().is_empty());
+    for (at, (option, path, format)) in files.iter().copied().enumerate() {
+        // A device takes several results.
+        let is_device = path.exists() && !path.is_file();
+        let whole = |path: &Path| std::path::absolute(path).ok();
+        let is_same = |(_, other, _): &&(&str, &Path, Format)| !is_device && whole(path) == whole(other);
+        if let Some((other, ..)) = files[..at].iter().find(is_same) {
+            return Err(refused(format!("{other} and {option} {}: expected different files", path.display())));
+        }
+        if path.is_dir() {
+            return Err(format!("{option} {}: this is a folder, expected a file", path.display()).into());
+        }
+        // The folder of a report is created, but not in place of a file.
+        let is_there = |folder: &&Path| option != "--report" || folder.exists();
+        let folder = path.ancestors().skip(1).filter(|folder| !folder.as_os_str().is_empty()).find(is_there);
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             return Err(format!("{option} {}: there is no folder {}", path.display(), folder.display()).into());
         }

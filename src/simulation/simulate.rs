@@ -206,6 +206,7 @@ fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
     if bytes <= MOST_BYTES {
         return Ok(());
     }
+    let limit_s = scenario.duration_s * MOST_BYTES / bytes;
     Err(Refused(vec![format!(
         "duration = {} s with step = {} s is refused: {} samples of {outputs} outputs take {} GB of memory, the limit is {} GB, \
          which is a duration of {} s",
@@ -214,7 +215,7 @@ fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
         Short(samples),
         Short(1e-9 * bytes),
         1e-9 * MOST_BYTES,
-        Short((scenario.duration_s * MOST_BYTES / bytes).floor()),
+        Short(if limit_s < 1.0 { limit_s } else { limit_s.floor() }),
     )]))
 }
 

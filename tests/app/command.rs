@@ -97,6 +97,8 @@ fn what_cannot_be_written_is_named() {
     for arguments in [
         &["simulate", "short.toml", "--csv", "taken/out.csv"][..],
         &["simulate", "short.toml", "--report", "taken/page"],
+        &["simulate", "short.toml", "--report", "taken"],
+        &["simulate", "short.toml", "--csv", "."],
         &["package", "--out", "taken"],
     ] {
         says(&ends(1, &folder, arguments).1, &["error: ", arguments[arguments.len() - 1]]);
@@ -152,6 +154,10 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         ),
         ("package --nonsense", &["error: ", "--help"]),
         ("package paper", &["error: paper is no machine; known are planar, "]),
+        ("package planar planar", &["planar is listed twice"]),
+        ("montecarlo --only mixed --current-noise 5", &["--current-noise", "cannot be used with"]),
+        ("simulate paper --csv a --json ./a", &["--csv and --json ./a: expected different files"]),
+        ("simulate paper --set step=1e-12", &["the limit is 8 GB, which is a duration of", "e-6 s"]),
         ("package spindel", &["spindel is no machine", "did you mean spindle?"]),
         (
             "montecarlo --only nosuch",
