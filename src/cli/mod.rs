@@ -265,9 +265,11 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output::warn(format_args!("error: {error}"));
+            let is_refused =
+                error.is::<simulate::Refused>() || matches!(error.downcast_ref(), Some(simulate::Stopped::Refused(_)));
             if error.is::<NotValid>() {
                 ExitCode::from(3)
-            } else if error.is::<Refused>() || error.is::<ScenarioError>() || error.is::<simulate::Refused>() {
+            } else if error.is::<Refused>() || error.is::<ScenarioError>() || is_refused {
                 ExitCode::from(2)
             } else {
                 ExitCode::FAILURE

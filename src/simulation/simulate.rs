@@ -28,6 +28,17 @@ pub struct Run {
 #[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
 pub struct Refused(pub Vec<String>);
 
+/// Why a study stops.
+#[derive(Clone, Debug, thiserror::Error)]
+pub enum Stopped {
+    /// Its scenario cannot be run.
+    #[error(transparent)]
+    Refused(#[from] Refused),
+    /// A run ended early, for this reason.
+    #[error("{0}")]
+    Ended(String),
+}
+
 /// Memory that a recording may take, in bytes.
 const MOST_BYTES: f64 = 8e9;
 

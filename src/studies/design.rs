@@ -5,7 +5,7 @@
 
 use crate::estimation::STD_LIMIT;
 use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::{self, Refused};
+use crate::simulation::simulate::{self, Refused, Stopped};
 use crate::studies::montecarlo::bound::bound;
 use crate::studies::montecarlo::{self, cases};
 use crate::table::Table;
@@ -59,8 +59,8 @@ impl Precision {
 /// Results with the reference trajectory alone and with modulation, in this order.
 ///
 /// # Errors
-/// Every parameter that a model refuses, and every invalid condition.
-pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Refused> {
+/// Every parameter that a model refuses, and every invalid condition; why a run ended early.
+pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Stopped> {
     for (name, value, may_be_0, wanted) in [
         ("speed", conditions.rpm, true, "a speed in rpm, 0 or above"),
         ("at", conditions.instant_s, false, "a time in s above 0"),
@@ -68,7 +68,7 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
         ("current-noise", conditions.noise[1], false, "a standard deviation above 0"),
     ] {
         if !(value.is_finite() && (value > 0.0 || may_be_0 && value == 0.0)) {
-            return Err(Refused(vec![format!("--{name} {value} is refused: expected {wanted}")]));
+            return Err(Refused(vec![format!("--{name} {value} is refused: expected {wanted}")]).into());
         }
     }
     let mut scenario = montecarlo::study("", scenario, conditions.noise, true, 1).scenario;
@@ -77,7 +77,7 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
     }
     if conditions.instant_s < scenario.step_s * (1.0 - 1e-9) {
         let (at_s, step_s) = (conditions.instant_s, scenario.step_s);
-        return Err(Refused(vec![format!("--at {at_s} is refused: expected at least one sample, {step_s} s")]));
+        return Err(Refused(vec![format!("--at {at_s} is refused: expected at least one sample, {step_s} s")]).into());
     }
     montecarlo::at_speed(&mut scenario, conditions.rpm);
     if conditions.rpm == 0.0 {
@@ -91,7 +91,7 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
         cases::modulation(&mut scenario, modulation, MODULATION.1);
         let run = simulate::run(&scenario)?;
         if let Some(error) = run.error {
-            return Err(Refused(vec![error]));
+            return Err(Stopped::Ended(format!("the run ended early: {error}")));
         }
         let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
         let of_used = |std: Vec<f64>| scenario.used().into_iter().map(|k| std[k]).collect();

@@ -87,6 +87,10 @@ fn a_run_that_ends_early_keeps_what_it_has() {
     let rows = numbers(&folder, "out.csv").len();
     assert!(rows > 1 && rows < 1999, "{rows} rows");
     says(&read(&folder, "page/index.html"), &["leaves the gap", "</html>"]);
+    // So do runs of studies.
+    for arguments in ["design --speed 1e9", "montecarlo paper --position-noise 1 --runs 1"] {
+        says(&ends(1, &folder, &words(arguments)).1, &["the run ended early", "leaves the gap"]);
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::machine::Bearing;
 use crate::progress::Progress;
 use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::{self, Refused};
+use crate::simulation::simulate::{self, Refused, Stopped};
 use crate::studies::parallel::in_order;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
@@ -113,7 +113,7 @@ impl Study {
     ///
     /// # Errors
     /// Every parameter that a model refuses; why a run ended early.
-    pub fn run(&self) -> Result<Outcome, Refused> {
+    pub fn run(&self) -> Result<Outcome, Stopped> {
         let trials = runs(self.runs, |run| self.trial(self.first_seed + run as u64));
         let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
         let figures = self.instants_s.iter().enumerate().map(|(at, instant_s)| {
@@ -136,12 +136,12 @@ impl Study {
     }
 
     /// One run. If the rotor touches down before it takes an estimate over, its bearing is drawn again.
-    fn trial(&self, seed: u64) -> Result<Trial, Refused> {
+    fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
         drawn_again(|attempt| {
             let scenario = self.case(seed, attempt);
             let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
             if let Some(error) = run.error {
-                return Err(Refused(vec![format!("{}, seed {seed}: {error}", self.title)]));
+                return Err(Stopped::Ended(format!("{}, seed {seed}: the run ended early: {error}", self.title)));
             }
             let trial = match &self.offline {
                 None => judge(&scenario, &run.recording, &self.instants_s, seed, touched(&run.recording)),
@@ -154,7 +154,7 @@ impl Study {
 
 /// A run whose rotor touches down too early says nothing about the estimator: its bearing is drawn again. After that, what was said
 /// until then counts. `run` makes the run that is drawn for the n-th time, and says until when, in s, contact is too early.
-fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Refused>) -> Result<Trial, Refused> {
+fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Result<Trial, Stopped> {
     let mut attempt = 0;
     loop {
         let (trial, early_s) = run(attempt)?;

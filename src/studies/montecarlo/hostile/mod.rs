@@ -12,7 +12,7 @@ use super::figures::{self, CONFIDENT, is_contact, touched};
 use super::{NOISE, built_in, cases, drawn_again, known, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::{self, Refused};
+use crate::simulation::simulate::{self, Stopped};
 use crate::table::Table;
 use altered::{Alter, Wires};
 use fmu_export::variable::Value;
@@ -103,7 +103,7 @@ impl Case<'_> {
         scenario
     }
 
-    fn trial(&self, seed: u64) -> Result<Trial, Refused> {
+    fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
         drawn_again(|attempt| {
             let scenario = self.scenario(seed, attempt);
             let wires = Wires::new(&scenario);
@@ -140,7 +140,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
 ///
 /// # Errors
 /// Every parameter that a model refuses; why a run ended early.
-pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Refused> {
+pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Stopped> {
     let all = super::runs(cases.len() * runs, |index| cases[index / runs].trial(first_seed + (index % runs) as u64));
     let mut all = all.into_iter();
     cases.iter().map(|_| all.by_ref().take(runs).collect()).collect()
