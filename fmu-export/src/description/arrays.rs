@@ -64,14 +64,9 @@ pub(crate) fn groups(variables: &[Variable], arrays: bool) -> Vec<Group<'_>> {
         let states = groups.iter().filter(|group| group.first().state);
         let states: HashMap<&str, &Group<'_>> =
             states.flat_map(|group| group.rows.iter().map(move |row| (row.name.as_ref(), group))).collect();
-        let derivatives =
-            groups.iter().filter_map(|group| Some((group, *states.get(group.first().derivative_of.as_deref()?)?)));
-        let unequal = derivatives.filter(|(derivative, state)| length(derivative) != length(state));
-        let split: Vec<&str> = unequal
-            .flat_map(|pair| <[_; 2]>::from(pair))
-            .filter(|group| group.is_array)
-            .map(|group| group.name)
-            .collect();
+        let pairs = groups.iter().filter_map(|of| Some([of, *states.get(of.first().derivative_of.as_deref()?)?]));
+        let unequal = pairs.filter(|[derivative, state]| length(derivative) != length(state)).flatten();
+        let split: Vec<&str> = unequal.filter(|group| group.is_array).map(|group| group.name).collect();
         if split.is_empty() {
             return groups;
         }
