@@ -147,6 +147,17 @@ fn the_hold_is_found() {
     is_near("commands", &issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) }, 4e-3);
 }
 
+/// Fails if ± does not hold by how much λ differs with a reading of the currents that is as likely.
+#[test]
+fn readings_that_are_as_likely_are_in_the_deviation() {
+    let samples = read(&csv(&run(montecarlo::NOISE, 0.1).1));
+    let asked = question(&samples, &[]);
+    let open = Question { as_likely: vec![Hold::Linear], ..asked.clone() };
+    let [alone, both] = [asked, open].map(|question| identify::answer(std::slice::from_ref(&samples), question));
+    let [alone, both] = [is_right("alone", &alone), is_right("with another reading", &both)];
+    assert!(alone.lambda.iter().zip(&both.lambda).all(|(alone, both)| both.total_std > 1.05 * alone.total_std));
+}
+
 /// The recording that the documents offer to try needs no arguments.
 #[test]
 fn the_recording_to_try_is_read_as_it_stands() {
