@@ -122,7 +122,7 @@ impl Samples {
 
     /// Brings the rows of a table to a uniform pace; the currents may stand in one of their own.
     fn of_tables(table: &Table, apart: Option<&Table>, reading: &Reading) -> Result<Self, Unusable> {
-        let (Pace { start_s, step_s, place, notes }, count) = grid::find(table, reading)?;
+        let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let signals = &table.signals;
         let known = |at: usize| signals::known(&place, &table.columns[at]);
         let mut samples = Self { machine: reading.machine, start_s, step_s, ..Self::default() };

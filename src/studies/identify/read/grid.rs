@@ -1,19 +1,16 @@
 //! Where the rows of a table are among the samples, and how many samples there are.
 
 use super::header::TIME_AT;
-use super::pace::Pace;
+use super::pace::{CLOCKS, Pace};
 use super::table::Table;
 use super::{Reading, Unusable};
-use crate::studies::identify::units::time;
+use crate::studies::identify::units::{significant, time};
 
 /// So many samples of all positions a recording must have.
 const LEAST: usize = 20;
 
 /// The time stamps may lead away from the samples that are to be interpolated by so many sample times at the end of the recording.
 const NEAR: f64 = 0.05;
-
-/// A rate that is given and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
-const CLOCKS: f64 = 1e-3;
 
 /// Refuses too few rows in which something is known.
 pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
@@ -32,7 +29,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
         let none = || "there are no time stamps and no rate; --rate is wanted".to_owned();
         let place: Vec<f64> = (0..table.lines.len()).map(|row| row as f64).collect();
         let count = place.len();
-        return Ok((Pace { start_s: 0.0, step_s: reading.rate_s.ok_or_else(none)?, place, notes: Vec::new() }, count));
+        return Ok((Pace { start_s: 0.0, step_s: reading.rate_s.ok_or_else(none)?, place, vague: None, notes: Vec::new() }, count));
     }
     let timed = table.known([TIME_AT]);
     // Where a position is missing now and then its row still counts; where most rows have none, the others do.
@@ -50,13 +47,18 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
     if !is_dense {
         table.times(&timed).check_rising()?;
     }
+    if let (Some((known, why)), None) = (&pace.vague, reading.rate_s) {
+        let percent = significant(100.0 * known, 2);
+        return Err(format!("{why}: the pace is known to {percent} % only; --rate is wanted").into());
+    }
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
-    if !is_same(pace.step_s, step_s, CLOCKS) {
+    let freedom = pace.vague.as_ref().map_or(CLOCKS, |(known, _)| *known);
+    if !is_same(pace.step_s, step_s, freedom) {
         return Err(format!(
             "the stated rate has samples {} apart, the time stamps {}; they must agree within {} %",
             time(step_s),
             time(pace.step_s),
-            100.0 * CLOCKS
+            significant(100.0 * freedom, 2)
         )
         .into());
     }
@@ -80,5 +82,5 @@ fn interpolated(stamp_s: &[f64], at: &[usize], step_s: f64) -> Result<(Pace, usi
         return Err(format!("--resample {step_s}: {count:.0} samples would come from {} rows", stamp_s.len()));
     }
     let note = "The recording was interpolated, at the price of errors that the standard deviation does not include.";
-    Ok((Pace { start_s, step_s, place, notes: vec![note.into()] }, count as usize + 1))
+    Ok((Pace { start_s, step_s, place, vague: None, notes: vec![note.into()] }, count as usize + 1))
 }

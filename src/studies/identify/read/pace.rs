@@ -24,6 +24,12 @@ const ROUNDED_STEPS: usize = 8;
 /// So many sample times may a recording last for each of its rows; a longer one has a stamp that is far off.
 const SPARSE: f64 = 20.0;
 
+/// So many changes of coarse stamps at least tell the pace.
+const LEAST_CHANGES: usize = 3;
+
+/// A rate that is given and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
+pub(super) const CLOCKS: f64 = 1e-3;
+
 /// So many lines are listed.
 const SHOWN: usize = 5;
 
@@ -35,6 +41,8 @@ pub(super) struct Pace {
     pub step_s: f64,
     /// Number of the sample that each row is; NaN for rows without a place.
     pub place: Vec<f64>,
+    /// To which part of itself the sample time is known, and why not better, if it is known badly.
+    pub vague: Option<(f64, String)>,
     /// Findings, in sentences.
     pub notes: Vec<String>,
 }
@@ -139,7 +147,7 @@ impl Times {
                 "The time stamps scatter by {scatter} (rms) about the straight line; the samples are taken to be on it."
             ));
         }
-        Ok(Pace { start_s, step_s, place, notes })
+        Ok(Pace { start_s, step_s, place, vague: None, notes })
     }
 
     /// Stamps that are rounded about as coarsely as the samples follow each other, or more coarsely: the rows themselves are
@@ -159,24 +167,49 @@ impl Times {
         }
         let point = |(row, time_s): (usize, &f64)| Point { row, place: row as f64, time_s: *time_s };
         let points: Vec<Point> = self.time_s.iter().enumerate().map(point).collect();
-        let line = Line::fit(&points);
+        // Where the stamps are rounded to many samples and few of them differ, the rows at which they change tell the pace, each to half a
+        // sample: the error of a staircase does not shrink with its rows.
+        let duration_s = self.time_s[self.time_s.len() - 1] - self.time_s[0];
+        let is_stairs = 2 * equal > steps.len() && rounding_s > CLOCKS * duration_s;
+        let changed = points.windows(2).filter(|pair| pair[0].time_s < pair[1].time_s);
+        let change = |pair: &[Point]| {
+            let time_s = 0.5 * (pair[0].time_s + pair[1].time_s);
+            Point { place: pair[0].place + 0.5, time_s, ..pair[1] }
+        };
+        let changes: Vec<Point> = if is_stairs { changed.map(change).collect() } else { Vec::new() };
+        let (mut line, mut known) = (Line::fit(&points), rounding_s / (duration_s + rounding_s));
+        let mut freedom_s = rounding_s / count.sqrt();
+        if changes.len() >= LEAST_CHANGES {
+            line = Line::fit(&changes);
+            let off = changes.iter().map(|point| line.miss(point)).fold(0.5, f64::max);
+            known = 2.0 * off / (changes[changes.len() - 1].place - changes[0].place);
+            freedom_s = 2.0 * off * line.step_s / (changes.len() as f64).sqrt();
+        }
+        let is_vague = is_stairs && known > CLOCKS;
         // Half the rounding, and what least squares may be off from the line that halves the band.
-        if points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s) {
+        if !is_vague && points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s) {
             return None;
         }
         // A row that a logger drops regularly looks like rounding as well; a round pace speaks for rounding, and so does rounding
         // so coarse that too many rows would have been dropped.
         let is_coarse = equal + usual > steps.len() / 5;
-        let round = line.round(count - 1.0, rounding_s / count.sqrt());
+        let round = line.round(count - 1.0, freedom_s);
         if !is_coarse && round.is_none_or(|(_, digits)| digits > 3) {
             return None;
         }
-        let Line { start_s, step_s } = round.map_or(line, |(line, _)| line);
+        let Line { start_s, step_s } = round.filter(|_| !is_vague).map_or(line, |(line, _)| line);
         let rounding = shown(rounding_s);
-        let note = format!(
-            "The time stamps are rounded to {rounding}; the pace is the slope of the straight line through all rows."
-        );
-        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), notes: vec![note] })
+        let vague = is_vague.then(|| {
+            let over = rounded_time(duration_s + rounding_s, 2);
+            (known, format!("the time stamps are rounded to {rounding} in a recording of about {over}"))
+        });
+        let through = if changes.is_empty() { "all rows" } else { "the rows at which they change" };
+        let pace = match vague {
+            Some(_) => "that stated".to_owned(),
+            None => format!("the slope of the straight line through {through}"),
+        };
+        let note = format!("The time stamps are rounded to {rounding}; the pace is {pace}.");
+        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), vague, notes: vec![note] })
     }
 
     /// Numbers the samples, and finds the straight line over the numbers.
