@@ -260,6 +260,10 @@ fn the_command() {
     let again = identified(&folder, &words("mpc.csv.gz --scenario found.toml"));
     let [first, second] = [&json, &again].map(|json| program::number(&json["operatingPoint"]["ki"]));
     below("ki of the saved scenario", (first / second - 1.0).abs(), 1e-3);
+    let far = identified(&folder, &words(&arguments.replace("Xm=10mm", "Xm=30mm")));
+    says(&far["findings"].to_string(), &["x = 30 mm is outside the positions of the recording"]);
+    assert!(!json["findings"].to_string().contains("outside"), "{json}");
+    let beyond = format!("{bench} {load}").replace("Xm=10mm", "Xm=-1m");
     let pulls = format!("{bench} {load} --set pX=-1N");
     for (arguments, words) in [
         ("--machine axial", &["m is missing"][..]),
@@ -267,6 +271,8 @@ fn the_command() {
         ("--machine axial --set m=-1kg --speed 3", &["above 0", "no --speed"]),
         ("--machine axial --set m=1kg", &["Xm: no column"]),
         ("--at Xm=1mm", &["--at needs --machine axial"]),
+        ("--machine axial --set m=1kg --estimate m --resample 2ms", &["m: it cannot be estimated", "no --resample"]),
+        (&beyond, &["--at Xm=-1000mm: the gap of magnet 2 would be", "positions from"]),
         (&pulls, &["pX = -1 N pulls where magnet 2 pulls as well"]),
     ] {
         refuses(&folder, &self::words(&format!("identify mpc.csv.gz {arguments}")), words);

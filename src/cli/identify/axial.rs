@@ -92,6 +92,9 @@ impl Bench {
     fn estimate(&mut self, name: &str, from: &str, wrong: &mut Vec<String>) {
         match parameter(name) {
             Some(at) => self.axis.estimated[at] = true,
+            None if matches!(name, "m" | "magnets.used") => {
+                wrong.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
+            }
             None => wrong.push(format!("{from}{}", no_parameter(name))),
         }
     }

@@ -45,6 +45,7 @@ impl Arguments {
         let options = [
             (is_axial && self.currents.is_some(), has_none("--currents")),
             (is_axial && self.speed.is_some(), has_none("--speed")),
+            (is_axial && self.resample.is_some(), has_none("--resample")),
             (!is_planar && self.window.is_some(), has_none("--window")),
             (is_axial && method != LIKELIHOOD, has_none("--method")),
             (!is_axial && !is_planar && !is_usual, has_none("--method but likelihood and predictionError")),
@@ -91,6 +92,9 @@ impl Arguments {
                     "--set {path}: the estimator of the machine has no variable of this name"
                 )));
             }
+        }
+        if let Some((path, _)) = changes.iter().find(|(_, value)| value.is_empty()) {
+            return Err(refused(format!("--set {path}=: a value is wanted")));
         }
         let built_in = if *machine == PLANAR { "unbalanced" } else { machine.name };
         let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));

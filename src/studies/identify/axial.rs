@@ -16,7 +16,8 @@ pub use self::answer::{Answer, Check, agreement, answer};
 use self::filter::Readings;
 use self::search::{Fit, fit, follow, log_likelihood};
 use super::samples::Samples;
-use super::statistics::{mean, median, noise};
+use super::statistics::{mean, median, noise, range};
+use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
@@ -63,6 +64,8 @@ const SETTLING_S: f64 = 1.5;
 const CARRIED: f64 = 0.25;
 /// Iterations of the search over the second half that only serves to find the start.
 const ROUGH: usize = 8;
+/// κ is sought between a fifth and five.
+const KAPPA: [f64; 2] = [0.2, 5.0];
 /// First guess of the walk of the slope of a current, relative to that of the current, 1/s: usual coils have time constants of some 10 ms.
 const SLOPE_START_1_S: f64 = 30.0;
 /// Standard deviation of the slow force at the beginning, relative to the load: 10 mN of 594 mN on the bench in tests/data,
@@ -144,7 +147,7 @@ impl Axis {
         })
     }
 
-    /// The nearest point that makes sense: noises above rounding, κ between a fifth and five.
+    /// The nearest point that makes sense: noises above rounding, κ within its limits.
     pub(crate) fn bounded(&self, mut point: Point) -> Point {
         let least = [
             (POSITION_NOISE, 1e-10),
@@ -159,7 +162,7 @@ impl Axis {
                 point[at] = point[at].max(libm::log(least));
             }
         }
-        point[DYNAMICS] = point[DYNAMICS].clamp(0.2, 5.0);
+        point[DYNAMICS] = point[DYNAMICS].clamp(KAPPA[0], KAPPA[1]);
         point
     }
 
@@ -308,6 +311,13 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
 }
 
 impl Found {
+    /// The least and the greatest position of the rows, m, and in words.
+    fn reach(&self) -> ([f64; 2], String) {
+        let reach = range(self.x_m[self.rows.clone()].iter().copied());
+        let [low, high] = reach.map(|of_m| significant(1e3 * of_m, 4));
+        (reach, format!("from {low} to {high} mm"))
+    }
+
     fn readings(&self) -> Readings<'_> {
         Readings { step_s: self.step_s, x_m: &self.x_m, current_a: &self.current_a, rows: self.rows.clone() }
     }
@@ -361,6 +371,14 @@ fn first_guess(axis: &Axis, readings: &Readings<'_>) -> Result<Point, String> {
             "the second half of the recording has {} rows with all readings, 100 at least are wanted",
             known.len()
         ));
+    }
+    for (k, current) in axis.used.iter().zip(readings.current_a).filter(|(k, _)| axis.told[**k].is_none()) {
+        if known.iter().all(|row| current[*row] == 0.0) {
+            let n = k + 1;
+            return Err(format!(
+                "im[{n}] is 0 throughout, which says nothing of magnet {n}: is it connected, or not used (magnets.used)?"
+            ));
+        }
     }
     if let ([k], Some(load_n)) = (axis.used.as_slice(), axis.told[LOAD]) {
         let direction = if *k == 0 { 1.0 } else { -1.0 };

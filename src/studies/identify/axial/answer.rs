@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 use super::filter::Readings;
 use super::search::{Fit, follow};
 use super::{
-    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
+    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
     UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
@@ -124,6 +124,18 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let mean_a: Vec<f64> = found.current_a.iter().map(|of| mean(of[found.rows.clone()].iter().copied())).collect();
     let five = |point: &Point| operating(axis, point, &mean_a);
     let values = five(point);
+    let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
+    for (n, k) in axis.used.iter().enumerate() {
+        let gap_m = law.gap_of(n, at_m);
+        if gap_m <= 0.0 {
+            let [at, gap] = [at_m, gap_m].map(|of_m| significant(1e3 * of_m, 4));
+            return Err(format!(
+                "--at Xm={at}mm: the gap of magnet {} would be {gap} mm there; the recording has positions {}",
+                k + 1,
+                found.reach().1
+            ));
+        }
+    }
     let cross = covariance(axis, fit, five);
     let of = |value: f64, variance: f64| Estimate {
         value,
@@ -142,7 +154,7 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
         valid: true,
         verdict: String::new(),
         findings: Vec::new(),
-        at_m: axis.at_m.unwrap_or(0.0),
+        at_m,
         operating,
         dynamics,
         lambda,
@@ -174,7 +186,7 @@ impl Answer {
         let [_, ki, ks, ..] = &self.operating;
         let worst = (ki.total_std / ki.value).max(ks.total_std / ks.value);
         let refusal = self.refusal(mean_a, worst);
-        self.findings = self.remarks();
+        self.findings = self.remarks(refusal.is_none());
         self.valid = refusal.is_none();
         self.verdict = match refusal {
             Some(why) => format!("Not valid: {why}."),
@@ -187,8 +199,9 @@ impl Answer {
         };
     }
 
-    /// Rows that were left out, and the effects that the bench has; those that are not significant are not mentioned.
-    fn remarks(&self) -> Vec<String> {
+    /// Rows that were left out, a position that was not recorded, and the effects that the bench has; those that are not significant are not mentioned,
+    /// nor what an answer that is not valid says of the dynamics.
+    fn remarks(&self, is_valid: bool) -> Vec<String> {
         let Found { fit, rows, effects, start_s, step_s, .. } = &self.found;
         let from = time(start_s + rows.start as f64 * step_s);
         let left_out = format!("Readings before {from} do not follow the law (a start at rest?) and were left out.");
@@ -197,7 +210,7 @@ impl Answer {
             let power = significant(fit.point[EXPONENT], 2);
             let Estimate { value, noise_std, .. } = self.dynamics;
             match effect.at {
-                DYNAMICS => Some(words_on_dynamics("", value, noise_std, &format!(", {worth}"))),
+                DYNAMICS if is_valid => Some(words_on_dynamics("", value, noise_std, &format!(", {worth}"))),
                 SLOW => Some(format!("A slow force that nothing explains wanders by {} ({worth}).", self.slow_force())),
                 EXPONENT => {
                     Some(format!("The noise of the position grows with the gap to the power of {power} ({worth})."))
@@ -206,7 +219,14 @@ impl Answer {
             }
         };
         let effects = effects.iter().filter(|effect| effect.is_significant).filter_map(effect);
-        (rows.start > 0).then_some(left_out).into_iter().chain(effects).collect()
+        let ([low, high], reach) = self.found.reach();
+        let outside = format!(
+            "x = {} mm is outside the positions of the recording, {reach}: ki and ks there rest on the law alone.",
+            significant(1e3 * self.at_m, 4)
+        );
+        let is_outside = self.at_m < low || self.at_m > high;
+        let first = [(rows.start > 0).then_some(left_out), is_outside.then_some(outside)];
+        first.into_iter().flatten().chain(effects).collect()
     }
 
     /// The level of the slow force.
@@ -225,6 +245,10 @@ impl Answer {
             return Some(format!(
                 "ki or ks is known to {known} % only, the limit is {limit} %: a longer recording with more positions is wanted"
             ));
+        }
+        let kappa = fit.point[DYNAMICS];
+        if !axis.is_known(DYNAMICS) && KAPPA.contains(&kappa) {
+            return Some(format!("the dynamics are not known: κ is at the limit of its search, {kappa}"));
         }
         let moved = delayed.as_ref().map(|delayed| {
             let moved = operating(axis, &delayed.point, mean_a);
