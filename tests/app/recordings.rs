@@ -235,6 +235,7 @@ fn encodings_separators_and_decimal_commas() {
         ("tabs", text.replace(';', "\t").into()),
         ("commas", text.replace(',', ".").replace(';', ",").into()),
         ("row of units", text.replace(header, below).into()),
+        ("header in a remark", text.replace(header, &format!("# {header}")).into()),
         ("torn", text.as_bytes()[..text.len() - 25].to_vec()),
         ("gzip", zipped(text.as_bytes())),
         ("gzip, UTF-16 LE", zipped(&sixteen(u16::to_le_bytes, true))),
@@ -333,7 +334,7 @@ fn all_that_is_wrong_with_a_header_is_said_at_once() {
                 "time (column Zeit): the unit min is none of s, ms, µs, ns",
                 "Ym: several columns go by this name: a.Ym, b.Ym; one is wanted: --column Ym=…",
                 "Zm (column Zm): the unit furlong is none of m, mm, µm, nm, mil",
-                "im[1]: several columns go by this name: im1, im1",
+                "im[1]: several columns go by this name: im1, im1; one is wanted: rename the others",
                 "im[2] (column i2): the unit kA is none of A, mA",
                 "im[3]: no column of this name; the current of magnet 3 is wanted: --column im[3]=…",
                 "--column theta=Winkel: there is no column Winkel",
@@ -350,6 +351,32 @@ fn all_that_is_wrong_with_a_header_is_said_at_once() {
     ] {
         says(&Samples::read(text, reading).expect_err(text).to_string(), words);
     }
+}
+
+#[test]
+fn sensors_that_are_not_connected_are_named() {
+    for (at, value, words) in [
+        (1, 12e-6, "Ym reads 12 µm throughout, while the currents vary: is the sensor connected?"),
+        (2, 0.0, "Zm reads 0 µm throughout"),
+        (4, 0.0, "im[2] is 0 throughout, which says nothing of magnet 2"),
+    ] {
+        let mut values = Bench { rows: 400, ..BENCH }.values();
+        values.iter_mut().for_each(|row| row[at] = value);
+        let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], SI, [1.0; 8], &values);
+        let samples = Samples::read(&text, &Reading::default()).expect("a table of numbers");
+        says(&samples.implausible(&[5e-4]).join("\n"), &[words]);
+    }
+}
+
+/// A row that a logger wrote twice is left out.
+#[test]
+fn a_row_that_came_twice_is_left_out() {
+    let text = BENCH.with_times("time [s]", |j| text(4, at(j)));
+    let lines: Vec<&str> = text.lines().collect();
+    let twice = [&lines[..500], &lines[499..]].concat().join("\n");
+    let [once, twice] = [&text, &twice].map(|text| Samples::read(text, &Reading::default()).expect("usable"));
+    says(&twice.notes.join("\n"), &["repeat the one before with its time: line 501"]);
+    assert_eq!((once.position_m, once.start_s), (twice.position_m, twice.start_s));
 }
 
 /// How a signal is misread: its place, the unit of its values, which is this factor, and the unit that the header says.

@@ -1,6 +1,7 @@
 //! Misread units: values that no magnetic bearing has, and signals that contradict each other.
 
 use std::f64::consts::{PI, TAU};
+use std::ops::Range;
 
 use nalgebra::Complex;
 
@@ -40,7 +41,29 @@ impl Samples {
             rotation.extend(read.speed().or_else(|| read.motion_against_angle()));
         }
         let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| read.positions(bearing, *gap_m));
-        pace.into_iter().chain(positions).chain(read.currents()).chain(rotation).collect()
+        pace.into_iter().chain(self.unmoved()).chain(positions).chain(read.currents()).chain(rotation).collect()
+    }
+}
+
+impl Samples {
+    /// Positions that read the same throughout although the currents of their bearing vary.
+    #[must_use]
+    pub fn unmoved(&self) -> Vec<String> {
+        let (signals, currents) = (Signals::of(self.machine), self.currents(Hold::Linear));
+        let spread = |of: &[f64]| range(of.iter().copied());
+        let unmoved = |(bearing, magnets): (usize, Range<usize>)| {
+            let varies = |current: &Vec<f64>| spread(current)[0] < spread(current)[1];
+            let readings = self.machine.readings_of(bearing).filter(|_| currents[magnets.clone()].iter().any(varies));
+            let still = readings.map(|at| (at, spread(&self.position_m[at]))).filter(|(_, [low, high])| low == high);
+            let name = |at: usize| signals.list[signals.positions.start + at].name.clone();
+            let words = still.map(|(at, [value, _])| {
+                let value = significant(1e6 * value, 4);
+                format!("{} reads {value} µm throughout, while the currents vary: is the sensor connected?", name(at))
+            });
+            words.collect::<Vec<_>>()
+        };
+        let magnets = self.machine.magnets_of_bearings().into_iter().map(|(_, magnets)| magnets);
+        magnets.enumerate().flat_map(unmoved).collect()
     }
 }
 
@@ -138,7 +161,11 @@ impl Read<'_> {
         let most = range(largest.iter().copied())[1];
         let finding = |k: usize| {
             let (at, strongest) = (self.signals.currents.start + k, largest[k]);
-            // A magnet that is switched off is not misread.
+            if strongest == 0.0 && currents[k].iter().any(|value| value.is_finite()) {
+                let (name, magnet) = (&self.signals.list[at].name, self.samples.machine.describe("{magnet}", k));
+                let words = "is 0 throughout, which says nothing of";
+                return Some(format!("{name} {words} {magnet}: are it and the sensor of its current connected?"));
+            }
             let is_weak = strongest < CURRENT_A[0] && most < 50.0 * strongest;
             let is_odd = most > 300.0 * strongest && noise(&currents[k]) < 2e-5;
             let is_misread = strongest > CURRENT_A[1] || strongest > 0.0 && (is_weak || is_odd);

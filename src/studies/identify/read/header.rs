@@ -56,8 +56,10 @@ impl Signal {
                 Err(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"))
             }
             (several, _) => {
+                let is_same = several.iter().all(|at| columns[*at].name == columns[several[0]].name);
+                let how = if is_same { "rename the others".into() } else { format!("--column {name}=…") };
                 let several = joined(several.iter().map(|at| &columns[*at].name));
-                Err(format!("{name}: several columns go by this name: {several}; one is wanted: --column {name}=…"))
+                Err(format!("{name}: several columns go by this name: {several}; one is wanted: {how}"))
             }
         }
     }
@@ -138,18 +140,20 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// The line that names the most signals, since data loggers write remarks and settings before it.
+    /// The line that names the most signals, since data loggers write remarks and settings before it; a remark if no other line names as many,
+    /// as numpy.savetxt writes it.
     pub fn find(head: &str, signals: &Signals, reading: &Reading) -> Option<Self> {
-        let mut best: Option<(usize, Self)> = None;
+        let mut best: Option<((usize, bool), Self)> = None;
         let mut start = 0;
         for (text, line) in head.split_inclusive('\n').zip(1..).take(BEFORE_HEADER) {
-            if let Some(separator) = text::separator(text).filter(|_| !text.trim_start().starts_with(['#', '%'])) {
-                let columns: Vec<Column> = text.split(separator).map(column).collect();
+            let names = text.trim_start().trim_start_matches(['#', '%']);
+            if let Some(separator) = text::separator(text) {
+                let columns: Vec<Column> = names.split(separator).map(column).collect();
                 let is_named =
                     |signal: &&Signal| signal.candidates(&columns, signal.given(&reading.columns)).len() == 1;
-                let named = signals.list.iter().filter(is_named).count();
+                let named = (signals.list.iter().filter(is_named).count(), names.len() == text.trim_start().len());
                 if best.as_ref().is_none_or(|(most, _)| named > *most) {
-                    best = Some((named, Self { start, line, separator }));
+                    best = Some((named, Self { start: start + text.len() - names.len(), line, separator }));
                 }
             }
             start += text.len();

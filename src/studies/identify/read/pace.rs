@@ -371,7 +371,7 @@ fn number(points: &mut [Point], step_s: f64, gain: f64) {
 }
 
 /// A few lines by number.
-fn listed(lines: &[u32]) -> String {
+pub(super) fn listed(lines: &[u32]) -> String {
     let shown = lines.iter().take(SHOWN).map(u32::to_string).collect::<Vec<_>>().join(", ");
     match lines.len() {
         1 => format!("line {shown}"),

@@ -5,7 +5,7 @@ use std::io::{self, Read};
 use csv::StringRecord;
 
 use super::header::{self, Column, Header, Place, Signals, TIME_AT};
-use super::pace::Times;
+use super::pace::{Times, listed};
 use super::stamps::Stamps;
 use super::{Reading, Unusable, text};
 
@@ -76,6 +76,7 @@ impl Table {
         table.take_units();
         let rows = first.map(Ok).into_iter().chain(std::iter::from_fn(|| next().transpose()));
         table.take_rows(rows.map(|row| row.map(|row| (line(&row), row))), columns.len())?;
+        table.leave_out_repeated();
         Ok(table)
     }
 
@@ -138,6 +139,31 @@ impl Table {
             findings.push("reading stopped here".into());
         }
         if findings.is_empty() { Ok(()) } else { Err(Unusable(findings)) }
+    }
+
+    /// Leaves out rows that repeat the one before with its stamp, if they are few and no other stamps are equal, as rounded ones are.
+    fn leave_out_repeated(&mut self) {
+        let time_s = &self.columns[TIME_AT];
+        let equal: Vec<usize> = (1..time_s.len()).filter(|row| time_s[*row] == time_s[*row - 1]).collect();
+        let is_repeated = |row: &usize| {
+            let mut columns = self.columns.iter().filter(|column| !column.is_empty());
+            columns.all(|column| column[*row].total_cmp(&column[*row - 1]).is_eq())
+        };
+        if equal.is_empty() || 100 * equal.len() > time_s.len() || !equal.iter().all(is_repeated) {
+            return;
+        }
+        let lines: Vec<u32> = equal.iter().map(|row| self.lines[*row]).collect();
+        let is_kept = |row: &mut usize| {
+            *row += 1;
+            equal.binary_search(&(*row - 1)).is_err()
+        };
+        for column in &mut self.columns {
+            let mut row = 0;
+            column.retain(|_| is_kept(&mut row));
+        }
+        let mut row = 0;
+        self.lines.retain(|_| is_kept(&mut row));
+        self.notes.push(format!("Rows left out because they repeat the one before with its time: {}.", listed(&lines)));
     }
 
     /// Takes a row over; what is wrong with it goes to the findings.
