@@ -14,7 +14,7 @@ use serde_json::json;
 
 use self::twin::Files;
 use super::{
-    NotValid, Refused, Result, claim, deviation, duration, named, pair, print, refused, said_of, say, write_page,
+    NotValid, Refused, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say, write_page,
     write_table,
 };
 use crate::estimation::{Hold, Method};
@@ -114,7 +114,7 @@ pub struct Arguments {
     #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
     window: Option<f64>,
     /// Speed in rpm, for recordings without angle and speed.
-    #[arg(long, value_name = "RPM", allow_hyphen_values = true)]
+    #[arg(long, value_name = "RPM", value_parser = rpm, allow_hyphen_values = true)]
     speed: Option<f64>,
     /// Standard deviation of the position noise, in m; estimated from the data by default.
     #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
@@ -227,6 +227,12 @@ impl Arguments {
         let same = |one: &Path, other: &Path| {
             one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
         };
+        let twice = self.recordings.iter().enumerate().find(|(n, one)| {
+            self.recordings[..*n].iter().any(|other| same(one, other))
+        });
+        if let Some((_, path)) = twice {
+            return Err(refused(format!("{}: this recording is given twice", path.display())));
+        }
         match &self.csv {
             Some(path) if self.recordings.iter().chain(&self.currents).any(|recording| same(path, recording)) => {
                 Err(refused(format!("--csv {}: this is the recording", path.display())))
@@ -295,7 +301,7 @@ impl Arguments {
         let gap_m: Option<Vec<f64>> = reading.machine.of_bearings("s").into_iter().map(gap_m).collect();
         let one = |path: &PathBuf| {
             let samples = self.read_one(path, reading)?;
-            match gap_m.as_ref().map(|gap_m| samples.implausible(gap_m)).unwrap_or_default() {
+            match gap_m.as_ref().map_or_else(|| samples.unmoved(), |gap_m| samples.implausible(gap_m)) {
                 findings if findings.is_empty() => Ok(samples),
                 findings => Err(self.refused(path, findings)),
             }
@@ -367,6 +373,10 @@ impl Arguments {
             stated => Ok(stated),
         }
     }
+}
+
+fn rpm(text: &str) -> std::result::Result<f64, String> {
+    number(text, "a speed in rpm, negative against the angle", |_| true)
 }
 
 /// The methods to run on line: with maximum likelihood the default one, which shows drift.

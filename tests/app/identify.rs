@@ -525,3 +525,19 @@ fn a_lag_of_the_amplifiers_is_found() {
         assert!(answer.findings.iter().any(|finding| finding.contains("with a lag of")), "{:?}", answer.findings);
     }
 }
+
+/// What cannot be meant is refused, and what is not used is named.
+#[test]
+fn options_that_say_nothing_are_named() {
+    let folder = folder("identify/options");
+    program::write(&folder, "good.csv", csv(&run(montecarlo::NOISE, 0.2).1));
+    for (arguments, words) in [
+        (&["good.csv", "./good.csv"][..], "this recording is given twice"),
+        (&["good.csv", "--speed", "nan"], "a speed in rpm"),
+        (&["good.csv", "--set", "m="], "--set m=: a value is wanted"),
+    ] {
+        refuses(&folder, &[&["identify"], arguments].concat(), &[words]);
+    }
+    let json = identified(&folder, &["good.csv", "--speed", "3000"]);
+    says(&json["notes"].to_string(), &["--speed is not used"]);
+}

@@ -121,6 +121,9 @@ impl Samples {
             }
             (true, true, None) => Rotation::Unknown,
         };
+        if told_rad_s.is_some() && self.rotation != Rotation::Told {
+            self.notes.push("--speed is not used: the recording has angle or speed.".into());
+        }
         let note = match self.rotation {
             Rotation::Both => return,
             Rotation::Angle => {

@@ -37,6 +37,9 @@ pub(in crate::studies::identify) fn implausible(
     for (_, magnets) in machine.magnets_of_bearings() {
         let own = || found.lambda[magnets.clone()].iter().map(|lambda| lambda.value);
         let (least, greatest) = (own().fold(f64::INFINITY, f64::min), own().fold(f64::NEG_INFINITY, f64::max));
+        if let Some(k) = magnets.clone().find(|k| found.lambda[*k].value <= 0.0) {
+            return Some(format!("{} would be negative: its magnet would push", machine.symbols("λ")[k]));
+        }
         if greatest > RATIO * least {
             return Some(format!(
                 "the force constants would differ by a factor of {}, as those of one bearing do not",
