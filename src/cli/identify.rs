@@ -14,8 +14,8 @@ use serde_json::json;
 
 use self::twin::Files;
 use super::{
-    NotValid, Refused, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say, write_page,
-    write_table,
+    NotValid, Refused, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say,
+    write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
 use crate::machine::{AXIAL, MACHINES, Machine};
@@ -227,9 +227,11 @@ impl Arguments {
         let same = |one: &Path, other: &Path| {
             one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
         };
-        let twice = self.recordings.iter().enumerate().find(|(n, one)| {
-            self.recordings[..*n].iter().any(|other| same(one, other))
-        });
+        let twice = self
+            .recordings
+            .iter()
+            .enumerate()
+            .find(|(n, one)| self.recordings[..*n].iter().any(|other| same(one, other)));
         if let Some((_, path)) = twice {
             return Err(refused(format!("{}: this recording is given twice", path.display())));
         }

@@ -127,7 +127,12 @@ const ALTERNATIVES: &[Alternative] = &[
         later,
         "shift the currents by one row, or --estimate delay",
     ),
-    (0, "the angle counts against the rotation", |take| turn(take, -1.0), "reverse the signs of theta and omega, or that of --speed"),
+    (
+        0,
+        "the angle counts against the rotation",
+        |take| turn(take, -1.0),
+        "reverse the signs of theta and omega, or that of --speed",
+    ),
     (0, "the speed is twice as high", |take| turn(take, 2.0), "double theta and omega, or --speed"),
     (0, "the speed is half as high", |take| turn(take, 0.5), "halve theta and omega, or --speed"),
     (

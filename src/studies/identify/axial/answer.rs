@@ -6,8 +6,8 @@ use serde_json::{Value as Json, json};
 use super::filter::Readings;
 use super::search::{Fit, follow};
 use super::{
-    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS, POSITION_NOISE, Point, SLOW,
-    UNKNOWNS, find, mean,
+    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS, POSITION_NOISE, Point,
+    SLOW, UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::Said;

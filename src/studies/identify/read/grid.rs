@@ -29,7 +29,10 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
         let none = || "there are no time stamps and no rate; --rate is wanted".to_owned();
         let place: Vec<f64> = (0..table.lines.len()).map(|row| row as f64).collect();
         let count = place.len();
-        return Ok((Pace { start_s: 0.0, step_s: reading.rate_s.ok_or_else(none)?, place, vague: None, notes: Vec::new() }, count));
+        return Ok((
+            Pace { start_s: 0.0, step_s: reading.rate_s.ok_or_else(none)?, place, vague: None, notes: Vec::new() },
+            count,
+        ));
     }
     let timed = table.known([TIME_AT]);
     // Where a position is missing now and then its row still counts; where most rows have none, the others do.

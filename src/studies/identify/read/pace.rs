@@ -187,7 +187,9 @@ impl Times {
         }
         let is_vague = is_stairs && known > CLOCKS;
         // Half the rounding, and what least squares may be off from the line that halves the band.
-        if !is_vague && points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s) {
+        if !is_vague
+            && points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s)
+        {
             return None;
         }
         // A row that a logger drops regularly looks like rounding as well; a round pace speaks for rounding, and so does rounding
@@ -209,7 +211,13 @@ impl Times {
             None => format!("the slope of the straight line through {through}"),
         };
         let note = format!("The time stamps are rounded to {rounding}; the pace is {pace}.");
-        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), vague, notes: vec![note] })
+        Some(Pace {
+            start_s,
+            step_s,
+            place: points.iter().map(|point| point.place).collect(),
+            vague,
+            notes: vec![note],
+        })
     }
 
     /// Numbers the samples, and finds the straight line over the numbers.
