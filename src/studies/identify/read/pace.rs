@@ -168,7 +168,7 @@ impl Times {
         let point = |(row, time_s): (usize, &f64)| Point { row, place: row as f64, time_s: *time_s };
         let points: Vec<Point> = self.time_s.iter().enumerate().map(point).collect();
         // Where the stamps are rounded to many samples and few of them differ, the rows at which they change tell the pace, each to half a
-        // sample: the error of a staircase does not shrink with its rows.
+        // sample: the error of a staircase does not shrink with its rows. At worst those of one half are early, those of the other late.
         let duration_s = self.time_s[self.time_s.len() - 1] - self.time_s[0];
         let is_stairs = 2 * equal > steps.len() && rounding_s > CLOCKS * duration_s;
         let changed = points.windows(2).filter(|pair| pair[0].time_s < pair[1].time_s);
@@ -182,8 +182,8 @@ impl Times {
         if changes.len() >= LEAST_CHANGES {
             line = Line::fit(&changes);
             let off = changes.iter().map(|point| line.miss(point)).fold(0.5, f64::max);
-            known = 2.0 * off / (changes[changes.len() - 1].place - changes[0].place);
-            freedom_s = 2.0 * off * line.step_s / (changes.len() as f64).sqrt();
+            known = 3.0 * off / (changes[changes.len() - 1].place - changes[0].place);
+            freedom_s = 1.5 * off * line.step_s;
         }
         let is_vague = is_stairs && known > CLOCKS;
         // Half the rounding, and what least squares may be off from the line that halves the band.
