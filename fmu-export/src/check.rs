@@ -1,10 +1,11 @@
 //! Errors in a model's table that would make importers refuse its description or misread it.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 
 use crate::model::Info;
 use crate::unit::{Display, Unit};
-use crate::variable::{Causality, Type, Variability, Variable};
+use crate::variable::{Causality, Enumeration, Type, Variability, Variable};
 
 /// Defects of a model's name and table, one sentence each.
 pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
@@ -216,34 +217,41 @@ fn check_numbers(variable: &Variable, found: &mut Vec<String>) {
 /// Units and enumerations, which tools know by their names.
 fn check_definitions(variables: &[Variable], found: &mut Vec<String>) {
     let mut units: HashMap<&str, &Unit> = HashMap::new();
-    let mut enumerations = HashMap::new();
+    let mut enumerations: HashMap<&str, &Enumeration> = HashMap::new();
     for variable in variables {
         match &variable.data_type {
-            Type::Real { unit, .. } => match units.insert(unit.name, unit) {
-                None => check_unit(unit, found),
-                Some(first) if first != unit => {
+            Type::Real { unit, .. } => match units.entry(unit.name) {
+                Entry::Vacant(place) => check_unit(place.insert(unit), found),
+                Entry::Occupied(first) if *first.get() != unit => {
                     found.push(format!("there are two units named {}; {} has the second", unit.name, variable.name));
                 }
-                Some(_) => {}
+                Entry::Occupied(_) => {}
             },
-            Type::Enumeration { items, .. } => {
-                if *enumerations.entry(items.name).or_insert(*items) != *items {
+            Type::Enumeration { items, .. } => match enumerations.entry(items.name) {
+                Entry::Vacant(place) => check_enumeration(place.insert(items), found),
+                Entry::Occupied(first) if *first.get() != *items => {
                     found.push(format!("there are two enumerations named {}", items.name));
                 }
-                check_text(&format!("the name of the enumeration {}", items.name), items.name, found);
-                check_text(&format!("the description of the enumeration {}", items.name), items.description, found);
-                for (at, (item, meaning)) in items.items.iter().enumerate() {
-                    check_text(&format!("an item of the enumeration {}", items.name), item, found);
-                    check_text(&format!("the description of {item}"), meaning, found);
-                    if items.items[..at].iter().any(|(other, _)| other == item) {
-                        found.push(format!("the enumeration {} has the item {item} twice", items.name));
-                    }
-                }
-            }
+                Entry::Occupied(_) => {}
+            },
             _ => {}
         }
     }
     found.dedup();
+}
+
+/// An enumeration: texts that XML can hold, and items of different names.
+fn check_enumeration(enumeration: &Enumeration, found: &mut Vec<String>) {
+    let name = enumeration.name;
+    check_text(&format!("the name of the enumeration {name}"), name, found);
+    check_text(&format!("the description of the enumeration {name}"), enumeration.description, found);
+    for (at, (item, meaning)) in enumeration.items.iter().enumerate() {
+        check_text(&format!("an item of the enumeration {name}"), item, found);
+        check_text(&format!("the description of {item}"), meaning, found);
+        if enumeration.items[..at].iter().any(|(other, _)| other == item) {
+            found.push(format!("the enumeration {name} has the item {item} twice"));
+        }
+    }
 }
 
 /// A unit: base units of the standard, and display units that can be converted.

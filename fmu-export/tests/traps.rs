@@ -424,11 +424,10 @@ mod mistakes {
     mistaken!(nothing, "Nothing", vec![]);
     // As an array x would have one nominal value, and its derivative one state.
     mistaken!(unlike, "Unlike", {
-        let states = Row::elements("x", [0.0; 2], |name, start| Row::real(name, place!(Values.x), unit::ONE, start));
-        let derivatives =
-            Row::elements("dx", [0.0; 2], |name, start| Row::real(name, place!(Values.x), unit::ONE, start));
-        let states = states.zip([1.0, 2.0]).map(|(row, nominal)| row.local().state().nominal(nominal));
-        states.chain(derivatives.map(|row| row.local().derivative_of("x"))).collect()
+        let rows =
+            |name| Row::elements(name, [0.0; 2], |name, start| Row::real(name, place!(Values.x), unit::ONE, start));
+        let states = rows("x").zip([1.0, 2.0]).map(|(row, nominal)| row.local().state().nominal(nominal));
+        states.chain(rows("dx").map(|row| row.local().derivative_of("x"))).collect()
     });
 
     #[derive(Clone, Default, Serialize, Deserialize)]

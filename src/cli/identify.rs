@@ -182,7 +182,6 @@ impl Arguments {
         // A stated reading is compared with the others as well, where an answer depends on it.
         let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
         let holds = is_compared.then(|| Holds::of(samples, &stated));
-        let is_open = wanted.is_none();
         stated = match (wanted, holds) {
             (None, Some(holds)) => stated.read_as(holds.most_likely()),
             (hold, _) => Stated { hold: hold.unwrap_or(stated.hold), ..stated },
@@ -196,7 +195,7 @@ impl Arguments {
             identify::track(samples, &estimator, every)
         });
         let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-        let as_likely = holds.filter(|_| is_open).map_or_else(Vec::new, |holds| holds.as_likely(currents));
+        let as_likely = holds.filter(|_| wanted.is_none()).map_or_else(Vec::new, |holds| holds.as_likely(currents));
         let question = Question { stated, holds, as_likely, slow_force: self.slow_force() };
         let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
         let mut said = answer.as_ref().map_or_else(|| identify::said(samples, &tracks), Answer::said);

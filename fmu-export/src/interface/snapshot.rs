@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! 8 bytes   the letters FMU2SNAP
-//! 2 bytes   version of this format, 3
+//! 2 bytes   version of this format
 //! 1 + n     length and text of the model name
 //! 1 + n     length and text of the GUID
 //! 8 bytes   length of the content

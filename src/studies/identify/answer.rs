@@ -160,7 +160,7 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
         return None;
     }
     let found = before.found.as_ref().filter(|found| found.converged)?;
-    let next = before.question.holds?.without_lag().nth(1)?.hold;
+    let next = before.question.holds?.without_lag().find(|of| of.hold != before.question.stated.hold)?.hold;
     let is_delay = |at: &usize| {
         let bench = &found.bench[*at];
         plain(&bench.parameter.name) == DELAY && bench.told.knowledge == Knowledge::Exact
