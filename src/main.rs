@@ -15,20 +15,16 @@ const COMMIT: Option<[u8; DIGITS]> = {
     while line > 0 && LOG[line - 1] != b'\n' {
         line -= 1;
     }
-    let mut at = line;
-    while at < LOG.len() && LOG[at] != b' ' {
-        at += 1;
-    }
-    if at + DIGITS < LOG.len() {
-        let mut digits = [0; DIGITS];
-        let mut digit = 0;
-        while digit < DIGITS {
-            digits[digit] = LOG[at + 1 + digit];
-            digit += 1;
+    let mut rest = LOG.split_at(line).1;
+    while let [letter, after @ ..] = rest {
+        rest = after;
+        if *letter == b' ' {
+            break;
         }
-        Some(digits)
-    } else {
-        None
+    }
+    match rest.first_chunk() {
+        Some(digits) => Some(*digits),
+        None => None,
     }
 };
 

@@ -23,11 +23,10 @@ pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 /// A name that none has, with the nearest one; one that is listed twice.
 pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
     let known = MACHINES.map(|machine| machine.name.to_owned());
-    let find =
-        |name: &str| machine::find(name).ok_or_else(|| format!("{name} is no machine; {}", suggestion(name, &known)));
     let mut machines: Vec<&Machine> = Vec::new();
-    for name in names {
-        let machine = find(name.as_ref())?;
+    for name in names.iter().map(AsRef::as_ref) {
+        let unknown = || format!("{name} is no machine; {}", suggestion(name, &known));
+        let machine = machine::find(name).ok_or_else(unknown)?;
         if machines.contains(&machine) {
             return Err(format!("{} is listed twice", machine.name));
         }
@@ -96,20 +95,12 @@ pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, Pack
     package::binaries(given, built_library)
 }
 
-/// Writes the FMUs and the SSPs of machines, with a library for this platform, into a folder, which is created if missing.
-///
-/// # Errors
-/// Whatever file cannot be read or written.
-pub fn package(library: &Path, machines: &[&Machine], folder: &Path) -> Result<Vec<Written>, PackageError> {
-    package_for(&package::binaries_of(library)?, machines, false, folder)
-}
-
 /// Writes the FMUs of machines, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, and their SSPs, which hold those for FMI 2.0, into
 /// a folder, which is created if missing. With `arrays`, the FMUs for FMI 3.0 have arrays.
 ///
 /// # Errors
 /// Whatever file cannot be written.
-pub fn package_for(
+pub fn package(
     binaries: &Binaries,
     machines: &[&Machine],
     arrays: bool,

@@ -372,7 +372,7 @@ fn package(
     folder: &Path,
 ) -> Result<()> {
     let machines = package::machines(machines).map_err(refused)?;
-    for written in package::package_for(&package::binaries(binaries)?, &machines, arrays, folder)? {
+    for written in package::package(&package::binaries(binaries)?, &machines, arrays, folder)? {
         let platforms = written.platforms.join(", ");
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
     }

@@ -41,9 +41,8 @@ fn columns(head: &[String], rows: &[Vec<String>]) {
     let widths: Vec<usize> = (0..head.len()).map(|column| width(column).unwrap_or(0)).collect();
     for row in all() {
         let mut line = String::from(" ");
-        for (column, (cell, width)) in row.iter().zip(&widths).enumerate() {
-            let pad = " ".repeat(width - cell.chars().count().min(*width));
-            line += &if column == 0 { format!(" {cell}{pad}") } else { format!("  {pad}{cell}") };
+        for (column, (cell, width)) in row.iter().zip(widths.iter().copied()).enumerate() {
+            line += &if column == 0 { format!(" {cell:width$}") } else { format!("  {cell:>width$}") };
         }
         say!("{}", line.trim_end());
     }

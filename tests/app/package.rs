@@ -9,7 +9,7 @@ use std::sync::{Arc, LazyLock};
 
 use crate::program::folder;
 use crate::support::{MODELS, says};
-use fmu_export::package::{Written, platform};
+use fmu_export::package::{Written, binaries_of, platform};
 use fmu_export::variable::{Type, Variable};
 use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu::catalogue;
@@ -31,8 +31,9 @@ fn systems() -> impl Iterator<Item = String> {
 
 /// Packages all machines into a folder of that name: names and contents of the archives.
 fn packaged(name: &str) -> Vec<(String, Vec<u8>)> {
-    let library = package::built_library().expect("the library is built with the tests");
-    let written = package::package(&library, &all(), &folder(&format!("package/{name}"))).expect("the archives");
+    let binaries = package::binaries(&[]).expect("the library is built with the tests");
+    let folder = folder(&format!("package/{name}"));
+    let written = package::package(&binaries, &all(), false, &folder).expect("the archives");
     let read = |written: Written| {
         let bytes = fs::read(&written.path).expect("an archive");
         assert_eq!(bytes.len(), written.bytes);
@@ -408,6 +409,6 @@ fn tests_do_not_change_the_library() {
 #[test]
 fn what_cannot_be_packaged_is_said_by_name() {
     let missing = Path::new("no/such/library.so");
-    let error = package::package(missing, &all(), &folder("package/missing")).expect_err("there is no such library");
+    let error = binaries_of(missing).expect_err("there is no such library");
     says(&error.to_string(), &["no/such/library.so"]);
 }

@@ -7,7 +7,7 @@ use serde_json::json;
 use super::{Arguments, Pairs, Result, refused};
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::scenario::{Scenario, text};
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Said, Samples, quantity};
 
@@ -49,7 +49,6 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
 impl Bench {
     /// Reads the table `[identify]` of a scenario.
     fn read(&mut self, table: &toml::Table, wrong: &mut Vec<String>) {
-        let text = |value: &toml::Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
         for (name, value) in table {
             match (name.as_str(), value) {
                 ("estimate", toml::Value::Array(names)) => {
