@@ -12,7 +12,6 @@ use clap::Args;
 use fmu_export::variable::Value;
 use serde_json::json;
 
-use self::twin::Files;
 use super::{
     NotValid, Refused, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say,
     write_page, write_table,
@@ -140,15 +139,21 @@ pub struct Arguments {
 pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.claim()?;
     let machine = arguments.machine();
-    let files = Files::new(arguments)?;
+    let binaries = arguments.binaries()?;
     let is_axial = *machine == AXIAL;
     let (results, columns, scenario) = if is_axial { axial::identify(arguments) } else { arguments.identify(machine) }?;
     print_results(&results, &arguments.recordings);
     arguments.write(&results)?;
     if let Some(why) = &results.not_valid {
-        return Err(NotValid(format!("{why}{}", files.not_written())).into());
+        let twin = if arguments.wants_twin() { " The twin was not written." } else { "" };
+        return Err(NotValid(format!("{why}{twin}")).into());
     }
-    files.write(&columns, || results.twin(&scenario))
+    if arguments.wants_twin() {
+        let twin = results.twin(&scenario);
+        let twin = twin.map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
+        arguments.write_twin(twin, columns, binaries.as_ref())?;
+    }
+    Ok(())
 }
 
 impl Arguments {
