@@ -5,7 +5,7 @@ use nalgebra::ComplexField;
 
 use super::{framed, table_of};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
-use crate::studies::whirl::{Whirl, modes_hz};
+use crate::studies::whirl::Whirl;
 use crate::table::Table;
 
 /// Points along each line.
@@ -20,7 +20,7 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
 
     let speeds = [0.0, greatest_rpm];
     let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).range(0, speeds).height(420.0);
-    let all: Vec<[[f64; 2]; 2]> = rpm.iter().map(|rpm| modes_hz(whirl.frequencies_hz(omega(rpm)))).collect();
+    let all: Vec<[[f64; 2]; 2]> = rpm.iter().map(|rpm| whirl.modes_hz(omega(rpm))).collect();
     for mode in 0..2 {
         let line = |name: &str| Line::new(&format!("mode {} {name}", mode + 1), colour::MAGNETS[mode]).width(2.0);
         let of = |direction: usize| all.iter().map(|one| one[mode][direction]).collect::<Vec<_>>();

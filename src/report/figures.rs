@@ -346,20 +346,16 @@ fn estimates(run: &Signals) -> Figure {
 }
 
 fn errors(run: &Signals) -> Figure {
-    let truth = &run.truth;
     let machine = run.scenario.machine;
-    let relative = |values: &[f64], truth: f64| values.iter().map(|value| (value / truth - 1.0).abs()).collect();
-    // A column for each magnet of a bearing, beside its true λ; those of magnets that are not used are left out.
-    let used = |element: &str, b: usize, name: &str| {
-        let magnets = machine.magnets_of(b);
+    // A function of the ratio to the true λ, for each magnet of a bearing; those of magnets that are not used are left out.
+    let of_ratios = |element: &str, b: usize, name: &str, of: fn(f64) -> f64| -> Vec<(usize, Vec<f64>)> {
         let columns = run.of_magnets(element, &machine.bearings[b], name).unwrap_or_default();
-        let of_used = columns.into_iter().zip(magnets).enumerate().filter(|(_, (_, k))| run.scenario.uses(*k));
-        of_used.map(|(k, (values, at))| (k, values, truth[at])).collect::<Vec<_>>()
+        let magnets = columns.into_iter().zip(machine.magnets_of(b)).enumerate();
+        let used = magnets.filter(|(_, (_, k))| run.scenario.uses(*k));
+        used.map(|(number, (values, k))| (number, values.iter().map(|value| of(value / run.truth[k])).collect()))
+            .collect()
     };
-    let lambda = |element: &str, b: usize| -> Vec<(usize, Vec<f64>)> {
-        let of_used = used(element, b, "lambdaHat").into_iter();
-        of_used.map(|(k, values, truth)| (k, relative(values, truth))).collect()
-    };
+    let lambda = |element: &str, b: usize| of_ratios(element, b, "lambdaHat", |ratio| (ratio - 1.0).abs());
     // Down to typical errors: an error that changes its sign is small for an instant.
     let of_method = |[element, _]: &[String; 2]| {
         (0..machine.bearings.len()).flat_map(|b| lambda(element, b)).flat_map(|(_, errors)| errors).collect::<Vec<_>>()
@@ -374,8 +370,7 @@ fn errors(run: &Signals) -> Figure {
             let line = Line::new(&format!("error {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
             run.line(&mut plot, line, &positive(&error));
         }
-        for (k, std, truth) in used(element, b, "lambdaStdTotal") {
-            let stated: Vec<f64> = std.iter().map(|std| 2.0 * std / truth).collect();
+        for (k, stated) in of_ratios(element, b, "lambdaStdTotal", |ratio| 2.0 * ratio) {
             let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
             run.line(&mut plot, line.dashed().width(1.0).unlisted(), &positive(&stated));
         }

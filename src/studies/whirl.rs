@@ -99,8 +99,9 @@ impl Whirl {
         [at_bearings * C::from(self.stiffness_n_m), damping]
     }
 
-    /// The four natural frequencies at a speed in rad/s, in Hz, from the fastest backward to the fastest forward whirl.
-    pub fn frequencies_hz(&self, omega_rad_s: f64) -> [f64; 4] {
+    /// Natural frequencies of the two modes in Hz at a speed in rad/s, each backward and forward. At rest both whirl at one frequency; the
+    /// slower mode comes first.
+    pub fn modes_hz(&self, omega_rad_s: f64) -> [[f64; 2]; 2] {
         let [stiffness, damping] = self.forces(omega_rad_s);
         let over = |matrix: Matrix2<C>| -> Matrix2<C> {
             Matrix2::from_fn(|row, column| -matrix[(row, column)] / self.inertia()[(row, row)])
@@ -113,7 +114,8 @@ impl Whirl {
         let (_, triangular) = Schur::new(motion).unpack();
         let mut found: [f64; 4] = std::array::from_fn(|n| triangular[(n, n)].im / TAU);
         found.sort_by(f64::total_cmp);
-        found
+        let [backward_2, backward_1, forward_1, forward_2] = found;
+        [[-backward_1, forward_1], [-backward_2, forward_2]]
     }
 
     /// Displacements `y + i z` of the bearings A and B by the unbalance, in m, turning with the rotor at a speed in rad/s.
@@ -134,7 +136,7 @@ impl Whirl {
     pub fn critical_rpm(&self, greatest_rpm: f64) -> Vec<(usize, f64)> {
         let mut found = Vec::new();
         for mode in 0..2 {
-            let ahead = |rpm: f64| modes_hz(self.frequencies_hz(rpm * PI / 30.0))[mode][1] - rpm / 60.0;
+            let ahead = |rpm: f64| self.modes_hz(rpm * PI / 30.0)[mode][1] - rpm / 60.0;
             let at = |step: usize| greatest_rpm * step as f64 / SEARCH as f64;
             for step in 1..=SEARCH {
                 let (mut low, mut high) = (at(step - 1), at(step));
@@ -166,18 +168,13 @@ impl Whirl {
     }
 }
 
-/// Frequencies of the two modes in Hz, each backward and forward. At rest both whirl at one frequency; the slower mode comes first.
-pub fn modes_hz([backward_2, backward_1, forward_1, forward_2]: [f64; 4]) -> [[f64; 2]; 2] {
-    [[-backward_1, forward_1], [-backward_2, forward_2]]
-}
-
 /// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
 pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Table {
     let head = ["rpm", "1 backward", "1 forward", "2 backward", "2 forward", "A, µm", "A, rad", "B, µm", "B, rad"];
     let rows = (0..=steps).map(|step| {
         let rpm = greatest_rpm * step as f64 / steps as f64;
         let omega = rpm * PI / 30.0;
-        let frequencies = modes_hz(whirl.frequencies_hz(omega)).concat().into_iter().map(|hertz| format!("{hertz:.4}"));
+        let frequencies = whirl.modes_hz(omega).concat().into_iter().map(|hertz| format!("{hertz:.4}"));
         let response =
             whirl.response_m(omega).map(|u| [format!("{:.4}", 1e6 * u.modulus()), format!("{:.4}", u.argument())]);
         [format!("{rpm:.0}")].into_iter().chain(frequencies).chain(response.concat()).collect()
