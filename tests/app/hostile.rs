@@ -146,7 +146,7 @@ fn readings(alter: &Alter, samples: usize) -> Vec<Readings> {
             omega_rad_s: 50.0 * TAU,
             lambda_nm2_a2: None,
         };
-        change.apply(&mut readings);
+        (change.apply)(&mut readings);
         readings
     };
     (0..samples).map(sample).collect()

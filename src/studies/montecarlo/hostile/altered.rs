@@ -25,16 +25,10 @@ pub struct Readings {
 
 /// Changes the readings of a run, sample by sample.
 pub struct Change {
-    change: Box<dyn FnMut(&mut Readings)>,
+    /// Changes the readings of the next sample.
+    pub apply: Box<dyn FnMut(&mut Readings)>,
     /// The controller reads what was changed as well: it is the sensor that is at fault.
     of_sensor: bool,
-}
-
-impl Change {
-    /// Changes the readings of the next sample.
-    pub fn apply(&mut self, readings: &mut Readings) {
-        (self.change)(readings);
-    }
 }
 
 /// Makes the change of a run from its scenario and its seed.
@@ -79,7 +73,7 @@ impl Wires {
         let [theta_rad, omega_rad_s] = self.rotation.map(|at| values[at].clone().as_f64());
         let (position_m, current_a) = (all(&self.position), all(&self.current));
         let mut readings = Readings { time_s, position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2: None };
-        change.apply(&mut readings);
+        (change.apply)(&mut readings);
         let mut put = |places: &[usize], numbers: &[f64]| {
             places.iter().zip(numbers).for_each(|(at, number)| values[*at] = Value::Real(*number));
         };
@@ -98,12 +92,12 @@ impl Wires {
 
 /// The estimator gets other readings than the controller.
 pub fn on_the_way(change: impl FnMut(&mut Readings) + 'static) -> Change {
-    Change { change: Box::new(change), of_sensor: false }
+    Change { apply: Box::new(change), of_sensor: false }
 }
 
 /// The sensors read something else.
 pub fn in_the_sensor(change: impl FnMut(&mut Readings) + 'static) -> Change {
-    Change { change: Box::new(change), of_sensor: true }
+    Change { apply: Box::new(change), of_sensor: true }
 }
 
 /// The controller gets force constants from elsewhere, off by a relative deviation.
@@ -156,35 +150,20 @@ pub fn speed(change: fn(f64) -> f64) -> Alter {
     Box::new(move |_, _| on_the_way(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))
 }
 
-/// White noise after a low-pass of first order, with this standard deviation and this cut-off frequency in Hz.
-struct Coloured {
-    std: f64,
-    kept: f64,
-    draw: Draw,
-    state: Vec<f64>,
-}
-
-impl Coloured {
-    fn new(std: f64, cut_off_hz: f64, step_s: f64, seed: u64) -> Self {
-        let kept = libm::exp(-TAU * cut_off_hz * step_s);
-        Self { std, kept, draw: Draw::new(seed ^ 0xc010), state: Vec::new() }
-    }
-
-    fn add_to(&mut self, values: &mut [f64]) {
-        let Self { std, kept, draw, state } = self;
-        state.resize_with(values.len(), || draw.normal());
-        for (value, state) in values.iter_mut().zip(state) {
-            *value += *std * *state;
-            *state = *kept * *state + (1.0 - *kept * *kept).sqrt() * draw.normal();
-        }
-    }
-}
-
-/// Coloured noise of these readings, with this standard deviation in their unit.
+/// Coloured noise of these readings: white noise after a low-pass of first order, with this standard deviation in their unit and this
+/// cut-off frequency in Hz.
 pub fn coloured(std: f64, cut_off_hz: f64, of: fn(&mut Readings) -> &mut Vec<f64>) -> Alter {
     Box::new(move |scenario, seed| {
-        let mut noise = Coloured::new(std, cut_off_hz, scenario.step_s, seed);
-        in_the_sensor(move |readings| noise.add_to(of(readings)))
+        let kept = libm::exp(-TAU * cut_off_hz * scenario.step_s);
+        let (mut draw, mut states) = (Draw::new(seed ^ 0xc010), Vec::new());
+        in_the_sensor(move |readings| {
+            let values = of(readings);
+            states.resize_with(values.len(), || draw.normal());
+            for (value, state) in values.iter_mut().zip(&mut states) {
+                *value += std * *state;
+                *state = kept * *state + (1.0 - kept * kept).sqrt() * draw.normal();
+            }
+        })
     })
 }
 
