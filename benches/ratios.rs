@@ -224,7 +224,7 @@ fn steps(record: &[EstimatorInput]) {
 /// Inputs of the spindle's estimator in the scenario `spindle` while nothing changes, over 0.1 s.
 fn spindle_record() -> Vec<SpindleEstimatorInput> {
     let scenario = Scenario::open(Path::new("spindle")).expect("a scenario of the program");
-    let run = simulate::run_for(&scenario, |name| name.starts_with("plant."), |_| ()).expect("a run");
+    let run = simulate::run_for(&scenario, |name| name.starts_with("plant.")).expect("a run");
     let column = |name: String| run.recording.get(&format!("plant.{name}")).expect("an output of the plant").to_vec();
     let readings = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"].map(|name| column(name.into()));
     let currents: Vec<_> = scenario.machine.of_magnets("im").into_iter().map(column).collect();
@@ -439,7 +439,7 @@ fn closed_loop() {
             scenario.elements.truncate(3);
             scenario.duration_s = 1.0;
             candidate(format!("1 s of the closed loop, {name}, {drive} drive"), 1, move |_| {
-                black_box(simulate::run_for(&scenario, |_| false, |_| ()).expect("a scenario that runs"));
+                black_box(simulate::run_for(&scenario, |_| false).expect("a scenario that runs"));
             })
         })
         .collect();

@@ -67,21 +67,23 @@ impl Log for Messages<'_> {
 /// reason.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let progress = Progress::new("simulating", steps(scenario) as u64);
-    // Reading the clock may cost more than a step.
-    let tell = |step: usize| {
-        if step.is_multiple_of(1024) {
-            progress.tell(step as u64)
+    let mut step = 0;
+    let tell = |_: f64, _: &mut [Value]| {
+        // Reading the clock may cost more than a step.
+        if step % 1024 == 0 {
+            progress.tell(step);
         }
+        step += 1;
     };
-    run_for(scenario, |_| true, tell)
+    run_altered(scenario, |_| true, tell)
 }
 
-/// As [`run`], recording only the outputs whose paths are `wanted`; reports every step done.
+/// As [`run`], without a bar, recording only the outputs whose paths are `wanted`.
 ///
 /// # Errors
 /// As for [`run`].
-pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool, tell: impl FnMut(usize)) -> Result<Run, Refused> {
-    run_altered(scenario, wanted, |_, _| (), tell)
+pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool) -> Result<Run, Refused> {
+    run_altered(scenario, wanted, |_, _| ())
 }
 
 /// As [`run_for`]; at each communication point `alter` may change the values on their way to the inputs, in the order of
@@ -93,7 +95,6 @@ pub fn run_altered(
     scenario: &Scenario,
     wanted: impl Fn(&str) -> bool,
     mut alter: impl FnMut(f64, &mut [Value]),
-    mut tell: impl FnMut(usize),
 ) -> Result<Run, Refused> {
     let mut instances = instances(scenario).map_err(Refused)?;
     let wires = wires(scenario);
@@ -142,7 +143,6 @@ pub fn run_altered(
         if run.error.is_some() {
             break;
         }
-        tell(step);
     }
     Ok(run)
 }

@@ -149,7 +149,7 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
         }
         sample += 1;
     };
-    let run = simulate::run_altered(&scenario, |_| false, alter, |_| ());
+    let run = simulate::run_altered(&scenario, |_| false, alter);
     let run = run.map_err(|refused| refused.0.join("; "))?;
     if let Some(error) = run.error {
         return Err(unsettled(error));

@@ -191,7 +191,7 @@ impl Sweep {
         let seed = seed.map_or(String::new(), |seed| seed.as_f64().to_string());
         let wanted = |name: &str| self.results.iter().any(|result| result.source == name);
         let outcome = scenario.and_then(|scenario| {
-            let run = catch_unwind(AssertUnwindSafe(|| simulate::run_for(&scenario, wanted, |_| ())));
+            let run = catch_unwind(AssertUnwindSafe(|| simulate::run_for(&scenario, wanted)));
             match run {
                 Ok(Ok(run)) => Ok((scenario, run)),
                 Ok(Err(refused)) => Err(refused.0.join("; ")),

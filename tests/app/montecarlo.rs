@@ -64,7 +64,7 @@ fn the_bound_of_the_nominal_bearing_is_that_of_another_program() {
     for (factor, expected) in [1.0, 10.0].into_iter().zip(expected) {
         let mut scenario = montecarlo::study("", &nominal(), [factor * NOISE[0], NOISE[1]], true, 1).scenario;
         scenario.duration_s = 0.2;
-        let run = simulate::run_for(&scenario, wanted, |_| ()).expect("a good scenario");
+        let run = simulate::run_for(&scenario, wanted).expect("a good scenario");
         let found = bound(&scenario, &run.recording, &INSTANTS_S[..3]).expect("there is noise");
         println!("{found:.5?}");
         for (found, expected) in found.iter().zip(expected) {

@@ -51,7 +51,7 @@ fn in_words(worst: &Worst) -> String {
 /// Runs the loop with all methods beside it and compares with the truth, which is constant.
 fn run(scenario: &Scenario) -> Vec<(&'static str, Said)> {
     let wanted = |path: &str| ["lambdaHat", "lambdaStd", ".valid"].iter().any(|part| path.contains(part));
-    let run = simulate::run_for(scenario, wanted, |_| ()).expect("a good scenario");
+    let run = simulate::run_for(scenario, wanted).expect("a good scenario");
     let truth = scenario.truth();
     let of_method = |(method, _): (&'static str, i32)| {
         let valid = column(&run, &format!("{method}.valid"));

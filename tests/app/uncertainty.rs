@@ -34,7 +34,7 @@ fn altered(
         |name: &str| connections.iter().position(|c| c.to[0] == "estimator" && c.to[1] == name).expect("an input");
     let altered = |time_s: f64, values: &mut [Value]| alter(time_s, &mut |name, value| values[place(name)] = value);
     let wanted = |path: &str| ["estimator.lambda", "estimator.v"].iter().any(|start| path.starts_with(start));
-    let run = simulate::run_altered(&scenario, wanted, altered, |_| ()).expect("a good scenario");
+    let run = simulate::run_altered(&scenario, wanted, altered).expect("a good scenario");
     let [valid, verdict] = ["valid", "verdict"].map(|name| column(&run, &format!("estimator.{name}")));
     let [hat, std] =
         ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| column(&run, &format!("estimator.{name}[{k}]"))));

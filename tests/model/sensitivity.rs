@@ -57,7 +57,7 @@ fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f6
         }
         sample += 1;
     };
-    let run = simulate::run_altered(scenario, |_| false, alter, |_| ()).expect("a good scenario");
+    let run = simulate::run_altered(scenario, |_| false, alter).expect("a good scenario");
     assert_eq!(run.error, None);
     // For a sin(ωt), this sum over N samples is −j a N/2.
     sum * Complex::new(0.0, 2.0 / ((samples / 2) as f64 * AMPLITUDE_M))

@@ -139,7 +139,7 @@ impl Study {
     fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
         drawn_again(|attempt| {
             let scenario = self.case(seed, attempt);
-            let run = simulate::run_for(&scenario, figures::wanted, |_| ())?;
+            let run = simulate::run_for(&scenario, figures::wanted)?;
             if let Some(error) = run.error {
                 return Err(Stopped::Ended(format!("{}, seed {seed}: the run ended early: {error}", self.title)));
             }

@@ -117,7 +117,7 @@ impl Case<'_> {
                     wires.alter(time_s, values, alter);
                 }
             };
-            let run = simulate::run_altered(&scenario, wanted, altered, |_| ())?;
+            let run = simulate::run_altered(&scenario, wanted, altered)?;
             let mut trial = judge(&scenario, &run.recording, seed, self.course.rubs);
             if let Some(trial) = trial.as_mut().filter(|_| run.error.is_some()) {
                 trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
