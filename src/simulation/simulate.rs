@@ -121,10 +121,7 @@ pub fn run_altered(
             set(scenario, &mut instances, values).unwrap_or_else(|error| run.error = Some(error));
         }
         if balance_s.take_if(|balance_s| time_s >= *balance_s * (1.0 - 1e-9)).is_some() {
-            for (of_plant, of_estimator) in unbalances(scenario, 0).into_iter().zip(unbalances(scenario, 2)) {
-                let values = balanced(&mut instances, of_plant, of_estimator);
-                set(scenario, &mut instances, values).unwrap_or_else(|error| run.error = Some(error));
-            }
+            balance(scenario, &mut instances).unwrap_or_else(|error| run.error = Some(error));
         }
         // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
         carried.clear();
@@ -173,23 +170,23 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Vec<String>> {
     if refused.is_empty() { Ok(instances) } else { Err(refused) }
 }
 
-/// Magnitude and phase of the unbalance of an element in each plane.
-fn unbalances(scenario: &Scenario, element: usize) -> Vec<[Place; 2]> {
-    let place = |name: &String| Some((element, scenario.elements[element].index(name)?));
-    let names = ["magnitude", "phase"].map(|what| scenario.machine.of_planes(what));
-    names[0].iter().zip(&names[1]).filter_map(|(magnitude, phase)| Some([place(magnitude)?, place(phase)?])).collect()
-}
-
-/// The unbalance of the plant with a correction mass: without the estimated one.
-fn balanced(instances: &mut [Instance], of_plant: [Place; 2], of_estimator: [Place; 2]) -> [(Place, Value); 2] {
-    let mut vector = |places: [Place; 2]| {
-        let [magnitude, phase] = places.map(|place| read(instances, place).as_f64());
-        [magnitude * libm::cos(phase), magnitude * libm::sin(phase)]
-    };
-    let ([y, z], [y_hat, z_hat]) = (vector(of_plant), vector(of_estimator));
-    let left = [y - y_hat, z - z_hat];
-    let [magnitude, phase] = of_plant;
-    [(magnitude, Value::Real(libm::hypot(left[0], left[1]))), (phase, Value::Real(libm::atan2(left[1], left[0])))]
+/// Fits correction masses: each plane of the plant loses the unbalance that is estimated there.
+fn balance(scenario: &Scenario, instances: &mut [Instance]) -> Result<(), String> {
+    let planes = scenario.machine.of_planes("magnitude").into_iter().zip(scenario.machine.of_planes("phase"));
+    for (magnitude, phase) in planes {
+        let place = |element: usize, name: &str| {
+            (element, scenario.elements[element].index(name).expect("plant and estimator have the unbalance"))
+        };
+        let places = |element: usize| [place(element, &magnitude), place(element, &phase)];
+        let mut vector = |element: usize| {
+            let [magnitude, phase] = places(element).map(|place| read(instances, place).as_f64());
+            [magnitude * libm::cos(phase), magnitude * libm::sin(phase)]
+        };
+        let ([y, z], [y_hat, z_hat]) = (vector(0), vector(2));
+        let (y, z) = (y - y_hat, z - z_hat);
+        set(scenario, instances, places(0).into_iter().zip([libm::hypot(y, z), libm::atan2(z, y)].map(Value::Real)))?;
+    }
+    Ok(())
 }
 
 /// Sets variables; the error names the element that refuses its value.
