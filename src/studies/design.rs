@@ -36,8 +36,6 @@ pub struct Conditions {
 /// Standard deviations of one excitation, relative to λ, at [`INSTANTS_S`] and at the requested instant.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Precision {
-    /// Fraction of the smallest force that is modulated.
-    pub modulation: f64,
     /// Instants, in s.
     pub instants_s: Vec<f64>,
     /// Relative standard deviations of all λ at the instants; those of magnets that are not used are missing.
@@ -95,7 +93,7 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
         }
         let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
         let of_used = |std: Vec<f64>| scenario.used().into_iter().map(|k| std[k]).collect();
-        Ok(Precision { modulation, instants_s: instants_s.clone(), std: std.into_iter().map(of_used).collect() })
+        Ok(Precision { instants_s: instants_s.clone(), std: std.into_iter().map(of_used).collect() })
     };
     Ok([precision(0.0)?, precision(MODULATION.0)?])
 }
