@@ -11,7 +11,7 @@ use crate::report::figures::{Figure, time_unit, where_shown};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards};
 use crate::simulation::scenario::Scenario;
-use crate::studies::identify::likelihood::{BenchParameter, BudgetLine, Change, Estimate, Identification};
+use crate::studies::identify::likelihood::{BenchEstimate, Change, Estimate, Identification};
 use crate::studies::identify::{Answer, Said, Samples, Track, Twin, axial};
 
 /// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
@@ -113,12 +113,12 @@ fn first(Results { recordings, answer, said, .. }: &Results) -> Markup {
 fn budget(found: &Identification, machine: &Machine) -> Figure {
     let of_bearing = |(bearing, magnets): (&Bearing, Range<usize>)| {
         let lines: Vec<_> = found.budget_of(bearing, &magnets).collect();
-        let stated = |line: &BudgetLine| if line.told { " (stated)" } else { "" };
-        let name = |(line, parameter): &(&BudgetLine, &BenchParameter)| format!("{}{}", parameter.name, stated(line));
+        let stated = |line: &BenchEstimate| if line.parameter.is_open() { " (stated)" } else { "" };
+        let name = |line: &&BenchEstimate| format!("{}{}", line.parameter.name, stated(line));
         let names: Vec<String> = lines.iter().map(name).collect();
         let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
         for (number, k) in magnets.clone().enumerate() {
-            let parts: Vec<f64> = lines.iter().map(|(line, _)| line.contribution[k]).collect();
+            let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
             plot.bars(NAMES[number], colour::MAGNETS[number], &names, &parts, true);
         }
         (bearing.name().to_owned(), plot.height(90.0 + 38.0 * names.len() as f64))

@@ -49,8 +49,8 @@ fn options(bench: &Bench) -> Options {
 }
 
 fn tell(options: &mut Options, name: &str, knowledge: Knowledge) {
-    let mut named = options.bench().filter(|(parameter, _)| parameter.name == name);
-    named.next().unwrap_or_else(|| panic!("no parameter {name}")).1.knowledge = knowledge;
+    let mut named = options.bench().filter(|parameter| parameter.name == name);
+    named.next().unwrap_or_else(|| panic!("no parameter {name}")).knowledge = knowledge;
 }
 
 /// The estimate of a parameter of the bench.
@@ -104,7 +104,7 @@ fn all_parameters_of_a_bench_are_found_at_once() {
     for (bench, truth) in off.into_iter().chain([exact]) {
         let what = format!("seed {}", bench.seed);
         let mut options = options(&bench);
-        options.bench().for_each(|(parameter, told)| told.knowledge = Knowledge::Tolerance(parameter.typical));
+        options.bench().for_each(|parameter| parameter.knowledge = Knowledge::Tolerance(parameter.typical));
         let found = identified(&bench, &options);
         assert!(found.converged, "{what}: {} iterations", found.iterations);
         is_right(&what, &found, &bench);

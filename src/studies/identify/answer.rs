@@ -100,10 +100,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
     }
     let data = Data::of(recordings, &question.stated);
-    let is_searched = question
-        .stated
-        .bench()
-        .any(|(of, told)| told.knowledge != Knowledge::Exact && !["m", DYNAMICS].contains(&plain(&of.name)));
+    let is_searched = question.stated.bench().any(|of| of.is_open() && !["m", DYNAMICS].contains(&plain(&of.name)));
     let read_as = |hold: &Hold| recordings.iter().map(|samples| recording(samples, &question.stated, *hold)).collect();
     let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(read_as).collect();
     let beside = data.thinned.iter().filter(|_| is_searched).chain(&as_likely);
@@ -162,8 +159,8 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
     let found = before.found.as_ref().filter(|found| found.converged)?;
     let next = before.question.holds?.without_lag().find(|of| of.hold != before.question.stated.hold)?.hold;
     let is_delay = |at: &usize| {
-        let bench = &found.bench[*at];
-        plain(&bench.parameter.name) == DELAY && bench.told.knowledge == Knowledge::Exact
+        let parameter = &found.bench[*at].parameter;
+        plain(&parameter.name) == DELAY && !parameter.is_open()
     };
     let delays: Vec<usize> = if is_open {
         (0..found.bench.len()).filter(is_delay).collect()

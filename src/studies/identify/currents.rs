@@ -1,7 +1,7 @@
 //! Meaning of the readings of the currents, decided by likelihood.
 
 use super::diagnosis::{self, Take, VERY_STRONG};
-use super::likelihood::{DELAY, DYNAMICS, Hold, LAG, Options, Told};
+use super::likelihood::{DELAY, DYNAMICS, Hold, Knowledge, LAG, Options};
 use super::samples::Samples;
 use super::tolerance::plain;
 use super::units::significant;
@@ -53,8 +53,8 @@ impl Holds {
             let recording = answer::recording(samples, &stated, currents.hold);
             let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
             let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
-            let others = options.bench().filter(|(of, _)| !kept.contains(&plain(&of.name)));
-            others.for_each(|(_, told)| *told = Told::default());
+            let others = options.bench().filter(|of| !kept.contains(&plain(&of.name)));
+            others.for_each(|of| of.knowledge = Knowledge::Exact);
             Take { recording, options, machine: stated.machine, bearing: 0 }
         };
         let less: [f64; READINGS.len()] = diagnosis::holds(take);

@@ -4,9 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::answer::{implausible, with_slow_force};
-use super::likelihood::{
-    Change, DELAY, Estimate, Hold, Identification, Knowledge, LAG, Options, Origin, Part, Recording,
-};
+use super::likelihood::{Change, DELAY, Estimate, Hold, Identification, Knowledge, LAG, Options, Origin, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -181,8 +179,8 @@ fn turn(take: &mut Take, factor: f64) {
 }
 
 fn free(take: &mut Take, name: &str) {
-    let meant = take.options.bench().filter(|(of, _)| plain(&of.name) == name);
-    meant.for_each(|(_, told)| told.knowledge = Knowledge::Free);
+    let meant = take.options.bench().filter(|of| plain(&of.name) == name);
+    meant.for_each(|of| of.knowledge = Knowledge::Free);
 }
 
 fn identified(take: &Take) -> Option<Identification> {
@@ -220,11 +218,8 @@ pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
     let mut takes: [Take; N] = std::array::from_fn(|at| {
         let mut take = stretch(&take(at), HOLD_STRETCHES);
         let parts = take.options.parts.iter_mut().filter(|part| !part.beside.lag);
-        for (parameter, told) in parts.flat_map(Part::known).filter(|(of, _)| plain(&of.name) == DELAY) {
-            if told.knowledge == Knowledge::Exact {
-                told.knowledge = Knowledge::Tolerance(parameter.typical);
-            }
-        }
+        let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| plain(&of.name) == DELAY);
+        delays.filter(|of| !of.is_open()).for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
         // A force that is not known goes with every reading.
         let rows = take.recording.usable.iter_mut().zip(&take.recording.missing);
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));

@@ -50,7 +50,7 @@ use std::ops::Range;
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
 
-pub use self::bench::{BenchParameter, Knowledge, Told, by_name, parameters};
+pub use self::bench::{BenchParameter, Knowledge, by_name, parameters};
 pub(super) use self::bench::{DELAY, DYNAMICS, LAG};
 pub use self::body::Body;
 pub use self::filter::{HARMONICS, LAGS};
@@ -148,31 +148,27 @@ pub struct Part {
     pub beside: Beside,
     /// The parameters of its bench.
     pub parameters: Vec<BenchParameter>,
-    /// Their stated values, in the same order.
-    pub bench: Vec<Told>,
 }
 
 impl Part {
     /// A part whose bench is exactly as stated.
     #[must_use]
     pub fn new(body: Body, positions: usize, magnets: usize) -> Self {
-        let none = Self { body, positions, magnets, beside: Beside::default(), parameters: vec![], bench: vec![] };
-        none.with(|_| ())
-    }
-
-    /// The parameters of its bench with their stated values.
-    pub fn known(&mut self) -> impl Iterator<Item = (&BenchParameter, &mut Told)> {
-        self.parameters.iter().zip(&mut self.bench)
+        let beside = Beside::default();
+        let parameters = parameters(&body, &beside);
+        Self { body, positions, magnets, beside, parameters }
     }
 
     /// The same with other settings. What is known of its bench stays.
     #[must_use]
     pub fn with(mut self, change: impl FnOnce(&mut Beside)) -> Self {
         change(&mut self.beside);
-        let parameters = parameters(&self.body, &self.beside);
-        let told =
-            |of: &BenchParameter| by_name(&self.parameters, &of.name).map_or_else(Told::default, |at| self.bench[at]);
-        self.bench = parameters.iter().map(told).collect();
+        let mut parameters = parameters(&self.body, &self.beside);
+        for parameter in &mut parameters {
+            if let Some(before) = by_name(&self.parameters, &parameter.name) {
+                parameter.knowledge = self.parameters[before].knowledge;
+            }
+        }
         Self { parameters, ..self }
     }
 }
@@ -189,9 +185,9 @@ pub struct Options {
 }
 
 impl Options {
-    /// The parameters of the bench with their stated values.
-    pub fn bench(&mut self) -> impl Iterator<Item = (&BenchParameter, &mut Told)> {
-        self.parts.iter_mut().flat_map(Part::known)
+    /// The parameters of the bench.
+    pub fn bench(&mut self) -> impl Iterator<Item = &mut BenchParameter> {
+        self.parts.iter_mut().flat_map(|part| &mut part.parameters)
     }
 }
 
@@ -283,43 +279,25 @@ pub struct OfPart {
     pub counting: usize,
 }
 
-/// Estimate of a bench parameter.
+/// Estimate of a bench parameter, and its line in the budget: its effect on λ.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BenchEstimate {
     /// The parameter.
     pub parameter: BenchParameter,
-    /// The stated value.
-    pub told: Told,
-    /// Value and standard deviation; the told value and 0 for one that is known exactly.
+    /// Value and standard deviation; 0 for one that is known exactly.
     pub estimate: Estimate,
     /// Whether it was estimated, or has a tolerance that no data tell more of; not if it is known, or could not be separated.
     pub estimated: bool,
-}
-
-/// Effect of one bench parameter on λ.
-#[derive(Clone, Debug, PartialEq)]
-pub struct BudgetLine {
-    /// Number of the parameter in [`Identification::bench`].
-    pub parameter: usize,
-    /// Error of λ̂_k relative to λ_k, per unit by which the parameter differs from its told value and nobody knows.
+    /// Error of λ̂_k relative to λ_k, per unit by which the parameter differs from what is stated and nobody knows.
     pub sensitivity: Vec<f64>,
-    /// The standard deviation with which `contribution` is reckoned, in the parameter's unit: the tolerance told, or that of a typical bench.
+    /// The standard deviation with which `contribution` is reckoned, in the parameter's unit: the tolerance stated, or that of a typical bench.
     pub tolerance: f64,
-    /// Whether `tolerance` is stated.
-    pub told: bool,
     /// Relative standard deviation of λ_k by this parameter. For an estimated one: what the variance would lose if it were known exactly.
     pub contribution: Vec<f64>,
 }
 
 /// The least contribution to ± of λ that shows.
 const SHOWN: f64 = 5e-5;
-
-impl BudgetLine {
-    /// Whether it contributes to one of these magnets.
-    fn contributes(&self, magnets: &Range<usize>) -> bool {
-        self.contribution[magnets.clone()].iter().any(|part| *part >= SHOWN)
-    }
-}
 
 /// A parameter that the residuals ask for.
 #[derive(Clone, Debug, PartialEq)]
@@ -399,8 +377,6 @@ pub struct Identification {
     pub bench: Vec<BenchEstimate>,
     /// Bench parameters that the data do not separate from the rest, by number; they were held at their told values.
     pub not_separated: Vec<usize>,
-    /// Effects of bench parameters on λ.
-    pub budget: Vec<BudgetLine>,
     /// Residuals by recording.
     pub residuals: Vec<Residuals>,
     /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
@@ -440,16 +416,12 @@ pub fn identify(recordings: &[Recording], options: &Options) -> Result<Identific
 }
 
 impl Identification {
-    /// Lines of the budget to show for the magnets of a bearing, with their parameters: of several bearings, those that count.
-    pub fn budget_of<'s>(
-        &'s self,
-        bearing: &Bearing,
-        magnets: &Range<usize>,
-    ) -> impl Iterator<Item = (&'s BudgetLine, &'s BenchParameter)> {
-        let lines = self.budget.iter().map(|line| (line, &self.bench[line.parameter].parameter));
-        lines.filter(|(line, parameter)| {
-            let is_usual = line.told || parameter.in_typical_bench;
-            is_usual && (bearing.prefix.is_empty() || line.contributes(magnets))
+    /// Lines of the budget to show for the magnets of a bearing: of several bearings, those that count.
+    pub fn budget_of(&self, bearing: &Bearing, magnets: &Range<usize>) -> impl Iterator<Item = &BenchEstimate> {
+        self.bench.iter().filter(|line| {
+            let is_usual = line.parameter.is_open() || line.parameter.in_typical_bench;
+            let counts = || line.contribution[magnets.clone()].iter().any(|part| *part >= SHOWN);
+            is_usual && (bearing.prefix.is_empty() || counts())
         })
     }
 
@@ -479,20 +451,18 @@ impl Identification {
     fn beside(mut self, other: Self) -> Self {
         let (parameters, parts) = (self.bench.len(), self.conditions[0].parts.len());
         let [before, after] = [&self, &other].map(|of| of.lambda.len());
-        let all = |own: &[f64], from: usize| {
-            let mut all = vec![0.0; before + after];
-            all[from..from + own.len()].copy_from_slice(own);
-            all
-        };
-        let lines = |lines: Vec<BudgetLine>, more: usize, from: usize| {
-            lines.into_iter().map(move |line| BudgetLine {
-                parameter: line.parameter + more,
-                sensitivity: all(&line.sensitivity, from),
-                contribution: all(&line.contribution, from),
-                ..line
-            })
-        };
-        self.budget = lines(self.budget, 0, 0).chain(lines(other.budget, parameters, before)).collect();
+        // Neither moves the magnets of the other.
+        for line in &mut self.bench {
+            for own in [&mut line.sensitivity, &mut line.contribution] {
+                own.resize(before + after, 0.0);
+            }
+        }
+        for mut line in other.bench {
+            for own in [&mut line.sensitivity, &mut line.contribution] {
+                own.splice(..0, std::iter::repeat_n(0.0, before));
+            }
+            self.bench.push(line);
+        }
         self.lambda_covariance.resize_mut(before + after, before + after, 0.0);
         self.lambda_covariance.view_mut((before, before), (after, after)).copy_from(&other.lambda_covariance);
         self.lambda.extend(other.lambda);
@@ -504,7 +474,6 @@ impl Identification {
             own.ki_n_a.extend(of.ki_n_a);
             own.ks_n_m.extend(of.ks_n_m);
         }
-        self.bench.extend(other.bench);
         self.not_separated.extend(other.not_separated.into_iter().map(|at| at + parameters));
         for (own, of) in self.residuals.iter_mut().zip(other.residuals) {
             own.harmonics.extend(of.harmonics);

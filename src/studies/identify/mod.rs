@@ -29,7 +29,7 @@ pub use self::tolerance::{named, of_estimator, quantity, tolerance};
 pub use self::track::{Track, recording, said, track};
 pub use self::twin::Twin;
 
-use self::likelihood::{BenchParameter, Body, DELAY, DYNAMICS, Knowledge, LAG, Part, Told};
+use self::likelihood::{BenchParameter, Body, DELAY, DYNAMICS, Knowledge, LAG, Part};
 pub use self::read::{Reading, Unusable};
 pub use self::samples::{Rotation, Samples};
 use self::statistics::{mean, rms};
@@ -106,18 +106,17 @@ impl Stated {
     /// The parameters of its bench.
     #[must_use]
     pub fn parameters(&self) -> Vec<BenchParameter> {
-        self.bench().map(|(parameter, _)| parameter.clone()).collect()
+        self.bench().cloned().collect()
     }
 
-    /// The same with what is known of them.
-    fn bench(&self) -> impl Iterator<Item = (&BenchParameter, &Told)> {
-        self.parts.iter().flat_map(|part| part.parameters.iter().zip(&part.bench))
+    fn bench(&self) -> impl Iterator<Item = &BenchParameter> {
+        self.parts.iter().flat_map(|part| &part.parameters)
     }
 
     /// States how well a parameter of the bench is known, by its number.
     pub fn know(&mut self, at: usize, knowledge: Knowledge) {
-        let told = self.parts.iter_mut().flat_map(|part| &mut part.bench).nth(at);
-        told.into_iter().for_each(|told| told.knowledge = knowledge);
+        let parameter = self.parts.iter_mut().flat_map(|part| &mut part.parameters).nth(at);
+        parameter.into_iter().for_each(|parameter| parameter.knowledge = knowledge);
     }
 
     fn numbers_of_bodies(&self) -> impl Iterator<Item = (String, f64)> {
@@ -183,12 +182,10 @@ impl Stated {
         let of = |part: Part| {
             let is_new = currents.lag && !part.beside.lag;
             let mut part = part.with(|beside| beside.lag = currents.lag);
-            for (parameter, told) in part.known().filter(|_| is_new) {
+            for parameter in part.parameters.iter_mut().filter(|_| is_new) {
                 match plain(&parameter.name) {
-                    LAG => told.knowledge = Knowledge::Free,
-                    DELAY if told.knowledge == Knowledge::Exact => {
-                        told.knowledge = Knowledge::Tolerance(parameter.typical);
-                    }
+                    LAG => parameter.knowledge = Knowledge::Free,
+                    DELAY if !parameter.is_open() => parameter.knowledge = Knowledge::Tolerance(parameter.typical),
                     _ => {}
                 }
             }

@@ -171,7 +171,7 @@ impl Answer {
         let std = |name: &str| match bench(name) {
             Some(bench) if bench.estimated => bench.estimate.total_std,
             // Not separated from the rest: known as before.
-            bench => bench.and_then(|bench| bench.told.knowledge.tolerance()).unwrap_or(0.0),
+            bench => bench.and_then(|bench| bench.parameter.knowledge.tolerance()).unwrap_or(0.0),
         };
         // The estimator takes sensors for exact, so that their errors are part of what it does not know.
         let error = |name: &str| of(name).hypot(std(name));

@@ -93,10 +93,9 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     }
     let silent = is_silent(found);
     for suspect in found.suspects.iter().filter(|_| !silent) {
-        let line = &found.budget[suspect.parameter];
-        let moved = suspect.value - found.bench[suspect.parameter].told.value;
-        for (name, (lambda, sensitivity)) in names.iter().zip(found.lambda.iter().zip(&line.sensitivity)) {
-            let shift = sensitivity * moved;
+        let sensitivity = &found.bench[suspect.parameter].sensitivity;
+        for (name, (lambda, sensitivity)) in names.iter().zip(found.lambda.iter().zip(sensitivity)) {
+            let shift = sensitivity * suspect.value;
             if shift.abs() * lambda.value > SUSPECTED * lambda.total_std {
                 let parameter = |of: &Suspect| &found.bench[of.parameter].parameter;
                 let (most, this) = (parameter(&found.suspects[0]), parameter(suspect));
@@ -145,7 +144,7 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
 pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options, stated: &Stated) -> Option<String> {
     let suspect = found.suspects.first().filter(|_| !is_silent(found))?;
     let mut options = options.clone();
-    options.bench().nth(suspect.parameter)?.1.knowledge = Knowledge::Free;
+    options.bench().nth(suspect.parameter)?.knowledge = Knowledge::Free;
     let other = likelihood::identify(all, &options).ok().filter(|other| other.converged)?;
     let shift = |k: usize| (other.lambda[k].value - found.lambda[k].value).abs();
     let k = (0..found.lambda.len()).find(|k| shift(*k) > SUSPECTED * found.lambda[*k].total_std)?;

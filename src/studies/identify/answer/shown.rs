@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 use super::Answer;
 use crate::machine::Bearing;
 use crate::studies::identify::Said;
-use crate::studies::identify::likelihood::{self, BenchParameter, BudgetLine, Identification, Knowledge};
+use crate::studies::identify::likelihood::{self, BenchEstimate, BenchParameter, Identification, Knowledge};
 use crate::studies::identify::units::significant;
 use crate::table::Table;
 use crate::variables::Choice;
@@ -35,10 +35,10 @@ impl Answer {
     #[must_use]
     pub fn typical(&self) -> Option<Vec<f64>> {
         let found = self.found.as_ref()?;
-        let is_hidden = |line: &&BudgetLine| !line.told && found.bench[line.parameter].parameter.in_typical_bench;
+        let is_hidden = |line: &&BenchEstimate| !line.parameter.is_open() && line.parameter.in_typical_bench;
         let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
             let own = lambda.total_std / lambda.value;
-            let untold = found.budget.iter().filter(is_hidden).map(|line| line.contribution[k]);
+            let untold = found.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
             untold.fold(own * own, |sum, part| sum + part * part).sqrt()
         };
         Some(found.lambda.iter().enumerate().map(of_magnet).collect())
@@ -62,9 +62,9 @@ impl Answer {
         let stated = &self.question.stated;
         let hold = stated.hold.name();
         let mut words = format!("Taken as known: {}, currents {hold}", stated.told().join(", "));
-        for (parameter, told) in stated.bench() {
+        for parameter in stated.bench() {
             let (factor, unit) = shown(parameter);
-            match told.knowledge {
+            match parameter.knowledge {
                 Knowledge::Exact => {}
                 Knowledge::Tolerance(std) => {
                     words += &format!(", {} ± {} {unit}", parameter.name, significant(std / factor, 3));
@@ -156,13 +156,12 @@ impl Answer {
             .map(|of| (of.parameter.name.clone(), of.estimate.json()))
             .collect();
         let budget: Vec<Json> = found
-            .budget
+            .bench
             .iter()
             .map(|line| {
-                let parameter = &found.bench[line.parameter].parameter;
                 json!({
-                    "parameter": parameter.name, "unit": parameter.unit,
-                    "tolerance": line.tolerance, "told": line.told, "sensitivity": line.sensitivity,
+                    "parameter": line.parameter.name, "unit": line.parameter.unit,
+                    "tolerance": line.tolerance, "told": line.parameter.is_open(), "sensitivity": line.sensitivity,
                     "contribution": line.contribution,
                 })
             })
@@ -239,12 +238,12 @@ fn bench(found: &Identification) -> Table {
 
 /// Contributions to the magnets of a bearing.
 fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> Table {
-    let row = |(line, parameter): (&BudgetLine, &BenchParameter)| {
-        let (factor, unit) = shown(parameter);
+    let row = |line: &BenchEstimate| {
+        let (factor, unit) = shown(&line.parameter);
         let mut row = vec![
-            parameter.name.clone(),
+            line.parameter.name.clone(),
             format!("{} {unit}", significant(line.tolerance / factor, 2)),
-            if line.told { "told" } else { "typical" }.into(),
+            if line.parameter.is_open() { "told" } else { "typical" }.into(),
         ];
         row.extend(line.contribution[magnets.clone()].iter().map(|part| format!("{:.2}", 100.0 * part)));
         row.extend(line.sensitivity[magnets.clone()].iter().map(|part| format!("{:+.2}", 100.0 * part * factor)));

@@ -5,7 +5,7 @@ use super::shown::shown;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
     BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Hold, Identification,
-    Knowledge, LAG, Recording, Suspect, Told,
+    LAG, Recording, Suspect,
 };
 use crate::studies::identify::tolerance::plain;
 use crate::studies::identify::units::{rounded_time, significant, time};
@@ -14,9 +14,7 @@ use crate::variables::Choice;
 /// How well valid force constants are known.
 pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
-    let exact = |(of, told): (&BenchParameter, &Told)| {
-        told.knowledge == Knowledge::Exact || [DELAY, LAG].contains(&plain(&of.name))
-    };
+    let exact = |of: &BenchParameter| !of.is_open() || [DELAY, LAG].contains(&plain(&of.name));
     let on = if stated.bench().all(exact) {
         " if the bench is exactly as stated; mind the budget"
     } else {

@@ -29,6 +29,16 @@ pub struct BenchParameter {
     pub in_typical_bench: bool,
     /// Description, for tables.
     pub description: String,
+    /// How well it is known.
+    pub knowledge: Knowledge,
+}
+
+impl BenchParameter {
+    /// Whether it has a tolerance, or is free.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.knowledge != Knowledge::Exact
+    }
 }
 
 /// 0.5° in rad.
@@ -153,6 +163,7 @@ pub fn parameters(body: &Body, beside: &Beside) -> Vec<BenchParameter> {
                     typical,
                     in_typical_bench,
                     description: numbered(description),
+                    knowledge: Knowledge::Exact,
                 }
             })
         };
@@ -235,14 +246,13 @@ impl Places {
 }
 
 /// How well a bench parameter is known.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Knowledge {
-    /// It has exactly the told value.
-    #[default]
+    /// It is 0: the bench is as stated.
     Exact,
-    /// It has the told value with this standard deviation, above 0, in the parameter's unit; it is estimated with the rest. The mass alone is not: no data tell it.
+    /// It is 0 with this standard deviation, above 0, in the parameter's unit; it is estimated with the rest. The mass alone is not: no data tell it.
     Tolerance(f64),
-    /// Nothing is known; the told value is where the search starts.
+    /// Nothing is known; the search starts at 0.
     Free,
 }
 
@@ -251,13 +261,4 @@ impl Knowledge {
     pub(in crate::studies::identify) fn tolerance(self) -> Option<f64> {
         if let Self::Tolerance(std) = self { Some(std) } else { None }
     }
-}
-
-/// Stated value of one bench parameter.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Told {
-    /// The value, in the parameter's unit.
-    pub value: f64,
-    /// How well it is known.
-    pub knowledge: Knowledge,
 }

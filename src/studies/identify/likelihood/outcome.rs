@@ -8,8 +8,7 @@ use super::rotor::ByMagnet;
 use super::search::Finished;
 use super::solve::{self, inverse, part};
 use super::{
-    BenchEstimate, BudgetLine, Conditions, Contradiction, Estimate, Identification, Knowledge, OfPart, Residuals,
-    Suspect, Unbalance,
+    BenchEstimate, Conditions, Contradiction, Estimate, Identification, OfPart, Residuals, Suspect, Unbalance,
 };
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect: 8 · 10⁻⁶ by chance.
@@ -26,22 +25,13 @@ pub(super) fn report(
     let search = &finished.search;
     let (magnets, load) = (search.kind.layout.magnets, search.kind.layout.load);
     let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
-    let told = search.kind.part.parameters.iter().zip(&search.kind.part.bench).zip(load..);
-    let bench = told.map(|((parameter, told), at)| {
-        let (mut estimate, mut estimated) = (finished.estimate(at), finished.at(at).is_some());
-        if let Some(std) = search.mass_tolerance().filter(|_| at == load + search.kind.places.mass) {
-            (estimate.total_std, estimated) = (std, true);
-        }
-        BenchEstimate { parameter: parameter.clone(), told: *told, estimate, estimated }
-    });
     Identification {
         lambda_covariance: finished.total.view((0, 0), (magnets, magnets)).into_owned(),
         unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
         conditions: (0..search.cases.len()).map(|r| conditions(finished, r, &lambda)).collect(),
         lambda,
-        bench: bench.collect(),
+        bench: (0..search.kind.part.parameters.len()).map(|j| of_bench(finished, j)).collect(),
         not_separated: held,
-        budget: budget(finished),
         residuals: (0..search.cases.len()).map(|r| residuals(finished, r)).collect(),
         prediction_errors_m: search.prediction_errors(),
         suspects: suspects(finished),
@@ -119,31 +109,32 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
     }
 }
 
-fn budget(finished: &Finished<'_>) -> Vec<BudgetLine> {
+/// A bench parameter, by its number.
+fn of_bench(finished: &Finished<'_>, j: usize) -> BenchEstimate {
     let search = &finished.search;
-    let magnets = search.kind.layout.magnets;
+    let (magnets, unknown, parameter) =
+        (search.kind.layout.magnets, search.kind.layout.load + j, &search.kind.part.parameters[j]);
+    let (mut estimate, mut estimated) = (finished.estimate(unknown), finished.at(unknown).is_some());
+    if let Some(std) = search.mass_tolerance().filter(|_| j == search.kind.places.mass) {
+        (estimate.total_std, estimated) = (std, true);
+    }
+    let tolerance = parameter.knowledge.tolerance().unwrap_or(parameter.typical);
+    // All that is estimated follows an error of the parameter, but for the parameter itself.
+    let others: Vec<usize> = finished.estimated.iter().copied().filter(|at| *at != unknown).collect();
+    let (a, _) = search.equations(&finished.normal, &others);
+    let response = inverse(&a).map(|inverse| inverse * part(&finished.normal.j, &others, &[unknown]));
     let relative = |k: usize, value: f64| value / search.x[k];
-    let line = |j: usize| {
-        let unknown = search.kind.layout.load + j;
-        let told = search.kind.part.bench[j].knowledge;
-        let tolerance = told.tolerance().unwrap_or(search.kind.part.parameters[j].typical);
-        // All that is estimated follows an error of the parameter, but for the parameter itself.
-        let others: Vec<usize> = finished.estimated.iter().copied().filter(|at| *at != unknown).collect();
-        let (a, _) = search.equations(&finished.normal, &others);
-        let response = inverse(&a).map(|inverse| inverse * part(&finished.normal.j, &others, &[unknown]));
-        let sensitivity = |k: usize| response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]));
-        let sensitivity: Vec<f64> = (0..magnets).map(sensitivity).collect();
-        let contribution = match finished.at(unknown) {
-            None => sensitivity.iter().map(|s| s.abs() * tolerance).collect(),
-            Some(i) => {
-                // Cov(λ, p)²/Var p is what λ's variance loses when p is known.
-                let own = finished.total[(i, i)];
-                (0..magnets).map(|k| relative(k, (finished.total[(k, i)].powi(2) / own).sqrt())).collect()
-            }
-        };
-        BudgetLine { parameter: j, sensitivity, tolerance, told: told != Knowledge::Exact, contribution }
+    let sensitivity = |k: usize| response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]));
+    let sensitivity: Vec<f64> = (0..magnets).map(sensitivity).collect();
+    let contribution = match finished.at(unknown) {
+        None => sensitivity.iter().map(|s| s.abs() * tolerance).collect(),
+        Some(i) => {
+            // Cov(λ, p)²/Var p is what λ's variance loses when p is known.
+            let own = finished.total[(i, i)];
+            (0..magnets).map(|k| relative(k, (finished.total[(k, i)].powi(2) / own).sqrt())).collect()
+        }
     };
-    (0..search.kind.part.bench.len()).map(line).collect()
+    BenchEstimate { parameter: parameter.clone(), estimate, estimated, sensitivity, tolerance, contribution }
 }
 
 fn residuals(finished: &Finished<'_>, r: usize) -> Residuals {
@@ -188,11 +179,10 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         }
         let score = finished.normal.b[unknown] - (&projected * &b)[(0, 0)];
         let chi_square = score * score / own / nis.max(1.0);
-        let value = search.kind.part.bench[j].value + score / own;
         let std = (nis.max(1.0) / own).sqrt();
-        (chi_square > SUSPECT).then_some(Suspect { parameter: j, value, std, chi_square })
+        (chi_square > SUSPECT).then_some(Suspect { parameter: j, value: score / own, std, chi_square })
     };
-    let exact = (0..search.kind.part.bench.len()).filter(|j| finished.at(load + j).is_none());
+    let exact = (0..search.kind.part.parameters.len()).filter(|j| finished.at(load + j).is_none());
     let mut suspects: Vec<Suspect> = exact.filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
     suspects

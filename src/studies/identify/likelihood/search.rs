@@ -207,7 +207,7 @@ impl Search<'_> {
     /// Whether the bench is exactly as stated, but for the mass, which is not searched unless a load is known, and for κ, which is like another λ.
     fn exact(&self) -> bool {
         let layout = self.kind.layout;
-        self.kind.part.bench.iter().enumerate().all(|(j, told)| match told.knowledge {
+        self.kind.part.parameters.iter().enumerate().all(|(j, parameter)| match parameter.knowledge {
             Knowledge::Exact => true,
             _ if layout.dynamics == Some(layout.base + j) => true,
             Knowledge::Tolerance(_) => j == self.kind.places.mass && !self.kind.part.beside.is_loaded(),
@@ -217,7 +217,7 @@ impl Search<'_> {
 
     /// Tolerance of the mass, relative, if it is not searched with the rest: it scales λ, unbalance and loads, and no data tell it.
     pub fn mass_tolerance(&self) -> Option<f64> {
-        self.kind.part.bench[self.kind.places.mass].knowledge.tolerance().filter(|_| self.exact())
+        self.kind.part.parameters[self.kind.places.mass].knowledge.tolerance().filter(|_| self.exact())
     }
 
     /// Finds what was to be expected of every row, if the bench is exactly as stated: where its parameters are searched, what is found at one point does not
@@ -450,14 +450,12 @@ fn start<'a>(
             (x[at], prior[at]) = (load_n, (load_n, 0.0));
         });
     }
-    for ((at, told), parameter) in (layout.load..).zip(&part.bench).zip(&part.parameters) {
-        x[at] = told.value;
-        let std = match told.knowledge {
+    for (prior, parameter) in prior[layout.load..].iter_mut().zip(&part.parameters) {
+        prior.1 = match parameter.knowledge {
             Knowledge::Exact => 0.0,
             Knowledge::Tolerance(std) => std,
             Knowledge::Free => FREE * parameter.typical,
         };
-        prior[at] = (told.value, std);
     }
     held.iter().for_each(|j| prior[layout.load + j].1 = 0.0);
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
@@ -486,10 +484,10 @@ const ROUNDS: usize = 6;
 
 /// The widest of the bench parameters that are free but not told by the data: the others may be told once it is held.
 fn not_separated(finished: &Finished<'_>) -> Option<usize> {
-    let (part, first) = (finished.search.kind.part, finished.search.kind.layout.load);
-    let typical = |j: usize| part.parameters[j].typical;
+    let (parameters, first) = (&finished.search.kind.part.parameters, finished.search.kind.layout.load);
+    let typical = |j: usize| parameters[j].typical;
     let std = |j: usize| finished.estimate(first + j).total_std;
-    let free = (0..part.bench.len()).filter(|j| part.bench[*j].knowledge == Knowledge::Free);
+    let free = (0..parameters.len()).filter(|j| parameters[*j].knowledge == Knowledge::Free);
     let too_wide = free.filter(|j| std(*j) > NOT_SEPARATED * typical(*j));
     let width = |j: usize| std(j) / typical(j);
     too_wide.reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
@@ -532,7 +530,7 @@ pub(super) fn fit<'a>(
         held.push(widest);
         search = finished.search;
         search.prior[kind.layout.load + widest].1 = 0.0;
-        search.x[kind.layout.load + widest] = kind.part.bench[widest].value;
+        search.x[kind.layout.load + widest] = 0.0;
         search.run()?;
     }
 }
