@@ -47,12 +47,8 @@ const HALF_DEGREE: f64 = 0.008_726_646_259_971_648;
 /// For which things there is a parameter each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Each {
-    /// All of the machine.
+    /// All that moves; κ and the lag only if they are asked for.
     Machine,
-    /// The same, where κ is asked for.
-    Dynamics,
-    /// The same, where the lag is asked for.
-    Lag,
     /// The shaft, if it tilts.
     Shaft,
     /// Each bearing.
@@ -61,23 +57,18 @@ enum Each {
     Radial,
     /// Each of several bearings on a shaft.
     OnShaft,
-    /// Each plane of unbalance on a shaft; `{}` stands for its number.
-    Plane,
-    /// Each magnet; `{}` stands for its number.
-    Magnet,
-    /// Each magnet of a radial bearing.
-    RadialMagnet,
     /// An axial bearing.
     Axial,
 }
 
+/// Things, name, unit, typical tolerance, whether a typical bench has it, and description; `{}` in a name stands for the number of each magnet.
 type Row = (Each, &'static str, &'static str, f64, bool, &'static str);
 
 /// All parameters; the order is that of their numbers.
-const PARAMETERS: [Row; 31] = [
+const PARAMETERS: [Row; 32] = [
     (Each::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
     (Each::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
-    (Each::RadialMagnet, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
+    (Each::Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
     (Each::Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
     (Each::Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
     (Each::Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
@@ -101,8 +92,8 @@ const PARAMETERS: [Row; 31] = [
     (Each::Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
     (Each::Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
     (Each::Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Each::Magnet, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
-    (Each::Magnet, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
+    (Each::Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
+    (Each::Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
     (Each::Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
     (Each::Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
     (Each::Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
@@ -110,16 +101,17 @@ const PARAMETERS: [Row; 31] = [
     (Each::Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
     (Each::OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
     (Each::OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
-    (Each::Plane, "unbalance[{}].position", "m", 5e-4, false, "position of plane {} of the unbalance"),
+    (Each::Shaft, "unbalance[1].position", "m", 5e-4, false, "position of plane 1 of the unbalance"),
+    (Each::Shaft, "unbalance[2].position", "m", 5e-4, false, "position of plane 2 of the unbalance"),
     (
-        Each::Dynamics,
+        Each::Machine,
         DYNAMICS,
         "1",
         0.05,
         false,
         "κ − 1, by how much more force accelerations take than the statics say",
     ),
-    (Each::Lag, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
+    (Each::Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
 ];
 
 /// Name of the delay of the positions.
@@ -136,40 +128,35 @@ pub(in crate::studies::identify) const LAG: &str = "lag";
 #[must_use]
 pub fn parameters(body: &Body, beside: &Beside) -> Vec<BenchParameter> {
     let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
-    let prefixes = body.prefixes();
-    let magnets = body.magnets() / prefixes.len();
-    let of = |(each, name, unit, typical, in_typical_bench, description): Row| {
-        let bearings = |is_there: bool| if is_there { prefixes.to_vec() } else { Vec::new() };
-        let (prefixes, count) = match each {
-            // The axial motion is told of its own mass and delay.
-            Each::Machine => (vec![body.prefix()], 1),
-            Each::Dynamics => (if beside.dynamics { vec![body.prefix()] } else { Vec::new() }, 1),
-            Each::Lag => (if beside.lag { vec![body.prefix()] } else { Vec::new() }, 1),
-            Each::Shaft => (if is_shaft { vec![""] } else { Vec::new() }, 1),
-            Each::Plane => (if is_shaft { vec![""] } else { Vec::new() }, 2),
-            Each::Bearing => (bearings(true), 1),
-            Each::Radial => (bearings(is_radial), 1),
-            Each::Axial => (bearings(!is_radial), 1),
-            Each::OnShaft => (bearings(is_shaft), 1),
-            Each::Magnet => (bearings(true), magnets),
-            Each::RadialMagnet => (bearings(is_radial), magnets),
-        };
-        let of_prefix = move |prefix: &'static str| {
-            (1..=count).map(move |number| {
-                let numbered = |text: &str| text.replace("{}", &number.to_string());
-                BenchParameter {
-                    name: format!("{prefix}{}", numbered(name)),
-                    unit,
-                    typical,
-                    in_typical_bench,
-                    description: numbered(description),
-                    knowledge: Knowledge::Exact,
-                }
-            })
-        };
-        prefixes.into_iter().flat_map(of_prefix)
+    let magnets = body.magnets() / body.prefixes().len();
+    let is_there = |(each, name, ..): &Row| match each {
+        Each::Machine => (*name != DYNAMICS || beside.dynamics) && (*name != LAG || beside.lag),
+        Each::Shaft | Each::OnShaft => is_shaft,
+        Each::Bearing => true,
+        Each::Radial => is_radial,
+        Each::Axial => !is_radial,
     };
-    PARAMETERS.into_iter().flat_map(of).collect()
+    let of = |(each, name, unit, typical, in_typical_bench, description): Row| {
+        let prefixes = match each {
+            // The axial motion is told of its own mass and delay.
+            Each::Machine | Each::Shaft => vec![body.prefix()],
+            _ => body.prefixes().to_vec(),
+        };
+        let count = if name.contains("{}") { magnets } else { 1 };
+        let each = prefixes.into_iter().flat_map(move |prefix| (1..=count).map(move |number| (prefix, number)));
+        each.map(move |(prefix, number)| {
+            let numbered = |text: &str| text.replace("{}", &number.to_string());
+            BenchParameter {
+                name: format!("{prefix}{}", numbered(name)),
+                unit,
+                typical,
+                in_typical_bench,
+                description: numbered(description),
+                knowledge: Knowledge::Exact,
+            }
+        })
+    };
+    PARAMETERS.into_iter().filter(is_there).flat_map(of).collect()
 }
 
 /// The number of the parameter of this name.
