@@ -30,13 +30,16 @@ impl Currents {
 }
 
 /// Readings that are tried. Currents that are continuous follow nothing.
-const READINGS: [(Hold, bool); 5] = [
-    (Hold::HeldBefore, false),
-    (Hold::HeldAfter, false),
-    (Hold::Linear, false),
-    (Hold::HeldBefore, true),
-    (Hold::HeldAfter, true),
+const READINGS: [Currents; 5] = [
+    MEASURED,
+    Currents { hold: Hold::HeldAfter, lag: false },
+    Currents { hold: Hold::Linear, lag: false },
+    Currents { hold: Hold::HeldBefore, lag: true },
+    Currents { hold: Hold::HeldAfter, lag: true },
 ];
+
+/// Those of a sensor, that stand for the time before the sample.
+const MEASURED: Currents = Currents { hold: Hold::HeldBefore, lag: false };
 
 /// Readings of the currents, and by how much less likely than the best each is: differences of log-likelihoods, infinite where nothing fits.
 #[derive(Clone, Copy, Debug)]
@@ -46,9 +49,8 @@ impl Holds {
     /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
-        let readings = READINGS.map(|(hold, lag)| Currents { hold, lag });
         let take = |at: usize| {
-            let currents = readings[at];
+            let currents = READINGS[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::recording(samples, &stated, currents.hold);
             let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
@@ -58,7 +60,7 @@ impl Holds {
             Take { recording, options, machine: stated.machine, bearing: 0 }
         };
         let less: [f64; READINGS.len()] = diagnosis::holds(take);
-        Self(std::array::from_fn(|at| (readings[at], less[at])))
+        Self(std::array::from_fn(|at| (READINGS[at], less[at])))
     }
 
     /// Those that fit at all, the most likely first.
@@ -93,10 +95,9 @@ impl Holds {
     /// That of measured currents, unless another one is clearly more likely; one without a lag, unless one with a lag is.
     #[must_use]
     pub fn most_likely(&self) -> Currents {
-        let measured = Currents { hold: Hold::HeldBefore, lag: false };
-        let chosen = [Some(measured), self.without_lag().next(), self.best()].into_iter().flatten();
+        let chosen = [Some(MEASURED), self.without_lag().next(), self.best()].into_iter().flatten();
         let is_as_good = |of: &Currents| self.less(*of).is_some_and(|less| less < VERY_STRONG);
-        chosen.clone().find(is_as_good).or(chosen.last()).unwrap_or(measured)
+        chosen.clone().find(is_as_good).or(chosen.last()).unwrap_or(MEASURED)
     }
 
     /// The objection to a stated reading, if another one is clearly more likely.

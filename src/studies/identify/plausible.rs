@@ -43,9 +43,7 @@ impl Samples {
         let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| read.positions(bearing, *gap_m));
         pace.into_iter().chain(self.unmoved()).chain(positions).chain(read.currents()).chain(rotation).collect()
     }
-}
 
-impl Samples {
     /// Positions that read the same throughout although the currents of their bearing vary.
     #[must_use]
     pub fn unmoved(&self) -> Vec<String> {

@@ -4,7 +4,7 @@ use fmu_export::variable::Value;
 
 use super::Stated;
 use super::likelihood::BenchParameter;
-use super::units::{self, factor, in_si, number_and_unit};
+use super::units::{self, factor, number_and_unit};
 use crate::simulation::scenario::Element;
 
 /// A value in SI units from a number with or without one of the units of a quantity, which is named by its SI unit.
@@ -14,8 +14,7 @@ use crate::simulation::scenario::Element;
 pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
     // A random walk is given by what it reaches in a second.
     let units = units::quantity_of(si.trim_end_matches("/s0.5"));
-    let value = number_and_unit(text).and_then(|(number, unit)| Some(in_si(number, factor(units, unit)?)));
-    value.filter(|value| value.is_finite()).ok_or_else(|| match units {
+    units::value(text, units).ok_or_else(|| match units {
         [] => format!("{name}={text}: a number is wanted ({si})"),
         units => format!("{name}={text}: a number is wanted, in {}", units::names(units)),
     })

@@ -30,6 +30,8 @@ pub struct Track {
     pub outputs: Recording,
 }
 
+/// Outputs that there are of each magnet.
+const OF_MAGNETS: [&str; 5] = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"];
 /// Note below the estimates over time.
 const DRIFT: &str = "± of noise alone. Values that drift from line to line are a bearing that changes.";
 
@@ -95,10 +97,15 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
 
 /// The outputs that are looked at.
 fn kept(machine: &Machine) -> Vec<String> {
-    let of_magnets = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"].map(|name| machine.of_magnets(name));
-    let of_parts = ["noise.position", "noise.current"].map(|name| machine.of_parts(name));
-    let others = ["condition", "residual", "valid", "verdict"].map(str::to_owned);
-    [of_magnets.concat(), motion(machine), of_parts.concat(), others.to_vec()].concat()
+    let of_magnets = OF_MAGNETS.map(|name| machine.of_magnets(name)).concat();
+    let states = ["valid", "verdict"].map(str::to_owned);
+    [of_magnets, numbers(machine), states.to_vec()].concat()
+}
+
+/// Names of what an estimate has one of.
+fn numbers(machine: &Machine) -> Vec<String> {
+    let of_parts = ["noise.position", "noise.current"].map(|name| machine.of_parts(name)).concat();
+    [motion(machine), of_parts, ["condition", "residual"].map(str::to_owned).to_vec()].concat()
 }
 
 /// Names of loads and unbalances.
@@ -232,12 +239,10 @@ impl Track {
     fn json(&self) -> Json {
         let Some(last) = self.last_valid() else { return Json::Null };
         let mut estimate = Map::new();
-        for name in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"] {
+        for name in OF_MAGNETS {
             estimate.insert(name.into(), self.at(&self.machine.of_magnets(name), last).into());
         }
-        let parts = ["noise.position", "noise.current"].map(|name| self.machine.of_parts(name)).concat();
-        let others = ["condition", "residual"].map(str::to_owned);
-        for name in motion(self.machine).into_iter().chain(parts).chain(others) {
+        for name in numbers(self.machine) {
             let value = self.of(&name)[last];
             estimate.insert(name, value.into());
         }

@@ -40,9 +40,6 @@ const FORCE: Quantity = &[(&["N"], 1.0), (&["mN"], 1e-3)];
 const MASS: Quantity = &[(&["kg"], 1.0), (&["g"], 1e-3)];
 const INERTIA: Quantity = &[(&["kg.m2", "kg·m²"], 1.0)];
 
-/// The quantities of signals.
-const SIGNALS: [Quantity; 5] = [TIME, LENGTH, CURRENT, ANGLE, SPEED];
-
 /// The quantity with this SI unit; empty if it has no other units.
 pub(super) fn quantity_of(si: &str) -> Quantity {
     let all = [TIME, LENGTH, CURRENT, STATED_ANGLE, RATIO, FORCE, MASS, INERTIA];
@@ -79,9 +76,9 @@ pub(super) fn in_si(number: f64, factor: f64) -> f64 {
     if factor < 1.0 && (factor * per - 1.0).abs() < 1e-12 { number / per } else { number * factor }
 }
 
-/// Whether any quantity has a unit of that name.
+/// Whether any quantity of a signal has a unit of that name.
 pub(super) fn is_unit(name: &str) -> bool {
-    SIGNALS.iter().any(|quantity| find(quantity, name).is_some())
+    [TIME, LENGTH, CURRENT, ANGLE, SPEED].iter().any(|quantity| find(quantity, name).is_some())
 }
 
 /// The names that messages list.
@@ -95,8 +92,7 @@ pub(super) fn names(quantity: Quantity) -> String {
 /// # Errors
 /// The wanted form.
 pub fn duration_s(text: &str) -> Result<f64, String> {
-    let value = number_and_unit(text).and_then(|(number, unit)| Some(in_si(number, factor(TIME, unit)?)));
-    let value = value.filter(|value| value.is_finite() && *value > 0.0);
+    let value = value(text, TIME).filter(|value| *value > 0.0);
     value.ok_or_else(|| format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s"))
 }
 
@@ -115,6 +111,12 @@ pub fn rate_s(text: &str) -> Result<f64, String> {
     };
     let value = 1.0 / (number * factor);
     if value.is_finite() && value > 0.0 { Ok(value) } else { Err(wanted()) }
+}
+
+/// A finite number with or without a unit, in SI.
+pub(super) fn value(text: &str, quantity: Quantity) -> Option<f64> {
+    let (number, unit) = number_and_unit(text)?;
+    Some(in_si(number, factor(quantity, unit)?)).filter(|value| value.is_finite())
 }
 
 /// A number and the text behind it.
