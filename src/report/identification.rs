@@ -234,7 +234,7 @@ impl<'s> Drawn<'s> {
 
     /// Measured positions beside predicted ones over the last revolutions.
     fn positions(&self, found: &Identification) -> Figure {
-        let errors = &found.prediction_errors_m[0];
+        let errors = &found.conditions[0].prediction_errors_m;
         let end = errors[0].iter().rposition(|error| error.is_finite()).map_or(0, |last| last + 1);
         let speed = self.samples.omega_rad_s.get(end.saturating_sub(1)).copied().unwrap_or(0.0).abs();
         let turns_s = REVOLUTIONS * std::f64::consts::TAU / speed;
@@ -256,13 +256,13 @@ impl<'s> Drawn<'s> {
 
     /// Prediction errors over time, and their harmonics.
     fn residuals(&self, found: &Identification) -> Figure {
-        let errors = &found.prediction_errors_m[0];
+        let errors = &found.conditions[0].prediction_errors_m;
         let mut over_time = self.over_time("residual", PlotUnit::MICROMETRE);
         let mut harmonics = Plot::new(("", PlotUnit::ONE), ("amplitude / noise", PlotUnit::ONE));
         let names: Vec<String> = (1..=4).map(|harmonic| format!("{harmonic}×")).collect();
         for (axis, Reading { axis: name, .. }) in self.samples.machine.readings.iter().enumerate() {
             over_time.line(Line::new(name, AXES[axis]).width(1.0), &self.time_s, &errors[axis]);
-            harmonics.bars(name, AXES[axis], &names, &found.residuals[0].amplitudes[axis], false);
+            harmonics.bars(name, AXES[axis], &names, &found.conditions[0].amplitudes[axis], false);
         }
         let caption = "Measured minus predicted positions: noise if the model describes the motion. Bars: the amplitudes of their components at \
                        multiples of the rotor's speed, relative to the noise of one sample; those well above zero are run-out or forces that the \

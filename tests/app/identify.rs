@@ -287,7 +287,7 @@ fn the_answer_is_that_of_the_whole_recording() {
             assert!(page.contains(&format!("<figure id=\"{id}\">")), "no figure {id}");
         }
         // Prediction errors are noise: of the sample, and of what the samples before leave unknown.
-        let errors = &found.prediction_errors_m[0];
+        let errors = &found.conditions[0].prediction_errors_m;
         let square = errors.iter().flatten().map(|error| error * error).sum::<f64>() / (2.0 * errors[0].len() as f64);
         assert!((1.0..2.0).contains(&(square.sqrt() / montecarlo::NOISE[0])), "{} m rms", square.sqrt());
         assert!(page.contains("m = 6.7 kg, s = 0.5 mm"));

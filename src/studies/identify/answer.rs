@@ -105,10 +105,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(read_as).collect();
     let beside = data.thinned.iter().filter(|_| is_searched).chain(&as_likely);
     let judged = judged(&data, beside, question);
-    let mut answer = match with_delay(recordings, &data, &judged) {
-        Some(delayed) => worded(delayed, &data.all),
-        None => worded(judged, &data.all),
-    };
+    let mut answer = worded(with_delay(recordings, &data, &judged).unwrap_or(judged), &data.all);
     for (samples, recording) in recordings.iter().zip(&data.all) {
         if let Some(off) = drifts(samples, recording) {
             answer.valid = false;

@@ -53,7 +53,7 @@ use serde_json::{Value as Json, json};
 pub use self::bench::{BenchParameter, Knowledge, by_name, parameters};
 pub(super) use self::bench::{DELAY, DYNAMICS, LAG};
 pub use self::body::Body;
-pub use self::filter::{HARMONICS, LAGS};
+pub use self::filter::HARMONICS;
 pub use crate::estimation::Hold;
 use crate::machine::Bearing;
 use crate::studies::identify::units::significant;
@@ -247,7 +247,7 @@ impl Estimate {
     }
 }
 
-/// Differences between recordings.
+/// One recording: its conditions, which differ between recordings, and its residuals.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Conditions {
     /// Constant load by coordinate, N.
@@ -260,6 +260,12 @@ pub struct Conditions {
     pub ki_n_a: Vec<Estimate>,
     /// Mean of `2 λ_k i_k²/gap_k³` over the recording, N/m.
     pub ks_n_m: Vec<Estimate>,
+    /// χ² with two degrees of freedom of the whitened innovations at harmonics of the shaft angle from the first, by coordinate.
+    pub harmonics: Vec<[f64; HARMONICS]>,
+    /// Amplitude of the same relative to the noise of one innovation.
+    pub amplitudes: Vec<[f64; HARMONICS]>,
+    /// Position minus its prediction from the samples before, by coordinate and row, in m; NaN where a row was not used.
+    pub prediction_errors_m: Vec<Vec<f64>>,
 }
 
 /// A recording as a part of the motion shows it.
@@ -277,6 +283,8 @@ pub struct OfPart {
     pub rows: usize,
     /// As how many of them they count: fewer where errors of quantisation repeat with the readings.
     pub counting: usize,
+    /// Correlation of neighbouring whitened innovations, mean of all axes; by chance 1/√(axes · rows).
+    pub correlation: f64,
 }
 
 /// Estimate of a bench parameter, and its line in the budget: its effect on λ.
@@ -288,6 +296,8 @@ pub struct BenchEstimate {
     pub estimate: Estimate,
     /// Whether it was estimated, or has a tolerance that no data tell more of; not if it is known, or could not be separated.
     pub estimated: bool,
+    /// Whether it is free, and held as stated because the data do not separate it from the rest.
+    pub is_held: bool,
     /// Error of λ̂_k relative to λ_k, per unit by which the parameter differs from what is stated and nobody knows.
     pub sensitivity: Vec<f64>,
     /// The standard deviation with which `contribution` is reckoned, in the parameter's unit: the tolerance stated, or that of a typical bench.
@@ -310,17 +320,6 @@ pub struct Suspect {
     pub std: f64,
     /// By how much the χ² of the innovations would fall (Lagrange multiplier test; 1 by chance).
     pub chi_square: f64,
-}
-
-/// Residuals of one recording.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Residuals {
-    /// χ² with two degrees of freedom of the whitened innovations at harmonics of the shaft angle from the first, by coordinate.
-    pub harmonics: Vec<[f64; HARMONICS]>,
-    /// Amplitude of the same relative to the noise of one innovation.
-    pub amplitudes: Vec<[f64; HARMONICS]>,
-    /// Autocorrelation of the whitened innovations at lags from 1 by part of the motion, mean of all axes; by chance 1/√(axes · rows).
-    pub lags: Vec<[f64; LAGS]>,
 }
 
 /// A part of a recording that contradicts the rest.
@@ -375,12 +374,6 @@ pub struct Identification {
     pub conditions: Vec<Conditions>,
     /// By bench parameter.
     pub bench: Vec<BenchEstimate>,
-    /// Bench parameters that the data do not separate from the rest, by number; they were held at their told values.
-    pub not_separated: Vec<usize>,
-    /// Residuals by recording.
-    pub residuals: Vec<Residuals>,
-    /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
-    pub prediction_errors_m: Vec<Vec<Vec<f64>>>,
     /// Bench parameters that the residuals ask for, the strongest first.
     pub suspects: Vec<Suspect>,
     /// Parts that contradict the rest.
@@ -423,6 +416,11 @@ impl Identification {
             let counts = || line.contribution[magnets.clone()].iter().any(|part| *part >= SHOWN);
             is_usual && (bearing.prefix.is_empty() || counts())
         })
+    }
+
+    /// Names of the bench parameters that the data do not separate from the rest.
+    pub(super) fn held(&self) -> impl Iterator<Item = &str> {
+        self.bench.iter().filter(|of| of.is_held).map(|of| of.parameter.name.as_str())
     }
 
     /// All recordings as all parts of the motion show them.
@@ -473,15 +471,9 @@ impl Identification {
             own.resolution_m.extend(of.resolution_m);
             own.ki_n_a.extend(of.ki_n_a);
             own.ks_n_m.extend(of.ks_n_m);
-        }
-        self.not_separated.extend(other.not_separated.into_iter().map(|at| at + parameters));
-        for (own, of) in self.residuals.iter_mut().zip(other.residuals) {
             own.harmonics.extend(of.harmonics);
             own.amplitudes.extend(of.amplitudes);
-            own.lags.extend(of.lags);
-        }
-        for (own, of) in self.prediction_errors_m.iter_mut().zip(other.prediction_errors_m) {
-            own.extend(of);
+            own.prediction_errors_m.extend(of.prediction_errors_m);
         }
         let suspects = other.suspects.into_iter();
         self.suspects.extend(suspects.map(|of| Suspect { parameter: of.parameter + parameters, ..of }));

@@ -109,7 +109,7 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             }
         }
     }
-    for residuals in found.residuals.iter().filter(|_| !silent) {
+    for residuals in found.conditions.iter().filter(|_| !silent) {
         for n in 0..HARMONICS {
             for (axis, of_axis) in residuals.harmonics.iter().enumerate() {
                 if of_axis[n] > HARMONIC_CHI && residuals.amplitudes[axis][n] > HARMONIC {
@@ -124,13 +124,13 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             }
         }
     }
-    for (residuals, conditions) in found.residuals.iter().zip(&found.conditions) {
-        for ((lags, part), Part { body, .. }) in residuals.lags.iter().zip(&conditions.parts).zip(&stated.parts) {
+    for conditions in &found.conditions {
+        for (part, Part { body, .. }) in conditions.parts.iter().zip(&stated.parts) {
             let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
-            if part.position_noise_m >= SILENT_M && lags[0].abs() > COLOURED.max(chance) {
+            if part.position_noise_m >= SILENT_M && part.correlation.abs() > COLOURED.max(chance) {
                 return Some(format!(
                     "the residuals of neighbouring samples belong together (correlation {}): the model misses some of the motion",
-                    significant(lags[0], 2)
+                    significant(part.correlation, 2)
                 ));
             }
         }

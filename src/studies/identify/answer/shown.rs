@@ -92,13 +92,10 @@ impl Answer {
             vec![name, value, noise, total, typical, unit.to_owned()]
         };
         let stated = &self.question.stated;
-        let names = stated.machine.symbols("λ");
-        let mut rows: Vec<Vec<String>> = (0..found.lambda.len())
-            .map(|k| {
-                let lambda = &found.lambda[k];
-                row(names[k].clone(), lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical[k] * lambda.value))
-            })
-            .collect();
+        let mut rows = Vec::new();
+        for ((name, lambda), typical) in stated.machine.symbols("λ").into_iter().zip(&found.lambda).zip(typical) {
+            rows.push(row(name, lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical * lambda.value)));
+        }
         for (plane, unbalance) in (1..).zip(&found.unbalance) {
             let number = if found.unbalance.len() > 1 { plane.to_string() } else { String::new() };
             rows.push(row(format!("U{number}"), &unbalance.magnitude, 1e-6, "g·mm", None));
@@ -149,23 +146,15 @@ impl Answer {
             of.iter().map(part).collect()
         };
         let typical = self.typical().unwrap_or_default();
-        let bench: serde_json::Map<String, Json> = found
-            .bench
-            .iter()
-            .filter(|of| of.estimated)
-            .map(|of| (of.parameter.name.clone(), of.estimate.json()))
-            .collect();
-        let budget: Vec<Json> = found
-            .bench
-            .iter()
-            .map(|line| {
-                json!({
-                    "parameter": line.parameter.name, "unit": line.parameter.unit,
-                    "tolerance": line.tolerance, "told": line.parameter.is_open(), "sensitivity": line.sensitivity,
-                    "contribution": line.contribution,
-                })
+        let estimated = found.bench.iter().filter(|of| of.estimated);
+        let bench = estimated.map(|of| (of.parameter.name.clone(), of.estimate.json()));
+        let budget = found.bench.iter().map(|line| {
+            json!({
+                "parameter": line.parameter.name, "unit": line.parameter.unit,
+                "tolerance": line.tolerance, "told": line.parameter.is_open(), "sensitivity": line.sensitivity,
+                "contribution": line.contribution,
             })
-            .collect();
+        });
         let stated = &self.question.stated;
         let unbalance = |of: &likelihood::Unbalance| {
             json!({
@@ -209,8 +198,8 @@ impl Answer {
             "unbalance": one_or_all(found.unbalance.iter().map(unbalance).collect()),
             "told": stated.json(), "noise": noise(&found.conditions[0]),
             "recordings": found.conditions.iter().map(recording).collect::<Vec<_>>(),
-            "bench": bench, "budget": budget,
-            "notSeparated": found.not_separated.iter().map(|j| &found.bench[*j].parameter.name).collect::<Vec<_>>(),
+            "bench": bench.collect::<serde_json::Map<_, _>>(), "budget": budget.collect::<Vec<_>>(),
+            "notSeparated": found.held().collect::<Vec<_>>(),
             "iterations": found.iterations,
         })
     }

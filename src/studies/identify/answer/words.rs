@@ -26,7 +26,7 @@ pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
 /// Findings besides the estimates.
 pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<String> {
     let mut words = contradictions(found, all);
-    let held: Vec<&str> = found.not_separated.iter().map(|j| found.bench[*j].parameter.name.as_str()).collect();
+    let held: Vec<&str> = found.held().collect();
     if !held.is_empty() {
         words.push(format!(
             "The data do not separate {} from the rest; held at the stated value. (Mass and common current gain scale λ; run-out that turns \
@@ -117,7 +117,7 @@ fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
 /// Harmonics of the shaft in the first recording that has any.
 fn harmonics(found: &Identification, stated: &Stated) -> Option<String> {
     let loud = |chi: f64| chi > HARMONIC_CHI;
-    let residuals = found.residuals.iter().find(|of| of.harmonics.iter().flatten().any(|chi| loud(*chi)))?;
+    let residuals = found.conditions.iter().find(|of| of.harmonics.iter().flatten().any(|chi| loud(*chi)))?;
     let readings = &stated.machine.readings;
     let each = (0..HARMONICS).flat_map(|n| (0..readings.len()).map(move |axis| (n, axis)));
     let listed = each.filter(|(n, axis)| loud(residuals.harmonics[*axis][*n]));

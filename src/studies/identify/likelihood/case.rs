@@ -75,6 +75,11 @@ impl Case<'_> {
         self.counting.map_or(self.rows(), |counting| counting.min(self.rows()))
     }
 
+    /// Whether both levels of noise are stated.
+    pub fn has_known_noise(&self) -> bool {
+        self.recording.position_noise_m.is_some() && self.recording.current_noise_a.is_some()
+    }
+
     /// Number of gaps: rows that lack a reading before one that lacks none.
     pub fn gaps(&self) -> usize {
         let missing = |piece: &Piece| self.recording.missing.get(piece.counted.clone()).unwrap_or_default().windows(2);
@@ -208,7 +213,7 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
     let (told_position, told_current) =
         (case.recording.position_noise_m.is_some(), case.recording.current_noise_a.is_some());
     let count = case.position.len() as f64 * sums[1][2];
-    if count < 8.0 {
+    if count < 8.0 || case.has_known_noise() {
         return 0.0;
     }
     let at = |f: f64| f * NOISE_STEP;

@@ -1,12 +1,9 @@
 //! Parts of a recording that contradict the rest.
 
-use std::ops::Range;
-
 use nalgebra::DVector;
 
 use super::case::SHORTEST_BLOCK;
 use super::filter::Block;
-use super::rotor::Kind;
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, part};
 use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
@@ -78,49 +75,35 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Found> {
     found
 }
 
-/// Leaves out the smaller side of a change; returns its rows, unless nothing would remain.
-pub(super) fn leave_smaller_side(
+/// Leaves out the smaller side of a change and describes it, with estimates of its own if λ is another there; nothing if nothing would remain.
+pub(super) fn leave_out(
+    recordings: &[Recording],
     masks: &mut [Vec<bool>],
     finished: &Finished<'_>,
     change: &Found,
-) -> Option<Range<usize>> {
-    let case = &finished.search.cases[change.recording];
-    let mask = &mut masks[change.recording];
-    let block = case.block();
-    let used = |rows: Range<usize>, mask: &[bool]| mask[rows].iter().filter(|used| **used).count();
-    let rows = mask.len();
-    let before = used(0..change.row, mask);
-    let after = used(change.row..rows, mask);
+) -> Option<Contradiction> {
+    let (search, recording) = (&finished.search, change.recording);
+    let (mask, block) = (&mut masks[recording], search.cases[recording].block());
+    let used = |rows: &[bool]| rows.iter().filter(|used| **used).count();
+    let (before, after) = (used(&mask[..change.row]), used(&mask[change.row..]));
     if before.min(after) == 0 || before.max(after) < SHORTEST {
         return None;
     }
+    let end = mask.len();
+    let rows = if before < after { 0..change.row } else { change.row..end };
     // The change is somewhere within the block before or after.
-    let range = if before < after { 0..(change.row + block).min(rows) } else { change.row.saturating_sub(block)..rows };
-    mask[range.clone()].fill(false);
-    Some(if before < after { 0..change.row } else { change.row..rows })
-}
-
-/// Estimate of the side that was left out.
-pub(super) fn describe(
-    recordings: &[Recording],
-    masks: &[Vec<bool>],
-    kind: &Kind<'_>,
-    change: &Found,
-    rows: Range<usize>,
-) -> Contradiction {
-    let recording = change.recording;
+    mask[rows.start.saturating_sub(block)..(rows.end + block).min(end)].fill(false);
     let what = if change.lambda {
-        let mut mask = vec![false; masks[recording].len()];
-        mask[rows.clone()].fill(true);
-        let alone = &recordings[recording..=recording];
-        let fitted = fit(alone, &[mask], kind, &mut Vec::new()).ok();
+        let mut alone = vec![false; end];
+        alone[rows.clone()].fill(true);
+        let fitted = fit(&recordings[recording..=recording], &[alone], search.kind, &mut Vec::new()).ok();
         let unknown = Estimate::default().scaled(f64::NAN);
         let lambda = |k: usize| fitted.as_ref().map_or(unknown, |fitted| fitted.estimate(k));
-        Change::Lambda((0..kind.layout.magnets).map(lambda).collect())
+        Change::Lambda((0..search.kind.layout.magnets).map(lambda).collect())
     } else {
         Change::Load { chi_square: change.chi_square }
     };
-    Contradiction { recording, part: 0, rows, what }
+    Some(Contradiction { recording, part: 0, rows, what })
 }
 
 /// Blocks whose innovations are too large.

@@ -128,7 +128,8 @@ pub(super) struct On<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Pass<'a, const N: usize, const K: usize> {
     pub on: On<'a>,
-    position: [&'a [f64]; N],
+    /// Readings of the positions, m.
+    pub position: [&'a [f64]; N],
     current: [&'a [f64]; K],
     /// The trajectory.
     pub state: &'a [State<N>],
@@ -173,14 +174,14 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         rotor.slow * rotor.slow * rows as f64 * rotor.h
     }
 
-    /// The interval that ends at `row`, and the shaft in its middle.
+    /// The interval that ends at `row`.
     #[inline(always)]
-    pub fn interval(&self, row: usize, from: &Shaft, to: &Shaft) -> (Interval<N, K>, Shaft) {
+    pub fn interval(&self, row: usize, from: &Shaft, to: &Shaft) -> Interval<N, K> {
         let On { case, rotor, .. } = self.on;
         let between = case.shaft_between(row, from, to);
         let states = [&self.state[row - 1], &self.state[row]];
         let expected = self.expected(row).map(|(pulls, _)| pulls);
-        (rotor.interval(states, &self.squares(row), expected, [*from, between, *to]), between)
+        rotor.interval(states, &self.squares(row), expected, [*from, between, *to])
     }
 
     /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
@@ -230,12 +231,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         let ([_, more, less], command) = (rotor.lag.as_ref()?, self.current.map(|of| of[case.commanded(row)]));
         let [more, less] = [more, less].map(|lag| rotor.following::<K>(lag, command, row).middle);
         let by_lag: [f64; K] = std::array::from_fn(|k| lag::derivative(more[k], less[k]));
-        Some((rotor.layout.base + rotor.places.lag?, rotor.pulled(at, by_lag)))
-    }
-
-    /// Readings of the positions in a row, m.
-    #[inline(always)]
-    pub fn read(&self, row: usize) -> [f64; N] {
-        self.position.map(|position| position[row])
+        let mut column = [0.0; N];
+        rotor.add_pulls(&mut column, rotor.gaps(at), by_lag);
+        Some((rotor.layout.base + rotor.places.lag?, column))
     }
 }

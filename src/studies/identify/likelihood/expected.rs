@@ -3,7 +3,6 @@
 use nalgebra::DMatrix;
 
 use super::data::On;
-use super::filter::Passes;
 
 /// Harmonics of the shaft angle.
 const HARMONICS: usize = 12;
@@ -48,7 +47,7 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
 /// rotor make of noise: it is regressed on past whitened innovations over all other stretches. Innovations are white, so that neither is correlated with
 /// those that follow. The same predicts squared currents that were not recorded, in A², with their standard deviations (`scripts/faults.py`, 10 % of the rows missing:
 /// ± is a third of that with unknown forces; with 8 innovations instead of 40 errors were 1.35 deviations instead of 1.04, rms, and without terms of the angle 2.2).
-pub(super) fn expected(passes: &dyn Passes, on: On<'_>, innovations: &[f64]) -> (Vec<f32>, Vec<[f32; 2]>) {
+pub(super) fn expected(on: On<'_>, innovations: &[f64]) -> (Vec<f32>, Vec<[f32; 2]>) {
     let case = on.case;
     let (n, magnets) = (case.position.len(), case.current.len());
     let count_of = magnets + 2 * n;
@@ -56,7 +55,7 @@ pub(super) fn expected(passes: &dyn Passes, on: On<'_>, innovations: &[f64]) -> 
     let all_rows = || case.segments.iter().flat_map(|segment| segment.clone().skip(1).map(|row| (row, segment.start)));
     let rows = || all_rows().filter(|(row, _)| !case.is_adrift(*row));
     let signals = |row: usize, to: &mut [f64]| {
-        let [gaps, squares] = passes.driven(on, row);
+        let [gaps, squares] = (on.rotor.passes.driven)(on, row);
         (0..magnets).for_each(|k| to[k] = squares[k] / (gaps[k] * gaps[k]));
         to[magnets..].copy_from_slice(&case.track.state[2 * n * row..2 * n * (row + 1)]);
     };
@@ -149,7 +148,7 @@ pub(super) fn expected(passes: &dyn Passes, on: On<'_>, innovations: &[f64]) -> 
     }
     let mut predicted = vec![[0.0; 2]; magnets * all];
     for (row, _) in all_rows().filter(|(row, _)| case.is_adrift(*row)) {
-        let [gaps, _] = passes.driven(on, row);
+        let [gaps, _] = (on.rotor.passes.driven)(on, row);
         for k in 0..magnets {
             let answers = answers[row / length].chunks_exact(size).zip(&of_past);
             let missing = answers.filter(|(_, [lag, ..])| lacks(row, *lag)).map(|(of, _)| of[1 + k] * of[1 + k]);

@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use super::data::{On, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
-use super::rotor::{ByMagnet, Interval, Layout, State, regressors};
+use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
 
 /// Columns in a register of the processor.
 const REGISTER: usize = 8;
@@ -29,27 +29,27 @@ const BATCH: usize = 16;
 const LEVEL_STEP: f64 = 1e-3;
 /// Harmonics of the shaft angle that are tested.
 pub const HARMONICS: usize = 4;
-/// Lags that are tested.
-pub const LAGS: usize = 4;
 
 /// Product of many determinants of N rows as a logarithm, without one of each.
 #[derive(Clone, Copy, Debug)]
 struct LogProduct<const N: usize> {
     sum: f64,
     product: f64,
+    /// By which each is raised.
+    scale: f64,
 }
 
 impl<const N: usize> LogProduct<N> {
-    /// Logarithm to the base of ten of the variance of a position, about: determinants lie far below 1.
-    const SCALE: i32 = 13;
+    /// Logarithm to the base of ten of the reciprocal variance of a position, about: determinants lie far below 1.
+    const SCALE: usize = 13;
 
     fn new() -> Self {
-        Self { sum: 0.0, product: 1.0 }
+        Self { sum: 0.0, product: 1.0, scale: std::iter::repeat_n(10.0, Self::SCALE * N).product() }
     }
 
     #[inline(always)]
     fn times(&mut self, factor: f64) {
-        self.product *= factor * const { ten_to(Self::SCALE * N as i32) };
+        self.product *= factor * self.scale;
         if !(1e-200..1e200).contains(&self.product) {
             self.sum += libm::log(self.product);
             self.product = 1.0;
@@ -57,17 +57,8 @@ impl<const N: usize> LogProduct<N> {
     }
 
     fn finish(self, count: f64) -> f64 {
-        self.sum + libm::log(self.product) - count * f64::from(Self::SCALE * N as i32) * std::f64::consts::LN_10
+        self.sum + libm::log(self.product) - count * (Self::SCALE * N) as f64 * std::f64::consts::LN_10
     }
-}
-
-const fn ten_to(power: i32) -> f64 {
-    let (mut value, mut n) = (1.0, 0);
-    while n < power {
-        value *= 10.0;
-        n += 1;
-    }
-    value
 }
 
 /// Sums of one block of rows.
@@ -86,8 +77,8 @@ pub(super) struct Block {
     pub columns: usize,
     /// Whitened innovations by axis, harmonic, and cos or sin.
     pub harmonics: Vec<[[f64; 2]; HARMONICS]>,
-    /// `Σ w_t w_{t−lag}` of the whitened innovations, all axes.
-    pub lags: [f64; LAGS],
+    /// `Σ w_t w_{t−1}` of the whitened innovations, all axes.
+    pub neighbours: f64,
 }
 
 /// Sums of the columns in some registers.
@@ -152,10 +143,9 @@ impl<'a> Sums<'a> {
 
 /// Sums of the sensitivities in some registers, block by block; with instruments, sensitivities as they were to be expected. The measured ones
 /// ([`Layout::measured`](super::rotor::Layout::measured)) follow after all others.
-#[inline(always)]
-fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, wanted: &Wanted) -> Vec<Block> {
+fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted: &Wanted) -> Vec<Block> {
     let Wanted { columns, registers, bench } = wanted;
-    let On { case, rotor, piece } = of.on;
+    let (On { case, rotor, piece }, of) = (on, &Pass::<N, K>::of(on));
     let h = rotor.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
@@ -170,17 +160,12 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
     let mut blocks = Vec::new();
     let expected = |row: usize| of.expected(row).filter(|_| *columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
-    let harmonics = || vec![Default::default(); N];
-    let empty = |row: usize| Block { rows: row..row, harmonics: harmonics(), ..Block::default() };
+    let empty = |row: usize| Block { rows: row..row, harmonics: vec![Default::default(); N], ..Block::default() };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
-    let mut former = [[0.0; N]; LAGS];
-    let mut from = case.shaft(piece.filtered.start);
-    for row in piece.filtered.start..piece.counted.end {
-        let to = case.shaft(row);
-        let mut acceleration = [0.0; N];
-        if row > piece.filtered.start {
-            let (interval, between) = of.interval(row, &from, &to);
+    let mut former = [0.0; N];
+    each_row(of, piece.filtered.start..piece.counted.end, |row, to, interval, residual| {
+        if let Some((interval, transition)) = interval {
             let ahead: State<N> = [
                 std::array::from_fn(|a| interval.middle[0][a] + kalman.x[a] + 0.5 * h * kalman.x[N + a]),
                 std::array::from_fn(|a| interval.middle[1][a] + kalman.x[N + a]),
@@ -190,15 +175,13 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
                 Some((pulls, [q, v])) => ([std::array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
-            let transition = Transition::of(h, &interval.stiffness, &interval.gyroscopic);
-            kalman.predict(&transition, &interval, &SAME.currents, of.slow(1));
+            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
             for k in 0..if gains { K } else { 0 } {
                 let mut scales = SAME.currents;
                 scales[k] += LEVEL_STEP;
-                raised[k].predict(&transition, &interval, &of.scales(row, scales), of.slow(1));
+                raised[k].predict(transition, interval, &of.scales(row, scales), of.slow(1));
             }
-            acceleration = interval.end;
-            rotor.force_columns(&at, pulls, measured, &between, *bench, &mut force);
+            rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
             if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| *bench) {
                 force.put(j, column);
             }
@@ -228,21 +211,22 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
                 }
             }
         }
-        from = to;
-        let read = rotor.reading(&of.state[row], &acceleration, &to);
         if *bench {
             // Where the filter predicts the rotor, as the force.
             let at: State<N> = match expected(row) {
                 Some((_, state)) => state,
                 None => std::array::from_fn(|d| std::array::from_fn(|a| of.state[row][d][a] + kalman.x[N * d + a])),
             };
-            rotor.sensor_columns(&at, &acceleration, &to, &mut sensor);
+            let acceleration = interval.map_or([0.0; N], |(interval, _)| interval.end);
+            rotor.sensor_columns(&at, &acceleration, to, &mut sensor);
         }
-        let measured = of.read(row);
-        let residual = std::array::from_fn(|a| measured[a] - read[a]);
         let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         let counts = row >= piece.counted.start;
         let w = innovation.factor.whiten(innovation.e);
+        if counts && block_of(row) != block_of(block.rows.start) {
+            close(&mut block, &mut sums, &mut log_det);
+            blocks.push(std::mem::replace(&mut block, empty(row)));
+        }
         if sums.filled + N > BATCH {
             sums.flush();
         }
@@ -289,14 +273,6 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
         // Where the force is not known, innovations are not white.
         let white = if counts && case.tells(row) { w } else { [0.0; N] };
         if counts {
-            if block_of(row) != block_of(block.rows.start) {
-                // The batch holds the row that begins the next block.
-                let next: Vec<[Register; N]> =
-                    sums.batch.iter().map(|batch| std::array::from_fn(|a| batch[filled + a])).collect();
-                close(&mut block, &mut sums, &mut log_det);
-                blocks.push(std::mem::replace(&mut block, empty(row)));
-                sums.batch.iter_mut().zip(&next).for_each(|(batch, next)| batch[..N].copy_from_slice(next));
-            }
             sums.count(w);
             block.rows.end = row + 1;
             if case.tells(row) {
@@ -313,13 +289,10 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, w
                     turn = [turn[0] * c - turn[1] * s, turn[1] * c + turn[0] * s];
                 }
             }
-            for (sum, former) in block.lags.iter_mut().zip(&former) {
-                *sum += white.iter().zip(former).map(|(white, former)| white * former).sum::<f64>();
-            }
+            block.neighbours += white.iter().zip(former).map(|(white, former)| white * former).sum::<f64>();
         }
-        former.copy_within(..LAGS - 1, 1);
-        former[0] = white;
-    }
+        former = white;
+    });
     close(&mut block, &mut sums, &mut log_det);
     blocks.push(block);
     blocks
@@ -332,28 +305,28 @@ fn close<const N: usize>(block: &mut Block, sums: &mut Sums<'_>, log_det: &mut L
     *log_det = LogProduct::new();
 }
 
-/// Calls `each` with every row, the interval that ends there with its transition (none at the first row), and what is measured there minus what is read at the
-/// trajectory.
+/// Calls `each` with every row, the shaft there, the interval that ends there with its transition (none at the first row), and what is measured minus what is read at
+/// the trajectory.
 #[inline(always)]
 fn each_row<const N: usize, const K: usize>(
     of: &Pass<N, K>,
     rows: Range<usize>,
-    mut each: impl FnMut(usize, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
+    mut each: impl FnMut(usize, &Shaft, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
 ) {
     let On { case, rotor, .. } = of.on;
     let mut from = case.shaft(rows.start);
     for row in rows.clone() {
         let to = case.shaft(row);
         let interval = (row > rows.start).then(|| {
-            let interval = of.interval(row, &from, &to).0;
+            let interval = of.interval(row, &from, &to);
             let transition = Transition::of(rotor.h, &interval.stiffness, &interval.gyroscopic);
             (interval, transition)
         });
-        from = to;
         let acceleration = interval.as_ref().map_or([0.0; N], |(interval, _)| interval.end);
-        let (read, measured) = (rotor.reading(&of.state[row], &acceleration, &to), of.read(row));
-        let residual = std::array::from_fn(|a| measured[a] - read[a]);
-        each(row, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
+        let read = rotor.reading(&of.state[row], &acceleration, &to);
+        let residual = std::array::from_fn(|a| of.position[a][row] - read[a]);
+        each(row, &to, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
+        from = to;
     }
 }
 
@@ -368,13 +341,12 @@ struct Kept<const N: usize, const S: usize> {
 }
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
-#[inline(always)]
-fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Vec<f64> {
-    let On { rotor, piece, .. } = of.on;
+fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64> {
+    let (On { rotor, piece, .. }, of) = (on, &Pass::<N, K>::of(on));
     let start = piece.filtered.start;
     let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(start));
     let mut kept = Vec::with_capacity(piece.filtered.len());
-    each_row(of, piece.filtered.clone(), |row, interval, residual| {
+    each_row(of, piece.filtered.clone(), |row, _, interval, residual| {
         let (mut stiffness, mut gyroscopic) = ([[0.0; N]; N], [[0.0; N]; N]);
         if let Some((interval, transition)) = interval {
             kalman.predict(transition, interval, &SAME.currents, of.slow(1));
@@ -413,12 +385,11 @@ fn smooth<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> Ve
 }
 
 /// The innovations of the counted rows, row by row: in m, and whitened.
-#[inline(always)]
-fn innovations<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>) -> [Vec<f64>; 2] {
-    let On { case, rotor, piece } = of.on;
+fn innovations<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> [Vec<f64>; 2] {
+    let (On { case, rotor, piece }, of) = (on, &Pass::<N, K>::of(on));
     let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
     let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
-    each_row(of, piece.filtered.start..piece.counted.end, |row, interval, residual| {
+    each_row(of, piece.filtered.start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
             kalman.predict(transition, interval, &SAME.currents, of.slow(1));
         }
@@ -447,15 +418,14 @@ pub(super) struct Levels {
 pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0 };
 
 /// `[ln det sum, NIS sum, rows]` with noise times each of three sets of factors, at the same position noise.
-#[inline(always)]
-fn likelihoods<const N: usize, const K: usize, const S: usize>(of: &Pass<N, K>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
-    let On { case, rotor, piece } = of.on;
+fn likelihoods<const N: usize, const K: usize, const S: usize>(on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
+    let (On { case, rotor, piece }, of) = (on, &Pass::<N, K>::of(on));
     let start = piece.filtered.start;
     let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * of.slow(rows);
     let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
     let mut logs = [LogProduct::<N>::new(); 3];
     let mut sums = [[0.0; 3]; 3];
-    each_row(of, start..piece.counted.end, |row, interval, residual| {
+    each_row(of, start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
                 kalman.predict(transition, interval, &of.scales(row, levels.currents), slow(levels, 1));
@@ -531,58 +501,48 @@ impl Wanted {
     }
 }
 
-/// The passes of the filter. What is fixed at compile time, for it is done at every sample, begins here: coordinates, magnets and states.
-pub(super) trait Passes: Sync {
-    fn columns(&self, on: On<'_>, wanted: &Wanted) -> Vec<Block>;
+/// The passes of the filter for sizes that are fixed at compile time, for it is done at every sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Passes {
+    pub columns: fn(On<'_>, &Wanted) -> Vec<Block>,
     /// Coordinates and rates, row by row.
-    fn smooth(&self, on: On<'_>) -> Vec<f64>;
-    fn innovations(&self, on: On<'_>) -> [Vec<f64>; 2];
-    fn likelihoods(&self, on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3];
+    pub smooth: fn(On<'_>) -> Vec<f64>,
+    pub innovations: fn(On<'_>) -> [Vec<f64>; 2],
+    pub likelihoods: fn(On<'_>, &[Levels; 3]) -> [[f64; 3]; 3],
     /// Gaps in m and squared currents in A² of a row.
-    fn driven(&self, on: On<'_>, row: usize) -> [ByMagnet; 2];
+    pub driven: fn(On<'_>, usize) -> [ByMagnet; 2],
 }
 
-/// N coordinates and K magnets. States are PLAIN, or SLOW with a slow force. Where they are as many, one filter serves: each takes a second to compile.
-struct Of<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize>;
-
-impl<const N: usize, const K: usize, const PLAIN: usize, const SLOW: usize> Passes for Of<N, K, PLAIN, SLOW> {
-    fn columns(&self, on: On<'_>, wanted: &Wanted) -> Vec<Block> {
-        let of = if on.rotor.slow > 0.0 { columns_of::<N, K, SLOW> } else { columns_of::<N, K, PLAIN> };
-        of(&Pass::of(on), wanted)
-    }
-
-    fn smooth(&self, on: On<'_>) -> Vec<f64> {
-        let of = if on.rotor.slow > 0.0 { smooth::<N, K, SLOW> } else { smooth::<N, K, PLAIN> };
-        of(&Pass::of(on))
-    }
-
-    fn innovations(&self, on: On<'_>) -> [Vec<f64>; 2] {
-        let of = if on.rotor.slow > 0.0 { innovations::<N, K, SLOW> } else { innovations::<N, K, PLAIN> };
-        of(&Pass::of(on))
-    }
-
-    fn likelihoods(&self, on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
-        let of = if on.rotor.slow > 0.0 { likelihoods::<N, K, SLOW> } else { likelihoods::<N, K, PLAIN> };
-        of(&Pass::of(on), levels)
-    }
-
-    fn driven(&self, on: On<'_>, row: usize) -> [ByMagnet; 2] {
-        let of = Pass::<N, K>::of(on);
-        let (mut gaps, mut squares) = (ByMagnet::default(), ByMagnet::default());
-        gaps[..K].copy_from_slice(&on.rotor.gaps::<N, K>(&of.state[row][0]));
-        squares[..K].copy_from_slice(&of.squares(row).middle);
-        [gaps, squares]
+impl Passes {
+    /// N coordinates, K magnets and S states.
+    fn of<const N: usize, const K: usize, const S: usize>() -> Self {
+        Self {
+            columns: columns_of::<N, K, S>,
+            smooth: smooth::<N, K, S>,
+            innovations: innovations::<N, K, S>,
+            likelihoods: likelihoods::<N, K, S>,
+            driven: driven::<N, K>,
+        }
     }
 }
 
-/// The filters of all parts of machines, by coordinates and magnets.
-pub(super) fn passes(coordinates: usize, magnets: usize) -> &'static dyn Passes {
+/// The filters of all parts of machines, by coordinates and magnets: without a slow force, and with one. Where states are as many, one serves: each takes a second
+/// to compile.
+pub(super) fn passes(coordinates: usize, magnets: usize) -> [Passes; 2] {
     match (coordinates, magnets) {
-        (1, 2) => &Of::<1, 2, 3, 3>,
-        (2, 3) => &Of::<2, 3, 4, 6>,
-        (2, 4) => &Of::<2, 4, 4, 6>,
-        (4, 6) => &Of::<4, 6, 8, 12>,
-        (4, 8) => &Of::<4, 8, 8, 12>,
+        (1, 2) => [Passes::of::<1, 2, 3>(); 2],
+        (2, 3) => [Passes::of::<2, 3, 4>(), Passes::of::<2, 3, 6>()],
+        (2, 4) => [Passes::of::<2, 4, 4>(), Passes::of::<2, 4, 6>()],
+        (4, 6) => [Passes::of::<4, 6, 8>(), Passes::of::<4, 6, 12>()],
+        (4, 8) => [Passes::of::<4, 8, 8>(), Passes::of::<4, 8, 12>()],
         _ => unreachable!("a part of a machine"),
     }
+}
+
+fn driven<const N: usize, const K: usize>(on: On<'_>, row: usize) -> [ByMagnet; 2] {
+    let of = Pass::<N, K>::of(on);
+    let (mut gaps, mut squares) = (ByMagnet::default(), ByMagnet::default());
+    gaps[..K].copy_from_slice(&on.rotor.gaps::<N, K>(&of.state[row][0]));
+    squares[..K].copy_from_slice(&of.squares(row).middle);
+    [gaps, squares]
 }

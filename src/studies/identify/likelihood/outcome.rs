@@ -7,33 +7,28 @@ use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
 use super::search::Finished;
 use super::solve::{self, inverse, part};
-use super::{
-    BenchEstimate, Conditions, Contradiction, Estimate, Identification, OfPart, Residuals, Suspect, Unbalance,
-};
+use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, OfPart, Suspect, Unbalance};
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect: 8 · 10⁻⁶ by chance.
 const SUSPECT: f64 = 20.0;
 
 pub(super) fn report(
     finished: &Finished<'_>,
-    mut held: Vec<usize>,
+    held: &[usize],
     contradictions: Vec<Contradiction>,
     gain_by_slow_force: f64,
 ) -> Identification {
-    held.sort_unstable();
-    held.dedup();
     let search = &finished.search;
     let (magnets, load) = (search.kind.layout.magnets, search.kind.layout.load);
     let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
+    let errors_m = search.prediction_errors().into_iter().enumerate();
+    let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
     Identification {
         lambda_covariance: finished.total.view((0, 0), (magnets, magnets)).into_owned(),
         unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
-        conditions: (0..search.cases.len()).map(|r| conditions(finished, r, &lambda)).collect(),
+        conditions: conditions.collect(),
         lambda,
-        bench: (0..search.kind.part.parameters.len()).map(|j| of_bench(finished, j)).collect(),
-        not_separated: held,
-        residuals: (0..search.cases.len()).map(|r| residuals(finished, r)).collect(),
-        prediction_errors_m: search.prediction_errors(),
+        bench: (0..search.kind.part.parameters.len()).map(|j| of_bench(finished, j, held.contains(&j))).collect(),
         suspects: suspects(finished),
         contradictions,
         by_scores: finished.by_scores,
@@ -67,7 +62,12 @@ fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
     Unbalance { magnitude: of(size, along, 1.0), phase: of(libm::atan2(s, c), across, size) }
 }
 
-fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditions {
+fn conditions(
+    finished: &Finished<'_>,
+    r: usize,
+    lambda: &[Estimate],
+    prediction_errors_m: Vec<Vec<f64>>,
+) -> Conditions {
     let search = &finished.search;
     let case = &search.cases[r];
     let (rotor, layout) = (search.rotor(r), search.kind.layout);
@@ -76,7 +76,7 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
         let first = usize::from(piece.counted.start == piece.filtered.start);
         for row in piece.counted.clone().skip(first).filter(|row| !case.is_adrift(*row)) {
             let on = On { case, rotor: &rotor, piece };
-            let [gaps, squares] = search.kind.passes.driven(on, row);
+            let [gaps, squares] = (rotor.passes.driven)(on, row);
             for k in 0..layout.magnets {
                 let square = squares[k].max(0.0);
                 ki[k] += square.sqrt() / (gaps[k] * gaps[k]);
@@ -89,6 +89,15 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
         let means = sums.iter().map(|sum| 2.0 * sum / f64::from(rows.max(1)));
         lambda.iter().zip(means).map(|(lambda, mean)| lambda.scaled(mean)).collect()
     };
+    let blocks = || finished.blocks(r);
+    let count: f64 = blocks().map(|block| block.count).sum();
+    let power = |axis: usize, harmonic: usize| {
+        let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
+        sum(0) * sum(0) + sum(1) * sum(1)
+    };
+    let powers = (0..layout.loads()).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic)));
+    let powers: Vec<[f64; HARMONICS]> = powers.collect();
+    let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
         parts: vec![OfPart {
@@ -102,15 +111,19 @@ fn conditions(finished: &Finished<'_>, r: usize, lambda: &[Estimate]) -> Conditi
             }),
             rows: case.rows(),
             counting: case.counting(),
+            correlation: neighbours / blocks().map(|block| block.nis).sum::<f64>(),
         }],
         resolution_m: case.resolution_m.clone(),
         ki_n_a: of(&ki),
         ks_n_m: of(&ks),
+        harmonics: powers.iter().map(|of| of.map(|power| 2.0 * power / count)).collect(),
+        amplitudes: powers.iter().map(|of| of.map(|power| 2.0 * power.sqrt() / count)).collect(),
+        prediction_errors_m,
     }
 }
 
 /// A bench parameter, by its number.
-fn of_bench(finished: &Finished<'_>, j: usize) -> BenchEstimate {
+fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     let search = &finished.search;
     let (magnets, unknown, parameter) =
         (search.kind.layout.magnets, search.kind.layout.load + j, &search.kind.part.parameters[j]);
@@ -134,25 +147,7 @@ fn of_bench(finished: &Finished<'_>, j: usize) -> BenchEstimate {
             (0..magnets).map(|k| relative(k, (finished.total[(k, i)].powi(2) / own).sqrt())).collect()
         }
     };
-    BenchEstimate { parameter: parameter.clone(), estimate, estimated, sensitivity, tolerance, contribution }
-}
-
-fn residuals(finished: &Finished<'_>, r: usize) -> Residuals {
-    let blocks = || finished.blocks(r);
-    let rows: f64 = blocks().map(|block| block.count).sum();
-    let nis: f64 = blocks().map(|block| block.nis).sum::<f64>();
-    let coordinates = finished.search.kind.layout.loads();
-    let power = |axis: usize, harmonic: usize| {
-        let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
-        sum(0) * sum(0) + sum(1) * sum(1)
-    };
-    let powers = (0..coordinates).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic)));
-    let powers: Vec<[f64; HARMONICS]> = powers.collect();
-    Residuals {
-        harmonics: powers.iter().map(|of| of.map(|power| 2.0 * power / rows)).collect(),
-        amplitudes: powers.iter().map(|of| of.map(|power| 2.0 * power.sqrt() / rows)).collect(),
-        lags: vec![std::array::from_fn(|lag| blocks().map(|block| block.lags[lag]).sum::<f64>() / nis)],
-    }
+    BenchEstimate { parameter: parameter.clone(), estimate, estimated, is_held, sensitivity, tolerance, contribution }
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated.

@@ -8,17 +8,12 @@
 #![allow(clippy::needless_range_loop, reason = "several arrays go by one index")]
 
 use super::Part;
-use super::bench::{Places, Sensors};
+use super::bench::Places;
 use super::case::Case;
 use super::filter::{Passes, Sheet};
 use super::lag::Lag;
 use crate::estimation::Machine;
-
-/// Planes of unbalance, and bearings with a backward force, at most.
-const PLANES: usize = 2;
-
-/// Parameters of one recording, in SI units, by [`Layout`].
-pub(super) type Theta = Vec<f64>;
+use crate::plant::PLANES;
 
 /// A value for each coordinate, and for each magnet, with room for the most of them.
 pub(super) type ByAxis<T = f64> = [T; 4];
@@ -132,19 +127,15 @@ impl Description {
     }
 
     /// `(more − less)/(2 step)`.
-    fn derivative(more: &Self, less: &Self, step: f64) -> Self {
-        let mut of = more.clone();
-        let each = |of: &mut [f64], less: &[f64]| {
-            of.iter_mut().zip(less).for_each(|(of, less)| *of = (*of - less) / (2.0 * step));
-        };
-        each(&mut of.gap_m, &less.gap_m);
-        each(of.directions.as_flattened_mut(), less.directions.as_flattened());
-        each(of.magnets.as_flattened_mut(), less.magnets.as_flattened());
-        each(of.turning.as_flattened_mut().as_flattened_mut(), less.turning.as_flattened().as_flattened());
-        each(of.backward.as_flattened_mut().as_flattened_mut(), less.backward.as_flattened().as_flattened());
-        each(of.loads.as_flattened_mut(), less.loads.as_flattened());
-        each(of.gyroscopic.as_flattened_mut(), less.gyroscopic.as_flattened());
-        of
+    fn derivative(mut more: Self, mut less: Self, step: f64) -> Self {
+        more.values().zip(less.values()).for_each(|(more, less)| *more = (*more - *less) / (2.0 * step));
+        more
+    }
+
+    fn values(&mut self) -> impl Iterator<Item = &mut f64> {
+        let turning = self.turning.as_flattened_mut().iter_mut().chain(self.backward.as_flattened_mut());
+        let magnets = self.directions.iter_mut().chain(&mut self.magnets).chain(turning);
+        self.gap_m.iter_mut().chain(magnets.chain(&mut self.loads).chain(&mut self.gyroscopic).flatten())
     }
 }
 
@@ -159,8 +150,8 @@ pub(super) struct Kind<'a> {
     pub varied: Vec<(usize, f64)>,
     pub places: Places,
     pub layout: Layout,
-    /// The filter of its sizes.
-    pub passes: &'static dyn Passes,
+    /// The filters of its sizes, without a slow force and with one.
+    pub passes: [Passes; 2],
 }
 
 /// Describes a rotor with given values of its bench.
@@ -187,29 +178,19 @@ impl Shaft {
     }
 }
 
-/// A pair of position sensors.
-#[derive(Clone, Debug)]
-struct Pair {
-    places: Sensors,
-    common: f64,
-    different: f64,
-    /// cos and sin of the rotation.
-    rotation: [f64; 2],
-    /// Run-out, once and twice per turn.
-    runout: [f64; 8],
-}
-
 /// A rotor with given parameters.
 #[derive(Clone, Debug)]
 pub(super) struct Rotor {
     pub h: f64,
-    theta: Theta,
+    /// Parameters of the recording, in SI units, by [`Layout`].
+    theta: Vec<f64>,
     pub layout: Layout,
     pub places: Places,
     machine: Description,
     /// Its derivatives to parameters of the bench, by number.
     varied: Vec<(usize, Description)>,
-    pairs: Vec<Pair>,
+    /// cos and sin of the rotation of each pair of position sensors.
+    rotations: Vec<[f64; 2]>,
     /// Sensor offsets, m.
     offset: ByAxis,
     /// Sensor gains and rotation, row by row.
@@ -228,6 +209,8 @@ pub(super) struct Rotor {
     pub nominal_m: f64,
     /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet to the parameters: parameter, magnet, derivative.
     pub levels: Vec<(usize, usize, f64)>,
+    /// The filter.
+    pub passes: Passes,
 }
 
 /// One sample interval: `δ_k = F δ_{k−1} + offset + Σ_j Γ_j w_j` with stiffness and gyroscope in F, w of variance 1.
@@ -243,9 +226,10 @@ pub(super) struct Interval<const N: usize, const K: usize> {
     pub noise: [[f64; N]; K],
     /// Acceleration at the end.
     pub end: [f64; N],
-    /// Point in the middle, m, and squared currents there, A².
+    /// Point in the middle, m, squared currents there, A², and the shaft.
     pub middle: State<N>,
     pub squares: [f64; K],
+    pub shaft: Shaft,
 }
 
 /// Squared currents at start, middle, and end of an interval.
@@ -258,7 +242,7 @@ pub(super) struct Squares<const K: usize> {
     pub std: [f64; K],
 }
 
-/// Forces (y, z) of unbalances by plane, and of backward forces by bearing.
+/// Forces (y, z) of unbalances by plane, and of backward forces by bearing, of which there are as many.
 type Turning = [[[f64; 2]; PLANES]; 2];
 
 /// `sum += factor · of`, as far as both go.
@@ -280,7 +264,7 @@ fn scaled<const N: usize>(of: &ByAxis, factor: f64) -> [f64; N] {
 
 impl Rotor {
     /// With the noise and the slow force of a recording.
-    pub fn new(kind: &Kind<'_>, theta: Theta, case: &Case<'_>) -> Self {
+    pub fn new(kind: &Kind<'_>, theta: Vec<f64>, case: &Case<'_>) -> Self {
         let (layout, places) = (kind.layout, kind.places.clone());
         let bench = &theta[layout.base..];
         let varied = kind.varied.iter().map(|(at, step)| {
@@ -289,7 +273,7 @@ impl Rotor {
                 bench[*at] += change;
                 (kind.describe)(&bench)
             });
-            (*at, Description::derivative(&more, &less, *step))
+            (*at, Description::derivative(more, less, *step))
         });
         let varied: Vec<(usize, Description)> = varied.collect();
         let machine = (kind.describe)(bench);
@@ -313,7 +297,7 @@ impl Rotor {
             sensor[0][0] += bench[of_gain];
             offset[0] = bench[of_offset];
         }
-        let mut pairs = Vec::new();
+        let mut rotations = Vec::new();
         for (p, places) in places.pairs.iter().enumerate() {
             let (sin, cos) = libm::sincos(bench[places.rotation]);
             let (common, different) = (bench[places.gain], bench[places.gain_difference]);
@@ -322,19 +306,13 @@ impl Rotor {
                 offset[2 * p + row] = bench[places.offset[row]];
                 (0..2).for_each(|column| sensor[2 * p + row][2 * p + column] = gain[row] * turned[column]);
             }
-            pairs.push(Pair {
-                places: *places,
-                common,
-                different,
-                rotation: [cos, sin],
-                runout: places.runout.map(|at| bench[at]),
-            });
+            rotations.push([cos, sin]);
         }
         Self {
             h: case.recording.step_s,
             machine,
             varied,
-            pairs,
+            rotations,
             offset,
             sensor,
             delay: bench[places.delay],
@@ -345,10 +323,17 @@ impl Rotor {
             exponent: case.exponent,
             nominal_m: kind.part.body.gap_m(),
             levels,
+            passes: kind.passes[usize::from(case.slow_force > 0.0)],
             layout,
             places,
             theta,
         }
+    }
+
+    /// A parameter of the bench, by its number.
+    #[inline(always)]
+    fn bench(&self, at: usize) -> f64 {
+        self.theta[self.layout.base + at]
     }
 
     /// Squared currents, A², free of the σ² that noise adds on average. `before` is the reading a sample earlier of a current that
@@ -394,16 +379,9 @@ impl Rotor {
         squares
     }
 
-    /// Acceleration by the magnets at a point, with given squared currents, A².
+    /// Adds the acceleration by the magnets, with given gaps and squared currents, A².
     #[inline(always)]
-    pub fn pulled<const N: usize, const K: usize>(&self, at: &[f64; N], squares: [f64; K]) -> [f64; N] {
-        let mut sum = [0.0; N];
-        self.add_pulls(&mut sum, self.gaps::<N, K>(at), squares);
-        sum
-    }
-
-    #[inline(always)]
-    fn add_pulls<const N: usize, const K: usize>(&self, sum: &mut [f64; N], gaps: [f64; K], squares: [f64; K]) {
+    pub fn add_pulls<const N: usize, const K: usize>(&self, sum: &mut [f64; N], gaps: [f64; K], squares: [f64; K]) {
         for k in 0..K {
             add(sum, self.theta[k] * squares[k] / (gaps[k] * gaps[k]), &self.machine.magnets[k]);
         }
@@ -423,7 +401,7 @@ impl Rotor {
             let at = self.layout.magnets + 2 * p;
             let (u_c, u_s) = (self.theta[at], self.theta[at + 1]);
             turning[0][p] = [0, 1].map(|a| u_c * by_cos[a] + u_s * by_sin[a]);
-            let [b_c, b_s] = self.places.backward.map(|first| self.theta[self.layout.base + first + p]);
+            let [b_c, b_s] = self.places.backward.map(|first| self.bench(first + p));
             turning[1][p] = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
         }
         turning
@@ -505,7 +483,7 @@ impl Rotor {
                 add(&mut stiffness[a], stiff * self.machine.magnets[k][a], &self.machine.directions[k]);
             }
         }
-        Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle }
+        Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle, shaft: at_middle }
     }
 
     /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, those of the bench as well if asked for, and after all parameters once more those of λ and κ, for the measured ones.
@@ -579,8 +557,8 @@ impl Rotor {
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let mut seen: [f64; N] =
             std::array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
-        for (seen, pair) in seen.chunks_exact_mut(2).zip(&self.pairs) {
-            let r = &pair.runout;
+        for (seen, places) in seen.chunks_exact_mut(2).zip(&self.places.pairs) {
+            let r = places.runout.map(|at| self.bench(at));
             seen[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + r[4] * c_2 + r[5] * s_2;
             seen[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + r[6] * c_2 + r[7] * s_2;
         }
@@ -613,20 +591,19 @@ impl Rotor {
             d.set(0, base + offset, 1.0);
             d.set(0, base + gain, seen[0]);
         }
-        for (p, pair) in self.pairs.iter().enumerate() {
-            let (first, places) = (2 * p, &pair.places);
+        for (p, (places, [r_c, r_s])) in self.places.pairs.iter().zip(&self.rotations).enumerate() {
+            let first = 2 * p;
             let mut put = |j: usize, y: f64, z: f64| {
                 d.set(first, base + j, y);
                 d.set(first + 1, base + j, z);
             };
             put(places.offset[0], 1.0, 0.0);
             put(places.offset[1], 0.0, 1.0);
-            let [r_c, r_s] = pair.rotation;
             let [y, z] = [seen[first], seen[first + 1]];
             let turned = [r_c * y - r_s * z, r_s * y + r_c * z];
             put(places.gain, turned[0], turned[1]);
             put(places.gain_difference, turned[0], -turned[1]);
-            let (common, different) = (1.0 + pair.common, pair.different);
+            let (common, different) = (1.0 + self.bench(places.gain), self.bench(places.gain_difference));
             put(places.rotation, -(common + different) * turned[1], (common - different) * turned[0]);
             let m = [0, 1].map(|row| [self.sensor[first + row][first], self.sensor[first + row][first + 1]]);
             let runouts = [[c, s], [-s, c], [c, -s], [s, c], [c_2, 0.0], [s_2, 0.0], [0.0, c_2], [0.0, s_2]];

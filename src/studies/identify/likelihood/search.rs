@@ -118,7 +118,7 @@ impl Search<'_> {
     fn pass(&self, columns: Columns) -> Blocks {
         let layout = &self.kind.layout;
         let wanted = Wanted::of(columns, layout, |j| self.prior[layout.unknown(j, 0)].1 > 0.0);
-        let mut blocks = self.passes(&self.tasks(), &|on| self.kind.passes.columns(on, &wanted));
+        let mut blocks = self.passes(&self.tasks(), &|on| (on.rotor.passes.columns)(on, &wanted));
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
@@ -190,7 +190,7 @@ impl Search<'_> {
     fn smooth(&mut self) {
         let mut before = Vec::new();
         for group in self.tasks().chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
-            let smoothed = self.passes(group, &|on| (on.piece.counted.clone(), self.kind.passes.smooth(on)));
+            let smoothed = self.passes(group, &|on| (on.piece.counted.clone(), (on.rotor.passes.smooth)(on)));
             // A piece is linearised about the former trajectory of its neighbours: a group is taken over after the next one.
             self.take_over(std::mem::replace(&mut before, smoothed));
         }
@@ -230,13 +230,14 @@ impl Search<'_> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
             let on = On { case, rotor, piece: &case.pieces[0] };
-            (case.track.expected, case.track.predicted) = expected(self.kind.passes, on, innovations);
+            (case.track.expected, case.track.predicted) = expected(on, innovations);
         }
     }
 
     /// The innovations of every recording, row by row, [`METRES`] or [`WHITENED`]; `none` where there are none.
     fn innovations(&self, kind: usize, none: f64) -> Vec<Vec<f64>> {
-        let pass = |on: On<'_>| (on.piece.counted.clone(), std::mem::take(&mut self.kind.passes.innovations(on)[kind]));
+        let pass =
+            |on: On<'_>| (on.piece.counted.clone(), std::mem::take(&mut (on.rotor.passes.innovations)(on)[kind]));
         let n = self.coordinates();
         let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.at.len()]).collect();
         for (r, (rows, own)) in self.passes(&self.tasks(), &pass) {
@@ -264,10 +265,9 @@ impl Search<'_> {
         self.innovations(METRES, f64::NAN).into_iter().map(by_coordinate).collect()
     }
 
-    /// Likelihoods of the recordings that `of` holds for, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
-    fn likelihoods(&self, levels: [Levels; 3], of: impl Fn(&Case<'_>) -> bool) -> Vec<[[f64; 3]; 3]> {
-        let tasks: Vec<(usize, Piece)> = self.tasks().into_iter().filter(|(r, _)| of(&self.cases[*r])).collect();
-        let sums = self.passes(&tasks, &|on| self.kind.passes.likelihoods(on, &levels));
+    /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
+    fn likelihoods(&self, levels: [Levels; 3]) -> Vec<[[f64; 3]; 3]> {
+        let sums = self.passes(&self.tasks(), &|on| (on.rotor.passes.likelihoods)(on, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
         for (r, sums) in sums {
             let total = totals[r].as_flattened_mut().iter_mut();
@@ -276,33 +276,28 @@ impl Search<'_> {
         totals
     }
 
-    /// One step of a level of noise in the recordings that `of` holds for, by their likelihoods; the largest change.
-    fn step_level(
-        &mut self,
-        levels: [Levels; 3],
-        of: impl Fn(&Case<'_>) -> bool,
-        step: impl Fn(&mut Case<'_>, &[[f64; 3]; 3]) -> f64,
-    ) -> f64 {
-        let totals = self.likelihoods(levels, &of);
-        let cases = self.cases.iter_mut().zip(&totals).filter(|(case, _)| of(case));
-        cases.map(|(case, sums)| step(case, sums)).fold(0.0, f64::max)
+    /// One step of a level of noise by the likelihoods of the recordings; the largest change.
+    fn step_level(&mut self, levels: [Levels; 3], step: impl Fn(&mut Case<'_>, &[[f64; 3]; 3]) -> f64) -> f64 {
+        let totals = self.likelihoods(levels);
+        self.cases.iter_mut().zip(&totals).map(|(case, sums)| step(case, sums)).fold(0.0, f64::max)
     }
 
     /// One step of the noise levels that were not told; the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
-        let unknown =
-            |case: &Case<'_>| case.recording.position_noise_m.is_none() || case.recording.current_noise_a.is_none();
-        let levels = steps.map(|factor| Levels { currents: [factor; 8], ..SAME });
-        let mut change = self.step_level(levels, unknown, noise_step);
+        let mut change = 0.0_f64;
+        if !self.cases.iter().all(Case::has_known_noise) {
+            let levels = steps.map(|factor| Levels { currents: [factor; 8], ..SAME });
+            change = self.step_level(levels, noise_step);
+        }
         if self.kind.part.beside.exponent {
             let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..SAME });
-            change = change.max(self.step_level(levels, |_| true, exponent_step));
+            change = change.max(self.step_level(levels, exponent_step));
         }
         if self.kind.slow_force {
             let least = LEAST_SLOW_FORCE * self.weight_n();
             let levels = steps.map(|slow| Levels { slow, ..SAME });
-            change = change.max(self.step_level(levels, |_| true, |case, sums| slow_force_step(case, sums, least)));
+            change = change.max(self.step_level(levels, |case, sums| slow_force_step(case, sums, least)));
         }
         change
     }
@@ -320,12 +315,12 @@ impl Search<'_> {
             std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
         if self.kind.slow_force {
-            let [without, with, _] = sum(self.likelihoods([ABSENT, 1.0, 1.0].map(slow), |_| true));
+            let [without, with, _] = sum(self.likelihoods([ABSENT, 1.0, 1.0].map(slow)));
             return with - without;
         }
-        let [without, ..] = sum(self.likelihoods([1.0; 3].map(slow), |_| true));
+        let [without, ..] = sum(self.likelihoods([1.0; 3].map(slow)));
         self.cases.iter_mut().for_each(|case| case.slow_force = level);
-        let with = sum(self.likelihoods([0.1, 1.0, 10.0].map(slow), |_| true));
+        let with = sum(self.likelihoods([0.1, 1.0, 10.0].map(slow)));
         self.cases.iter_mut().for_each(|case| case.slow_force = 0.0);
         with.into_iter().fold(f64::NEG_INFINITY, f64::max) - without
     }
@@ -559,8 +554,8 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
         if let Some(change) = change {
             // A force that wanders looks like changes of the load, or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
-            let Some(other) = changes::leave_smaller_side(&mut masks, &finished, &change) else { break };
-            contradictions.push(changes::describe(recordings, &masks, kind, &change, other));
+            let Some(side) = changes::leave_out(recordings, &mut masks, &finished, &change) else { break };
+            contradictions.push(side);
         } else {
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
             let all: usize = finished.search.cases.iter().map(Case::rows).sum();
@@ -579,5 +574,5 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
         None if finished.search.converged => finished.search.gain_by_slow_force(),
         None => 0.0,
     };
-    Ok(outcome::report(&finished, held, contradictions, gain))
+    Ok(outcome::report(&finished, &held, contradictions, gain))
 }

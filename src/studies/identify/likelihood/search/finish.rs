@@ -91,8 +91,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     let information = part(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
     let mut by_scores = false;
-    let told = |case: &Case<'_>| case.recording.position_noise_m.is_some() && case.recording.current_noise_a.is_some();
-    if !search.cases.iter().all(told)
+    if !search.cases.iter().all(Case::has_known_noise)
         && let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.kind.layout, search.cases.len()))
     {
         // Scores of `weight` times the information have `weight²` times the variance.
@@ -180,8 +179,7 @@ impl Search<'_> {
                 levels.currents.iter_mut().skip(k).take(1).for_each(|level| *level = libm::exp(step));
                 levels
             };
-            let sets =
-                (0..magnets).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k)), |_| true));
+            let sets = (0..magnets).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k))));
             let sums = |set: Vec<[[f64; 3]; 3]>| [0, 1, 2].map(|k| set.iter().map(|sums| sums[k][0]).sum::<f64>());
             sets.flat_map(sums).collect()
         };
