@@ -210,20 +210,18 @@ fn peak([low, mid, high]: [f64; 3]) -> (f64, f64) {
 
 /// Noise levels of one recording from the likelihood at three levels of the current noise; the largest change of a logarithm.
 pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
-    let (told_position, told_current) =
-        (case.recording.position_noise_m.is_some(), case.recording.current_noise_a.is_some());
+    let told_current = case.recording.current_noise_a.is_some();
     let count = case.position.len() as f64 * sums[1][2];
     if count < 8.0 || case.has_known_noise() {
         return 0.0;
     }
-    let at = |f: f64| f * NOISE_STEP;
     let logs = |i: usize| libm::log(sums[i][1] / count);
     // The common scale of both levels is known in closed form where neither is told.
-    let scale_is_free = !told_position && !told_current;
+    let scale_is_free = case.recording.position_noise_m.is_none() && !told_current;
     let value = |i: usize| {
         let fit = if scale_is_free { count * logs(i) } else { sums[i][1] };
         let level = libm::log(case.current_noise / START_CURRENT_NOISE_A)
-            + at(i as f64 - 1.0)
+            + (i as f64 - 1.0) * NOISE_STEP
             + if scale_is_free { 0.5 * logs(i) } else { 0.0 };
         let far = level / CURRENT_NOISE_LOG_STD;
         -0.5 * (sums[i][0] + fit + far * far)
@@ -246,7 +244,7 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
         case.current_noise *= libm::exp(ratio + scale);
     } else if !told_current {
         case.current_noise *= libm::exp(ratio);
-    } else if !told_position {
+    } else {
         // The level of the positions alone: what the common scale says, again and again.
         case.position_noise *= libm::exp(0.5 * logs(1).clamp(-1.0, 1.0));
     }

@@ -331,12 +331,10 @@ fn each_row<const N: usize, const K: usize>(
 }
 
 /// State of the smoother for a row.
-#[derive(Clone, Copy, Debug)]
 struct Kept<const N: usize, const S: usize> {
     stiffness: [[f64; N]; N],
     gyroscopic: [[f64; N]; N],
-    x: [f64; S],
-    p: [[f64; S]; S],
+    predicted: Kalman<S>,
     innovation: Innovation<N, S>,
 }
 
@@ -352,9 +350,9 @@ fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64
             kalman.predict(transition, interval, &SAME.currents, of.slow(1));
             (stiffness, gyroscopic) = (interval.stiffness, interval.gyroscopic);
         }
-        let (x, p) = (kalman.x, kalman.p);
+        let predicted = kalman.clone();
         let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
-        kept.push(Kept { stiffness, gyroscopic, x, p, innovation });
+        kept.push(Kept { stiffness, gyroscopic, predicted, innovation });
     });
     let (m, d) = (&rotor.sensor, rotor.delay);
     let mut r = [0.0; S];
@@ -375,8 +373,8 @@ fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64
         if row >= piece.counted.start && row < piece.counted.end {
             let to = &mut smoothed[2 * N * (row - piece.counted.start)..][..2 * N];
             for (i, before) in of.state[row].as_flattened().iter().enumerate() {
-                let change: f64 = (0..S).map(|j| keep.p[i][j] * r[j]).sum();
-                to[i] = before + keep.x[i] + change;
+                let change: f64 = (0..S).map(|j| keep.predicted.p[i][j] * r[j]).sum();
+                to[i] = before + keep.predicted.x[i] + change;
             }
         }
         r = Transition::of(rotor.h, &keep.stiffness, &keep.gyroscopic).apply_transposed(&r);

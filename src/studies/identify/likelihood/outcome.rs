@@ -44,10 +44,7 @@ pub(super) fn report(
 fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
     let [c, s] = [at, at + 1].map(|at| finished.search.x[at]);
     let size = c.hypot(s);
-    let (Some(i), Some(l)) = (finished.at(at), finished.at(at + 1)) else {
-        let magnitude = Estimate { value: size, ..Estimate::default() };
-        return Unbalance { magnitude, phase: Estimate::default() };
-    };
+    let [i, l] = [at, at + 1].map(|at| finished.at(at).expect("every unbalance is estimated"));
     let (along, across) = ([c / size, s / size], [-s / size, c / size]);
     let std = |matrix: &DMatrix<f64>, d: [f64; 2]| {
         (d[0] * d[0] * matrix[(i, i)] + 2.0 * d[0] * d[1] * matrix[(i, l)] + d[1] * d[1] * matrix[(l, l)])

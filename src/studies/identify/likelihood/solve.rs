@@ -42,21 +42,18 @@ impl Normal {
 
 /// The inverse of a symmetric positive definite matrix, scaled by its diagonal first; `None` unless it is one.
 pub(super) fn inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
-    let n = a.nrows();
-    let scale: Vec<f64> = (0..n).map(|i| 1.0 / a[(i, i)].sqrt()).collect();
-    if scale.iter().any(|scale| !scale.is_finite()) {
-        return None;
-    }
-    let scaled = DMatrix::from_fn(n, n, |i, l| a[(i, l)] * scale[i] * scale[l]);
-    let inverse = scaled.cholesky()?.inverse();
-    Some(DMatrix::from_fn(n, n, |i, l| inverse[(i, l)] * scale[i] * scale[l]))
+    scaled(a, |a| Some(a.cholesky()?.inverse()))
 }
 
 /// The inverse of a matrix whose rows and columns belong together, scaled by its diagonal first.
 pub(super) fn general_inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
+    scaled(a, DMatrix::try_inverse)
+}
+
+fn scaled(a: &DMatrix<f64>, inverse: fn(DMatrix<f64>) -> Option<DMatrix<f64>>) -> Option<DMatrix<f64>> {
     let scale = a.diagonal().map(|own| 1.0 / own.abs().sqrt());
     let scaled = |a: &DMatrix<f64>| DMatrix::from_fn(a.nrows(), a.ncols(), |i, l| a[(i, l)] * scale[i] * scale[l]);
-    let inverse = scaled(&scaled(a).try_inverse()?);
+    let inverse = scaled(&inverse(scaled(a))?);
     inverse.iter().all(|value| value.is_finite()).then_some(inverse)
 }
 

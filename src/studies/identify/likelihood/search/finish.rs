@@ -85,9 +85,8 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     if bias.is_none() && (0..step.len()).any(|i| step[i].abs() > response[(i, i)].sqrt()) {
         search.converged = false;
     }
-    let weights = DMatrix::from_fn(estimated.len(), estimated.len(), |i, l| {
-        if i == l { 1.0 / (search.prior[estimated[i]].1 * search.prior[estimated[i]].1) } else { 0.0 }
-    });
+    let prior_std = DVector::from_fn(estimated.len(), |i, _| search.prior[estimated[i]].1);
+    let weights = DMatrix::from_diagonal(&prior_std.map(|std| 1.0 / (std * std)));
     let information = part(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
     let mut by_scores = false;
