@@ -35,6 +35,7 @@ COURSES = {
     "sine, 0.2 to 0.6 Hz": lambda t, f: 1.5e-3 * np.sin(2 * np.pi * (0.2 + 0.4 * f) * t),
     "sine, 1 to 2 Hz": lambda t, f: 0.8e-3 * np.sin(2 * np.pi * (1 + f) * t),
     "sweep, 0.1 to 1.6 Hz": lambda t, f: 1.2e-3 * np.sin(2 * np.pi * (0.1 + 0.05 * t) * t + f),
+    "sine, 0.4 Hz, fast amplifier": lambda t, f: 2e-3 * np.sin(2 * np.pi * 0.4 * t) + 0 * f,
     "ramps": lambda t, f: 2e-3 * (4 * np.abs(((0.1 + 0.2 * f) * t) % 1 - 0.5) - 1),
     "square wave, 0.3 to 0.6 Hz": lambda t, f: 1e-3 * np.sign(np.sin(2 * np.pi * (0.3 + 0.3 * f) * t)),
     "square wave, 0.8 to 1.5 Hz": lambda t, f: 1.5e-3 * np.sign(np.sin(2 * np.pi * (0.8 + 0.7 * f) * t)),
@@ -54,6 +55,8 @@ def simulate(seeds, course):
     weight = mass * GRAVITY_M_S2
     constant = weight * ((CENTRE_M + offset) / current) ** 2
     coil_s, gain, bandwidth, delay_s = draw(0.015, 0.030), 2.7, draw(18, 24), draw(0.3, 1.2)
+    if "fast amplifier" in course:
+        coil_s = coil_s / 10
     noise_m, noise_a, offset_a = draw(10e-6, 20e-6), draw(4e-3, 8e-3), draw(0, 10e-3)
     level, slow, frequency = draw(0.005, 0.012) * weight, draw(-0.015, 0.015) * weight, draw(0, 1)
     z, v, i = (np.full(len(seeds), value) for value in (TABLE_M, 0.0, 0.0))

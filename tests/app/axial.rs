@@ -93,6 +93,11 @@ fn square(time_s: f64) -> f64 {
     1.5e-3 * (1.1 * TAU * time_s).sin().signum()
 }
 
+/// A slow path of ±2 mm.
+fn slow(time_s: f64) -> f64 {
+    2e-3 * (0.4 * TAU * time_s).sin()
+}
+
 const MASS_KG: f64 = 0.1;
 const STEP_S: f64 = 1e-3;
 
@@ -121,12 +126,14 @@ impl Levitation {
         let mut normal = |std: f64| std * (0..12).map(|_| random.between(-0.5, 0.5)).sum::<f64>();
         let hold = |x: f64| (self.load_n / self.lambda[1]).sqrt() * (self.gap_m + x);
         let (mut state, mut i) = ([0.0, 0.0], if self.bias_a == 0.0 { [0.0, hold(0.0)] } else { [self.bias_a; 2] });
-        let mut out = Vec::new();
+        let (mut out, mut filtered) = (Vec::new(), 0.0);
         for row in 0..rows {
             let reading = [state[0] + normal(10e-6), (i[0] + normal(5e-3)).max(0.0), i[1] + normal(5e-3)];
             out.push([row as f64 * STEP_S, reading[0], reading[1], reading[2]]);
             let off = reading[0] - (self.path_m)(STEP_S * row as f64);
-            let pull = 500.0 * off + 8.0 * state[1];
+            let change = 0.2 * (reading[0] - filtered);
+            filtered += change;
+            let pull = 500.0 * off + 8.0 * change / STEP_S;
             let wanted = match self.bias_a {
                 0.0 => [0.0, (hold(reading[0]) + 0.6 * pull / hold(0.0)).clamp(0.0, 5.0)],
                 bias => [bias - 0.3 * pull, bias + 0.3 * pull].map(|i: f64| i.clamp(0.0, 5.0)),
@@ -204,8 +211,18 @@ fn a_simulation_has_the_effects_of_a_bench_that_it_was_given() {
 #[test]
 fn a_path_that_jumps_is_no_slow_force() {
     for seed in 11..13 {
-        let of = Levitation { lag_s: 8e-3, path_m: square, dynamics: 1.1, seed, ..ONE };
+        let of = Levitation { lag_s: 5e-3, path_m: square, dynamics: 1.1, seed, ..ONE };
         of.right_answer("a square wave", &of.record(10_000));
+    }
+}
+
+/// On a slow path the rotor is held by currents that are too small to be seen beside their noise. They are known from the positions that the controller
+/// has read; without that κ would be several deviations too large.
+#[test]
+fn currents_that_noise_hides_hold_the_rotor() {
+    for seed in 21..24 {
+        let of = Levitation { lag_s: 2e-3, path_m: slow, seed, ..ONE };
+        of.right_answer("a slow path", &of.record(8000));
     }
 }
 

@@ -6,6 +6,7 @@
 //! `Law` alone knows the magnets: a description of any machine can take its place.
 
 mod answer;
+mod feedback;
 mod filter;
 mod search;
 mod twin;
@@ -13,6 +14,7 @@ mod twin;
 use std::ops::Range;
 
 pub use self::answer::{Answer, Check, agreement, answer};
+use self::feedback::feedback;
 use self::filter::Readings;
 use self::search::{Fit, fit, follow, log_likelihood};
 use super::samples::Samples;
@@ -21,7 +23,7 @@ use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
-pub const UNKNOWNS: usize = 12;
+pub const UNKNOWNS: usize = 13;
 /// Values of the unknowns.
 pub type Point = [f64; UNKNOWNS];
 
@@ -35,6 +37,7 @@ const WALK: usize = 8;
 const SLOW: usize = 9;
 const DELAY: usize = 10;
 const SLOPE: usize = 11;
+const FEEDBACK: usize = 12;
 
 /// Names of the unknowns with their units, for `--set` and `--estimate`: λ of the magnet that pulls along x and of the other one, gap at x = 0, load along x, κ between
 /// the forces of the statics and those that accelerate, noises, random walks, positions later than currents.
@@ -51,6 +54,7 @@ pub const PARAMETERS: [(&str, &str); UNKNOWNS] = [
     ("force.slow", "N/s0.5"),
     (likelihood::DELAY, "s"),
     ("current.slope", "A/s1.5"),
+    ("current.feedback", "1"),
 ];
 
 /// Windows by which the start is found, s; of so many in a row no more than in the second half may have normalised innovations above so many
@@ -249,6 +253,8 @@ struct Found {
     /// Readings, NaN where there is none.
     x_m: Vec<f64>,
     current_a: Vec<Vec<f64>>,
+    /// What the controller makes of the currents, see [`feedback()`].
+    feedback_a: Vec<Vec<f64>>,
 }
 
 /// Values of the unknowns where the bench does not have the effect.
@@ -270,22 +276,37 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
     let count = x_m.len();
-    let half = Readings { step_s: recording.step_s, x_m: &x_m, current_a: &current_a, rows: count / 2..count };
+    let half = Readings {
+        step_s: recording.step_s,
+        x_m: &x_m,
+        current_a: &current_a,
+        feedback_a: &[],
+        rows: count / 2..count,
+    };
     if axis.at_m.is_none() {
         axis.at_m = Some(mean(half.rows.clone().map(|row| x_m[row])));
     }
     let start = first_guess(&axis, &half)?;
     let free = free(&axis);
     let failed = "the search fails: the readings do not follow the law of this machine at all";
-    let rough = fit(&axis, &half, &start, &free, ROUGH).ok_or(failed)?;
+    let fewer: Vec<usize> = free.iter().copied().filter(|at| *at != FEEDBACK).collect();
+    let rough = fit(&axis, &half, &start, &fewer, ROUGH).ok_or(failed)?;
     let begin = begin(&axis, &half.of(0..count), &rough.point).ok_or(
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
     )?;
     let part = half.of(begin..count);
-    let mut best = fit(&axis, &part, &rough.point, &free, usize::MAX).ok_or(failed)?;
+    let feedback_a = feedback(&part);
+    let part = Readings { feedback_a: &feedback_a, ..part };
+    let mut start = rough.point;
+    if axis.told[CURRENT_NOISE].is_none() {
+        start[CURRENT_NOISE] = libm::log(current_noise(&part));
+    }
+    let mut best = fit(&axis, &part, &start, &free, usize::MAX).ok_or(failed)?;
     let mut effects = Vec::new();
+    let mut without_feedback = None;
     let mut free = free;
-    for at in [SLOPE, EXPONENT, DYNAMICS, SLOW].into_iter().filter(|at| free.contains(at)).collect::<Vec<_>>() {
+    let tried = [SLOPE, FEEDBACK, EXPONENT, DYNAMICS, SLOW];
+    for at in tried.into_iter().filter(|at| free.contains(at)).collect::<Vec<_>>() {
         let fewer: Vec<usize> = free.iter().copied().filter(|other| *other != at).collect();
         let mut point = best.point;
         point[at] = without(at);
@@ -296,9 +317,15 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         // A recording that tells little of κ does not say that it is 1: it stays, with its deviation.
         let is_taken = is_significant || at == DYNAMICS;
         effects.push(Effect { at, gain, is_significant, is_taken });
+        if let (true, FEEDBACK, Some(simpler)) = (is_taken, at, &simpler) {
+            without_feedback = Some(simpler.point);
+        }
         if let (false, Some(simpler)) = (is_taken, simpler) {
             (best, free) = (simpler, fewer);
         }
+    }
+    if let Some(point) = without_feedback {
+        best.widen(&point);
     }
     let is_worth_it = |gain: f64| gain > 0.5 * libm::log(best.readings as f64);
     let delayed = (!free.contains(&DELAY)).then(|| {
@@ -307,7 +334,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     });
     let delayed = delayed.flatten().filter(|of| is_worth_it(of.log_likelihood - best.log_likelihood));
     let Samples { start_s, step_s, .. } = *recording;
-    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, start_s, step_s, x_m, current_a })
+    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, start_s, step_s, x_m, current_a, feedback_a })
 }
 
 impl Found {
@@ -319,7 +346,13 @@ impl Found {
     }
 
     fn readings(&self) -> Readings<'_> {
-        Readings { step_s: self.step_s, x_m: &self.x_m, current_a: &self.current_a, rows: self.rows.clone() }
+        Readings {
+            step_s: self.step_s,
+            x_m: &self.x_m,
+            current_a: &self.current_a,
+            feedback_a: &self.feedback_a,
+            rows: self.rows.clone(),
+        }
     }
 }
 
@@ -347,16 +380,29 @@ fn noise_of_walk(values: &[f64]) -> f64 {
     (lag(2) - lag(1)).max(least * least).sqrt()
 }
 
+/// Noise of the currents without what the controller makes of them, A.
+fn current_noise(readings: &Readings<'_>) -> f64 {
+    let noise = |(k, current): (usize, &Vec<f64>)| {
+        let mut sum_a = 0.0;
+        let rest = readings.rows.clone().map(|row| {
+            sum_a += readings.feedback_a.get(k).map_or(0.0, |of| of[row]);
+            current[row] - sum_a
+        });
+        noise_of_walk(&rest.collect::<Vec<_>>())
+    };
+    readings.current_a.iter().enumerate().map(noise).fold(1e-6, f64::max)
+}
+
 /// First guess: statics where one magnet carries a load that is known, and otherwise the most likely of force constants that differ
 /// by factors of two.
 fn first_guess(axis: &Axis, readings: &Readings<'_>) -> Result<Point, String> {
     let rows = &readings.rows;
     let mut point = [0.0; UNKNOWNS];
     point[DYNAMICS] = 1.0;
+    point[FEEDBACK] = 1.0;
     point[SLOW] = libm::log(0.01 * axis.weight_n());
     point[POSITION_NOISE] = libm::log(noise(&readings.x_m[rows.clone()]).max(1e-9));
-    let current_noise_a =
-        readings.current_a.iter().map(|current| noise_of_walk(&current[rows.clone()])).fold(1e-6, f64::max);
+    let current_noise_a = current_noise(readings);
     point[CURRENT_NOISE] = libm::log(current_noise_a);
     point[WALK] = libm::log(current_noise_a / (2.0 * readings.step_s.sqrt()));
     point[SLOPE] = point[WALK] + libm::log(SLOPE_START_1_S);

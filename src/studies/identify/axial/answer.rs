@@ -23,6 +23,8 @@ use crate::table::Table;
 const FLOOR: f64 = 0.015;
 /// A slow force that within a second wanders by more than the floor, relative to the load, is not covered by ±.
 const BADLY: f64 = FLOOR;
+/// Deviations from 1 at which κ is spoken of.
+const TELLING: f64 = 2.0;
 /// Deviations by which a finding may move an estimate of a valid answer.
 const MOVED: f64 = 3.0;
 /// Horizon of predictions, s.
@@ -210,7 +212,9 @@ impl Answer {
             let power = significant(fit.point[EXPONENT], 2);
             let Estimate { value, noise_std, .. } = self.dynamics;
             match effect.at {
-                DYNAMICS if is_valid => Some(words_on_dynamics("", value, noise_std, &format!(", {worth}"))),
+                DYNAMICS if is_valid && (value - 1.0).abs() > TELLING * noise_std => {
+                    Some(words_on_dynamics("", value, noise_std, &format!(", {worth}")))
+                }
                 SLOW => Some(format!("A slow force that nothing explains wanders by {} ({worth}).", self.slow_force())),
                 EXPONENT => {
                     Some(format!("The noise of the position grows with the gap to the power of {power} ({worth})."))

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! m ẍ = (p + λ₁ i₁²/(s − x)² − λ₂ i₂²/(s + x)²)/κ + d      x in m, forces in N
-//! d  random walk with the level q in N/√s                   i_k  random walks with the level w in A/√s
+//! d  random walk with the level q in N/√s                   i_k  random walks with the level w in A/√s, and g Δi_c of the controller
 //! x_read = x(t − delay) + noise, σ_x (gap/gap_at)^ν          i_read = i + noise, σ_i
 //! ```
 //!
@@ -14,7 +14,7 @@
 
 use std::ops::Range;
 
-use super::{Axis, CURRENT_NOISE, DELAY, Law, SLOPE, SLOW, WALK};
+use super::{Axis, CURRENT_NOISE, DELAY, FEEDBACK, Law, SLOPE, SLOW, WALK};
 
 /// Standard deviation of what is not known at the start: the position, and the way of a sample time, relative to the gap; a current, A.
 const UNKNOWN: f64 = 0.1;
@@ -33,6 +33,8 @@ pub(super) struct Readings<'a> {
     pub x_m: &'a [f64],
     /// Currents of the magnets that are used, A.
     pub current_a: &'a [Vec<f64>],
+    /// Their changes since the row before by the controller, A; none at first.
+    pub feedback_a: &'a [Vec<f64>],
     /// The rows that count.
     pub rows: Range<usize>,
 }
@@ -107,14 +109,16 @@ impl Filter {
             return Row::default();
         }
         if row > self.row {
-            self.predict(axis, readings.step_s);
+            let gain = self.law.values[FEEDBACK];
+            let change_a = [0, 1].map(|k| readings.feedback_a.get(k).map_or(0.0, |of| gain * of[row]));
+            self.predict(axis, readings.step_s, change_a);
         }
         self.row = row;
         self.correct(readings, row)
     }
 
-    /// One sample time: midpoint rule.
-    fn predict(&mut self, axis: &Axis, h: f64) {
+    /// One sample time, in which the controller changes the currents: midpoint rule.
+    fn predict(&mut self, axis: &Axis, h: f64, change_a: [f64; 2]) {
         let law = self.law;
         let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
         self.p[2][2] += slow;
@@ -125,7 +129,7 @@ impl Filter {
             return;
         }
         let [begin_a, middle_a, end_a] =
-            [0.0, 0.5 * h, h].map(|time_s| [0, 1].map(|k| self.x[3 + k] + time_s * self.x[SLOPES + k]));
+            [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| self.x[3 + k] + part * (h * self.x[SLOPES + k] + change_a[k])));
         let begin = law.linearised(axis, self.x[0], begin_a).0 + self.x[2] / axis.m_kg;
         let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
         let (middle, stiffness, gain) = law.linearised(axis, middle_m, middle_a);
@@ -220,7 +224,7 @@ impl Filter {
                 let change_a = current[row] - open.x[3 + k];
                 open.x[SLOPES + k] = if change_a.is_finite() { change_a / readings.step_s } else { 0.0 };
             }
-            open.predict(axis, readings.step_s);
+            open.predict(axis, readings.step_s, [0.0; 2]);
         }
         open.x[0]
     }

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::filter::{Filter, POSITION, Readings, Row};
-use super::{Axis, Point, UNKNOWNS, is_logarithm, is_noise};
+use super::{Axis, DYNAMICS, Point, UNKNOWNS, is_logarithm, is_noise};
 use crate::studies::parallel::in_order;
 
 /// Rows that all filters pass before their innovations are summed: what is kept of them does not grow with the recording.
@@ -26,6 +26,15 @@ pub(super) struct Fit {
     pub covariance: DMatrix<f64>,
     pub readings: usize,
     pub converged: bool,
+}
+
+impl Fit {
+    /// Adds to the covariance by how much the bench of another model, at `point`, differs: neither knows all that the controller does.
+    pub(super) fn widen(&mut self, point: &Point) {
+        let is_bench = |at: usize| at <= DYNAMICS && self.covariance[(at, at)] > 0.0;
+        let apart = DVector::from_fn(UNKNOWNS, |at, _| if is_bench(at) { point[at] - self.point[at] } else { 0.0 });
+        self.covariance.ger(1.0, &apart, &apart, 1.0);
+    }
 }
 
 /// Sums of one pass: log-likelihood, number of readings, information and score of the unknowns.

@@ -1,0 +1,79 @@
+//! What the controller makes of a current: its response to the positions that it reads.
+//!
+//! The controller answers the noise of the sensor by currents that are too small to be seen beside their own noise, and these hold the rotor. A
+//! filter that does not know them takes the rotor for less unstable than it is, and κ is too large. So the response is found by
+//! regression (an impulse response that is constant over lags from 2ⁿ to 2ⁿ⁺¹ and half-way between), in which readings of the
+//! position are exact: they are what the controller has read.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::filter::Readings;
+
+/// Longest lag, s: controllers of levitating bodies answer within some time constants √(m/ks), 10 to 30 ms.
+const LONGEST_S: f64 = 0.064;
+/// Time constant of the high-pass, s, a quarter of it. References that the controller follows are slower.
+const HIGH_PASS_S: f64 = 0.016;
+
+/// Changes of the currents since the row before that the controller makes of the positions, A, by the rows that count.
+pub(super) fn feedback(readings: &Readings<'_>) -> Vec<Vec<f64>> {
+    let x_m = held(readings.x_m);
+    let part = |current: &Vec<f64>| {
+        let edges = edges(LONGEST_S / readings.step_s);
+        let bins: Vec<[usize; 2]> = edges.windows(2).map(|pair| [pair[0], pair[1]]).collect();
+        let response = response(readings, &x_m, &held(current), &bins).unwrap_or_else(|| DVector::zeros(bins.len()));
+        let at = |row: usize, lag: usize| x_m[row.saturating_sub(lag)];
+        let change = |row: usize| {
+            response.iter().zip(&bins).map(|(gain, [from, to])| gain * (at(row, *from) - at(row, *to))).sum()
+        };
+        (0..x_m.len()).map(change).collect()
+    };
+    readings.current_a.iter().map(part).collect()
+}
+
+/// Ends of the bins of lags: 1, 2, 3, 4, 6, 8, 12, 16, ….
+fn edges(longest: f64) -> Vec<usize> {
+    let powers = (1..).map(|power| 1 << power).take_while(|lag| *lag as f64 <= longest.max(2.0));
+    std::iter::once(1).chain(powers.flat_map(|lag: usize| [lag, lag + lag / 2])).collect()
+}
+
+/// Gains of the bins, A/m, by least squares on the rows that count.
+fn response(readings: &Readings<'_>, x_m: &[f64], current_a: &[f64], bins: &[[usize; 2]]) -> Option<DVector<f64>> {
+    let [moved, driven] = [x_m, current_a].map(|of| quick(of, readings.step_s));
+    let longest = bins.last()?[1];
+    let (mut normal, mut right) = (DMatrix::zeros(bins.len(), bins.len()), DVector::zeros(bins.len()));
+    for row in readings.rows.start.max(longest)..readings.rows.end {
+        let before =
+            DVector::from_iterator(bins.len(), bins.iter().map(|[from, to]| moved[row - from] - moved[row - to]));
+        normal.ger(1.0, &before, &before, 1.0);
+        right.axpy(driven[row] - driven[row - 1], &before, 1.0);
+    }
+    Some(normal.cholesky()?.solve(&right))
+}
+
+/// The sum of what is left of a signal by a high-pass of third order with a triple real pole; its differences are that high-pass.
+fn quick(of: &[f64], step_s: f64) -> Vec<f64> {
+    let forget = libm::exp(-step_s / HIGH_PASS_S);
+    let mut quick: Vec<f64> = of.iter().map(|value| value - of[0]).collect();
+    for order in 0..3 {
+        let (mut sum, mut before) = (0.0, 0.0);
+        for value in &mut quick {
+            let now = *value;
+            sum = forget * sum + now - if order == 0 { 0.0 } else { before };
+            before = now;
+            *value = sum;
+        }
+    }
+    quick
+}
+
+/// Readings with the one before where there is none.
+fn held(of: &[f64]) -> Vec<f64> {
+    let mut last = of.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
+    let hold = |value: &f64| {
+        if value.is_finite() {
+            last = *value;
+        }
+        last
+    };
+    of.iter().map(hold).collect()
+}
