@@ -1,4 +1,4 @@
-//! On-line parameter estimation of a three-phase radial magnetic bearing.
+//! On-line parameter estimation of a radial magnetic bearing with three magnets.
 //!
 //! SI units throughout, axis order (y, z), magnets in the order 1, 2, 3. Each layer uses only those above it:
 //!

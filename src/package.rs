@@ -25,7 +25,7 @@ pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, Stri
     let known = MACHINES.map(|machine| machine.name.to_owned());
     let mut machines: Vec<&Machine> = Vec::new();
     for name in names.iter().map(AsRef::as_ref) {
-        let unknown = || format!("{name} is no machine; {}", suggestion(name, &known));
+        let unknown = || format!("{name} is not a machine; {}", suggestion(name, &known));
         let machine = machine::find(name).ok_or_else(unknown)?;
         if machines.contains(&machine) {
             return Err(format!("{} is listed twice", machine.name));

@@ -220,7 +220,7 @@ pub type Stepped = Result<(), StepError>;
 /// A communication step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
-    /// Begin, in seconds.
+    /// Start, in seconds.
     pub time_s: f64,
     /// Length, in seconds.
     pub length_s: f64,

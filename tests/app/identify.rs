@@ -321,7 +321,7 @@ fn tolerances_have_units() {
         assert!(found.iter().all(|(_, got)| (got / std - 1.0).abs() < 1e-9), "{name}={value}: {found:?}");
     }
     for (name, value, words) in [
-        ("gap", "1%", "gap is no parameter of a bench; there are m, s, alpha[1]"),
+        ("gap", "1%", "gap is not a parameter of a bench; there are m, s, alpha[1]"),
         ("sensor", "1%", "sensor is no parameter"),
         ("alpha", "1 furlong", "in rad, mrad, deg"),
         ("alpha", "-1deg", "a number above 0"),
@@ -355,7 +355,7 @@ fn a_scenario_tells_tolerances() {
     is_told(&[], &[("s", Some(0.02)), ("alpha[3]", Some(alpha_rad)), ("sensor.offset[z]", Some(5e-6)), ("m", None)]);
     is_told(&["--tolerance", "s=1%"], &[("s", Some(0.01))]);
     for (table, words) in
-        [("gap = \"1 %\"\n", "gap is no parameter of a bench"), ("s = \"wide\"\n", "a number above 0 is wanted")]
+        [("gap = \"1 %\"\n", "gap is not a parameter of a bench"), ("s = \"wide\"\n", "a number above 0 is wanted")]
     {
         tell(table);
         refuses(&folder, &["identify", "--scenario", "mine.toml", "good.csv"], &[words]);

@@ -414,7 +414,7 @@ fn tolerances_enter_the_total_alone() {
         (part, last)
     };
     let none = || config(&rotor).tolerance;
-    // Identification.md, section 3: sensitivities on this ellipse.
+    // Sensitivities on this ellipse.
     let (mass, _) = with(Tolerance { m_kg: 0.067, ..none() });
     let (gain, _) = with(Tolerance { current_gain: 0.01, ..none() });
     let (gap, _) = with(Tolerance { gap_m: 5e-6, ..none() });

@@ -22,7 +22,7 @@ use crate::estimation::STD_LIMIT;
 use crate::studies::parallel::in_order;
 
 /// Turns that a recording must have at least, noise known or estimated (as on line). Of 600 good recordings of drawn bearings, 0.1 to 5 s, nine have fewer
-/// (docs/identify.md, seeds 95001 and 101001).
+/// (seeds 95001 and 101001).
 const TURNS: [f64; 2] = [1.3, 2.0];
 /// A force that wanders by more within a second, in weights of the rotor, is no slow one: the law fits badly.
 const SLOW_FORCE: f64 = 0.015;

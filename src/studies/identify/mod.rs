@@ -252,7 +252,9 @@ impl Stated {
             return Ok(());
         }
         let wanted = wanted.join(" or ");
-        Err(format!("{name}: nothing tells it from the force constants without a known load that is not 0: {wanted}"))
+        Err(format!(
+            "{name}: it cannot be separated from the force constants without a known load that is not 0: {wanted}"
+        ))
     }
 }
 

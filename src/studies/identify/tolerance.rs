@@ -40,7 +40,7 @@ pub fn named(parameters: &[BenchParameter], name: &str) -> Result<Vec<usize>, St
         _ => {}
     }
     let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name.as_str()).collect();
-    Err(format!("{name} is no parameter of a bench; there are {}", names.join(", ")))
+    Err(format!("{name} is not a parameter of a bench; there are {}", names.join(", ")))
 }
 
 /// The tolerances that the on-line estimator is told (`tolerance.*`), as bench parameters with their standard deviations; none where they

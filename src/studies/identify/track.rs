@@ -33,7 +33,7 @@ pub struct Track {
 /// Outputs that there are of each magnet.
 const OF_MAGNETS: [&str; 5] = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"];
 /// Note below the estimates over time.
-const DRIFT: &str = "± of noise alone. Values that drift from line to line are a bearing that changes.";
+const DRIFT: &str = "± of noise alone. Values that drift from line to line mean that the bearing changes.";
 
 /// Runs an estimator over a recording and keeps the outputs of every n-th sample: all those of a long recording take more memory than itself.
 ///

@@ -8,7 +8,7 @@ use crate::studies::identify::likelihood::{
 };
 use crate::studies::identify::units::significant;
 
-// False alarms of the limits below, over good recordings (docs/identify.md, seeds 95001 and 101001): none of 600 of drawn bearings, 0.1 to 5 s, is refused for
+// False alarms of the limits below, over good recordings (seeds 95001 and 101001): none of 600 of drawn bearings, 0.1 to 5 s, is refused for
 // them. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
 
 /// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated

@@ -129,7 +129,7 @@ impl Answer {
         }
         Table {
             title: "Maximum likelihood over the whole recording".into(),
-            note: "± is one standard deviation: of noise alone; in all, with the tolerances that were told; and with those of a typical \
+            note: "± is one standard deviation: of noise alone; in all, with the stated tolerances; and with those of a typical \
                    bench where none is stated (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %)."
                 .into(),
             head: ["", "value", "± of noise", "± in all", "± typical bench", ""].map(String::from).into(),

@@ -57,7 +57,7 @@ const WHITENED: usize = 1;
 const SMOOTHED: usize = 8;
 
 /// Why a matrix of information has no inverse.
-const NOT_APART: &str = "the data do not tell apart all that is to be estimated: state tolerances, or leave less free";
+const NOT_APART: &str = "the data do not determine all parameters: state tolerances, or estimate fewer";
 
 /// Sums of the blocks of every piece, with the number of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;

@@ -59,7 +59,7 @@ impl Signal {
                 let is_same = several.iter().all(|at| columns[*at].name == columns[several[0]].name);
                 let how = if is_same { "rename the others".into() } else { format!("--column {name}=…") };
                 let several = joined(several.iter().map(|at| &columns[*at].name));
-                Err(format!("{name}: several columns go by this name: {several}; one is wanted: {how}"))
+                Err(format!("{name}: several columns match this name: {several}; choose one: {how}"))
             }
         }
     }
