@@ -287,7 +287,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         axis.at_m = Some(mean(half.rows.clone().map(|row| x_m[row])));
     }
     let start = first_guess(&axis, &half)?;
-    let free = free(&axis);
+    let mut free = free(&axis);
     let failed = "the search fails: the readings do not follow the law of this machine at all";
     let fewer: Vec<usize> = free.iter().copied().filter(|at| *at != FEEDBACK).collect();
     let rough = fit(&axis, &half, &start, &fewer, ROUGH).ok_or(failed)?;
@@ -297,6 +297,9 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let part = half.of(begin..count);
     let feedback_a = feedback(&part);
     let part = Readings { feedback_a: &feedback_a, ..part };
+    if feedback_a.iter().flatten().all(|change_a| *change_a == 0.0) {
+        free.retain(|at| *at != FEEDBACK);
+    }
     let mut start = rough.point;
     if axis.told[CURRENT_NOISE].is_none() {
         start[CURRENT_NOISE] = libm::log(current_noise(&part));
@@ -304,7 +307,6 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut best = fit(&axis, &part, &start, &free, usize::MAX).ok_or(failed)?;
     let mut effects = Vec::new();
     let mut without_feedback = None;
-    let mut free = free;
     let tried = [SLOPE, FEEDBACK, EXPONENT, DYNAMICS, SLOW];
     for at in tried.into_iter().filter(|at| free.contains(at)).collect::<Vec<_>>() {
         let fewer: Vec<usize> = free.iter().copied().filter(|other| *other != at).collect();

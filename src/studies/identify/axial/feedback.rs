@@ -1,15 +1,15 @@
 //! What the controller makes of a current: its response to the positions that it reads.
 //!
-//! The controller answers the noise of the sensor by currents that are too small to be seen beside their own noise, and these hold the rotor. A
-//! filter that does not know them takes the rotor for less unstable than it is, and κ is too large. So the response is found by
-//! regression (an impulse response that is constant over lags from 2ⁿ to 2ⁿ⁺¹ and half-way between), in which readings of the
-//! position are exact: they are what the controller has read.
+//! A controller answers the noise of its position sensor by currents that may be too small to be seen beside their own noise, and yet hold
+//! the rotor. A filter that does not know them takes the rotor for less unstable than it is, and κ is too large. So the impulse
+//! response of the currents is found by least squares, constant between the lags 1, 2, 3, 4, 6, 8, 12, … rows. The readings of the position are exact here:
+//! they are what the controller has read.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::filter::Readings;
 
-/// Longest lag, s: controllers of levitating bodies answer within some time constants √(m/ks), 10 to 30 ms.
+/// Least lag of the last part of the response, s: controllers of levitating bodies answer within some time constants √(m/ks), 10 to 30 ms.
 const LONGEST_S: f64 = 0.064;
 /// Time constant of the high-pass, s, a quarter of it. References that the controller follows are slower.
 const HIGH_PASS_S: f64 = 0.016;
