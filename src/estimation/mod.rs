@@ -84,6 +84,7 @@ impl<const N: usize, const K: usize> Judged<'_, N, K> {
             _ if !self.input.enable => Some(Verdict::Disabled),
             _ if self.input.contact => Some(Verdict::Contact),
             Taken::Usable { contradiction: true, .. } if self.identify_unbalance => Some(Verdict::Speed),
+            Taken::Usable { settling: true, .. } if self.identify_unbalance => Some(Verdict::Collecting),
             Taken::Usable { stuck, .. } => stuck[positions].iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
             _ if self.is_lost => Some(Verdict::BadSample),
             Taken::Missing | Taken::Repeated => Some(verdict),

@@ -9,7 +9,7 @@ use super::one_bearing::Planar;
 use super::paper::Paper;
 use super::{
     Body, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Method, Names, PredictionError,
-    PredictionErrorState, Sample, Verdict,
+    PredictionErrorState, Sample, Taken, Verdict,
 };
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
@@ -109,7 +109,10 @@ impl<const N: usize, const A: usize> Judged<'_, N, A> {
         [reading, magnet, load]: [usize; 3],
     ) -> Verdict {
         let refused = self.refused(reading..reading + R, state.estimate.verdict);
-        let verdict = method.take(state, refused, || {
+        // All samples so far belong to another angle, or to one that has not settled.
+        let is_anew =
+            matches!((&self.taken, refused), (Taken::Usable { .. }, Some(Verdict::Speed | Verdict::Collecting)));
+        let verdict = method.take(state, refused, is_anew, || {
             let position_m = std::array::from_fn(|n| self.input.position_m[reading + n]);
             let current_a = std::array::from_fn(|k| self.input.current_a[magnet + k]);
             Sample::new(position_m, current_a, self.rotation)

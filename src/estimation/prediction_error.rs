@@ -212,11 +212,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
         refused: Option<Verdict>,
+        is_anew: bool,
         sample: impl FnOnce() -> Sample<N, K>,
     ) -> Verdict {
         if let Some(verdict) = refused {
-            if verdict == Verdict::Speed {
-                // All samples so far belong to another angle.
+            if is_anew && state.filter.is_some() {
                 self.reset(state);
             }
             state.gap = state.gap.saturating_add(1);

@@ -12,8 +12,8 @@ pub const STUCK_SAMPLES: u32 = 25;
 /// How a sample can be used.
 #[derive(Debug)]
 pub enum Taken<const N: usize> {
-    /// All of it, but for sensors that are stuck, and a measured speed that is not that of the angle.
-    Usable { stuck: [bool; N], contradiction: bool },
+    /// All of it, but for sensors that are stuck, a measured speed that is not that of the angle, and an angle whose filter has not settled.
+    Usable { stuck: [bool; N], contradiction: bool, settling: bool },
     /// Nothing: not finite, or outside the gap.
     Missing,
     /// Nothing: the positions and currents of the sample before.
@@ -100,7 +100,7 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         let moving = self.same.min() == 0;
         // Steps of less than eight times the smallest one are those of a still rotor behind a quantised sensor.
         let stuck = |n: usize| self.same[n] >= STUCK_SAMPLES && self.mean_m[n] > 8.0 * self.smallest_m[n];
-        let contradiction = self.rotation().contradicts();
-        Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), contradiction }
+        let (contradiction, settling) = (self.rotation().contradicts(), self.rotation().is_settling(step_s));
+        Taken::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), contradiction, settling }
     }
 }

@@ -194,6 +194,7 @@ fn angles() -> Vec<Course> {
         circle("noise of the angle 3°", altered::noisy_angle(0.0, PI / 60.0)),
         circle("encoder of 64 counts, speed by differences", altered::encoder(64.0)),
         Course::misread("encoder of 64 counts, speed by differences", NotWrong, altered::encoder(64.0)),
+        Course::misread("encoder of 32 counts, speed by differences", NotWrong, altered::encoder(32.0)),
         Course::misread("encoder eccentric by 1 %", NotWrong, altered::eccentric(0.01)),
         Course::misread("speed in rpm", NotValid, altered::speed(|omega| omega / RPM)),
         Course::misread("speed of the wrong sign", NotValid, altered::speed(|omega| -omega)),
