@@ -307,7 +307,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
         let passed = samples * state.least_pace(self.filter.step_s);
-        state.validation.add(&innovation, sample.turn, passed);
+        let of_rotor = state.of_rotor(sample.rotation.omega_rad_s, self.filter.step_s);
+        state.validation.add(&innovation, sample.turn, passed, of_rotor);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
@@ -568,6 +569,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Revolutions in a sample, of a slow rotor those of one of 2250 rpm: quarters and orders are counted by it.
     fn least_pace(&self, step_s: f64) -> f64 {
         self.pace.max(step_s / REVOLUTION_AT_REST_S)
+    }
+
+    /// Revolutions of the rotor in one that is counted, 0 at rest.
+    fn of_rotor(&self, omega_rad_s: f64, step_s: f64) -> f64 {
+        if omega_rad_s.abs() > TAU { self.pace / self.least_pace(step_s) } else { 0.0 }
     }
 
     /// Samples in a revolution at the present pace.

@@ -38,9 +38,11 @@ const LINES_EASED: f64 = 0.5;
 /// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations beyond it count as such.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Other orders of the rotor that are tested, a quarter apart: the first, in quarters, and their number. Forces with a frequency of their own show
-/// there before they have moved λ. Nearer to the speed, λ and unbalance that drift leave something, and the harmonics are tested for longer.
-const FIRST_ORDER: f64 = 6.0;
+/// Other orders that are tested, a quarter apart: the first, in quarters, that of the rotor with which they begin, and their number. Forces with a
+/// frequency of their own show there before they have moved λ. Nearer to the speed, λ and unbalance that drift leave something, and the harmonics are
+/// tested for longer: not so at rest and along the axis, where nothing turns.
+const FIRST_ORDER: f64 = 2.0;
+const FIRST_OF_ROTOR: f64 = 6.0;
 const ORDERS: usize = 15;
 
 /// Revolutions for which such an order counts: a line between two of these orders then loses least (`M/(1 + (π M/4)²)` is greatest at 4/π).
@@ -57,8 +59,9 @@ pub struct Validation<const N: usize, const U: usize, const T: usize> {
     quarters: [usize; 2],
     harmonics: [Line<N, U, T>; HARMONICS],
     orders: [Line<N, U, T>; ORDERS],
-    /// Revolutions since the start, modulo four.
+    /// Revolutions since the start, modulo four; those of the rotor in each of them, 0 at rest.
     turned: f64,
+    of_rotor: f64,
     /// The greatest χ² of a harmonic, and of an order.
     greatest: [f64; 2],
     /// Innovations in the means; product of successive ones, square, the last one.
@@ -149,6 +152,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             harmonics: [Line::zeros(); HARMONICS],
             orders: [Line::zeros(); ORDERS],
             turned: 0.0,
+            of_rotor: 0.0,
             greatest: [0.0; 2],
             averaged: 0.0,
             product: 0.0,
@@ -183,19 +187,34 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.quarters[0]
     }
 
-    /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ), a part of a revolution after the last one.
+    /// The first order, in quarters: whole ones, for the angle is one modulo four revolutions.
+    fn first_order(&self) -> f64 {
+        if N == 1 { FIRST_ORDER } else { FIRST_ORDER.max((FIRST_OF_ROTOR * self.of_rotor).ceil()) }
+    }
+
+    /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ), a part of a revolution after the last one, with the revolutions of
+    /// the rotor in one.
     #[inline(always)]
-    pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, turn: [f64; 2], passed: f64) {
+    pub fn add<const K: usize>(
+        &mut self,
+        innovation: &Innovation<N, K, U, T>,
+        turn: [f64; 2],
+        passed: f64,
+        of_rotor: f64,
+    ) {
         let each = |lines: &mut [Line<N, U, T>], [mut a, mut b]: [f64; 2], [c, s]: [f64; 2]| {
             for line in lines {
                 line.add(innovation, [a, b]);
                 (a, b) = (a * c - b * s, b * c + a * s);
             }
         };
-        each(&mut self.harmonics, turn, turn);
+        self.of_rotor = of_rotor;
+        if of_rotor > 0.0 {
+            each(&mut self.harmonics, turn, turn);
+        }
         self.turned = (self.turned + passed) % 4.0;
         let quarter = FRAC_PI_2 * self.turned;
-        let [first, step] = [FIRST_ORDER * quarter, quarter].map(|angle| {
+        let [first, step] = [self.first_order() * quarter, quarter].map(|angle| {
             let (sin, cos) = sincos(angle);
             [cos, sin]
         });
@@ -234,11 +253,12 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             return;
         }
         // Beyond 0.4 of the sampling rate cosine and sine are no longer independent.
-        let orders = (1.6 * per_revolution - FIRST_ORDER).clamp(0.0, ORDERS as f64) as usize;
+        let orders = (1.6 * per_revolution - self.first_order()).clamp(0.0, ORDERS as f64) as usize;
         let greatest = |lines: &[Line<N, U, T>]| {
             lines.iter().map(|line| line.chi_square(found, moved, position_variance)).fold(0.0, f64::max)
         };
-        self.greatest = [greatest(&self.harmonics), greatest(&self.orders[..orders])];
+        let harmonics = if self.of_rotor > 0.0 { greatest(&self.harmonics) } else { 0.0 };
+        self.greatest = [harmonics, greatest(&self.orders[..orders])];
     }
 
     /// The verdict on an estimate that was valid or not.
