@@ -30,6 +30,10 @@ const REPLACED: f64 = 12.0;
 /// with 4 none (test `blows_are_forgotten`).
 const UNEXPLAINED: f64 = 4.0;
 
+/// Time constant, s, of the mean from which the estimates scatter where unknowns move. A force beside the frequency of the motion beats with it, and λ
+/// seems to swing: half a second covers beats of 1 Hz and more, and a drift of λ by 2 %/s makes it 1 %.
+const SCATTER_S: f64 = 0.5;
+
 /// The models of the backward force: none, or Gaussian with these parts of its tolerance, from a tenth of a newton to some newtons.
 const FORCE_PARTS: [f64; 4] = [0.0, 0.05, 0.3, 1.0];
 
@@ -73,6 +77,9 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
     used: usize,
     /// Variance by the other models.
     spread: SVector<f64, U>,
+    /// Whether unknowns have moved; mean of the estimates of late and of their variances by noise, and scatter about it since then beyond these.
+    moved: bool,
+    course: [SVector<f64, U>; 3],
     /// The model of the backward force that is used, by its place in [`FORCE_PARTS`].
     force: usize,
     /// Logarithms of the odds of the models of the force against none by the sums, and by samples that these no longer hold: a force does not come and
@@ -93,6 +100,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             evidence: [0.0; MEMORY_S.len()],
             used: 0,
             spread: SVector::zeros(),
+            moved: false,
+            course: [SVector::zeros(); 3],
             force: 0,
             force_odds: [0.0; FORCE_PARTS.len()],
             retained: [0.0; FORCE_PARTS.len()],
@@ -110,6 +119,11 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn restart(&mut self) {
         self.sums.iter_mut().for_each(|sums| **sums = Sums::zeros());
         (self.evidence, self.used, self.spread, self.force_blocks) = ([0.0; MEMORY_S.len()], 0, SVector::zeros(), 0);
+        self.forget_course();
+    }
+
+    fn forget_course(&mut self) {
+        (self.moved, self.course) = (false, [SVector::zeros(); 3]);
     }
 
     /// Whether the model of the backward force has stood long enough for λ to be relied on.
@@ -190,6 +204,10 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             false if renewed || self.used != former => Weighed::Renewed,
             false => Weighed::Same,
         };
+        self.moved |= renewed || self.used > 0;
+        if changed {
+            self.forget_course();
+        }
         let goes_on = self.force > 0 && weighed == Weighed::Same;
         self.force_blocks = if goes_on { self.force_blocks + 1 } else { 0 };
         let lost = if renewed { 1.0 } else { lost };
@@ -205,8 +223,9 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         std::array::from_fn(|m| self.evidence[m] + if m > 0 { PRIOR } else { 0.0 })
     }
 
-    /// Finds the variance of the mixture beyond that of the model that is used.
-    pub fn mix(&mut self, prior: &Prior<U>, variances: [f64; 2]) {
+    /// Finds the variance of the mixture beyond that of the model that is used, at the end of a block of a duration; where unknowns move, their scatter
+    /// as well: the data do not tell a λ that swings from a force that beats with the motion, and then the mean is right.
+    pub fn mix(&mut self, prior: &Prior<U>, variances: [f64; 2], time_s: f64) {
         self.spread = SVector::zeros();
         let Some(own) = self.sums().solve(prior, variances) else { return };
         let most = self.odds().into_iter().fold(f64::NEG_INFINITY, f64::max);
@@ -218,7 +237,22 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             let wider = (other.inverse.diagonal() - own.inverse.diagonal()) * variances[0];
             self.spread += (apart.component_mul(&apart) + wider) * (weight / all);
         }
-        self.spread.iter_mut().for_each(|x| *x = x.max(0.0));
+        let kept = exp(-time_s / SCATTER_S);
+        let [mean, variance, scatter] = &mut self.course;
+        for (j, spread) in self.spread.iter_mut().enumerate() {
+            let noise = own.inverse[(j, j)] * variances[0];
+            if mean[j] == 0.0 {
+                (mean[j], variance[j]) = (own.unknowns[j], noise);
+            }
+            let apart = own.unknowns[j] - mean[j];
+            if self.moved {
+                let more = (apart * apart - variance[j] - noise).max(0.0);
+                scatter[j] = (scatter[j] + more * (1.0 - kept)) * kept;
+            }
+            mean[j] += apart * (1.0 - kept);
+            variance[j] += (noise - variance[j]) * (1.0 - kept);
+            *spread = spread.max(0.0) + scatter[j];
+        }
     }
 
     /// The prior of the unknowns in the model that is used, from that with the widest prior of the backward forces.

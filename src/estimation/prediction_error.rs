@@ -207,7 +207,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
     }
 
-    /// Takes in a sample unless it is refused: then it is missing, and the sums stay. The verdict on the estimate.
+    /// Takes in a sample unless it is refused: then it is missing, and the sums stay, unless all begins anew. The verdict on the estimate.
     pub fn take(
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
@@ -442,7 +442,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                     *state.validation = Validation::start();
                 }
             }
-            state.models.mix(&prior, variances);
+            state.models.mix(&prior, variances, time_s);
         } else {
             state.models.merge(&block);
         }
