@@ -67,6 +67,31 @@ pub enum Weighed {
     Changed,
 }
 
+/// Estimates of late.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+struct Course<const U: usize> {
+    /// Means of the estimates and of their variances by noise.
+    mean: SVector<f64, U>,
+    variance: SVector<f64, U>,
+    /// Mean square of the distances of the estimates from their mean, beyond these variances.
+    scatter: SVector<f64, U>,
+}
+
+impl<const U: usize> Course<U> {
+    /// Adds estimates with their variances by noise; the means keep a part of what they were.
+    fn add(&mut self, unknowns: &SVector<f64, U>, noise: &SVector<f64, U>, moved: bool, kept: f64) {
+        for j in 0..U {
+            let apart = unknowns[j] - self.mean[j];
+            if moved {
+                let more = (apart * apart - self.variance[j] - noise[j]).max(0.0);
+                self.scatter[j] = (self.scatter[j] + more * (1.0 - kept)) * kept;
+            }
+            self.mean[j] += apart * (1.0 - kept);
+            self.variance[j] += (noise[j] - self.variance[j]) * (1.0 - kept);
+        }
+    }
+}
+
 /// The models of memory, with the sums of each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Models<const K: usize, const U: usize, const T: usize> {
@@ -77,9 +102,9 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
     used: usize,
     /// Variance by the other models.
     spread: SVector<f64, U>,
-    /// Whether unknowns have moved; mean of the estimates of late and of their variances by noise, and scatter about it since then beyond these.
+    /// Whether unknowns have moved, and the estimates of late.
     moved: bool,
-    course: [SVector<f64, U>; 3],
+    course: Option<Course<U>>,
     /// The model of the backward force that is used, by its place in [`FORCE_PARTS`].
     force: usize,
     /// Logarithms of the odds of the models of the force against none by the sums, and by samples that these no longer hold: a force does not come and
@@ -101,7 +126,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             used: 0,
             spread: SVector::zeros(),
             moved: false,
-            course: [SVector::zeros(); 3],
+            course: None,
             force: 0,
             force_odds: [0.0; FORCE_PARTS.len()],
             retained: [0.0; FORCE_PARTS.len()],
@@ -119,11 +144,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn restart(&mut self) {
         self.sums.iter_mut().for_each(|sums| **sums = Sums::zeros());
         (self.evidence, self.used, self.spread, self.force_blocks) = ([0.0; MEMORY_S.len()], 0, SVector::zeros(), 0);
-        self.forget_course();
-    }
-
-    fn forget_course(&mut self) {
-        (self.moved, self.course) = (false, [SVector::zeros(); 3]);
+        (self.moved, self.course) = (false, None);
     }
 
     /// Whether the model of the backward force has stood long enough for λ to be relied on.
@@ -206,7 +227,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         };
         self.moved |= renewed || self.used > 0;
         if changed {
-            self.forget_course();
+            (self.moved, self.course) = (false, None);
         }
         let goes_on = self.force > 0 && weighed == Weighed::Same;
         self.force_blocks = if goes_on { self.force_blocks + 1 } else { 0 };
@@ -237,22 +258,11 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             let wider = (other.inverse.diagonal() - own.inverse.diagonal()) * variances[0];
             self.spread += (apart.component_mul(&apart) + wider) * (weight / all);
         }
-        let kept = exp(-time_s / SCATTER_S);
-        let [mean, variance, scatter] = &mut self.course;
-        for (j, spread) in self.spread.iter_mut().enumerate() {
-            let noise = own.inverse[(j, j)] * variances[0];
-            if mean[j] == 0.0 {
-                (mean[j], variance[j]) = (own.unknowns[j], noise);
-            }
-            let apart = own.unknowns[j] - mean[j];
-            if self.moved {
-                let more = (apart * apart - variance[j] - noise).max(0.0);
-                scatter[j] = (scatter[j] + more * (1.0 - kept)) * kept;
-            }
-            mean[j] += apart * (1.0 - kept);
-            variance[j] += (noise - variance[j]) * (1.0 - kept);
-            *spread = spread.max(0.0) + scatter[j];
-        }
+        let noise = own.inverse.diagonal() * variances[0];
+        let start = || Course { mean: own.unknowns, variance: noise, scatter: SVector::zeros() };
+        let course = self.course.get_or_insert_with(start);
+        course.add(&own.unknowns, &noise, self.moved, exp(-time_s / SCATTER_S));
+        self.spread = self.spread.map(|x| x.max(0.0)) + course.scatter;
     }
 
     /// The prior of the unknowns in the model that is used, from that with the widest prior of the backward forces.

@@ -322,7 +322,7 @@ fn tolerances_have_units() {
     }
     for (name, value, words) in [
         ("gap", "1%", "gap is not a parameter of a bench; there are m, s, alpha[1]"),
-        ("sensor", "1%", "sensor is no parameter"),
+        ("sensor", "1%", "sensor is not a parameter"),
         ("alpha", "1 furlong", "in rad, mrad, deg"),
         ("alpha", "-1deg", "a number above 0"),
         ("s", "150%", "less than 100 %"),

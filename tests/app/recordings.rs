@@ -342,9 +342,9 @@ fn all_that_is_wrong_with_a_header_is_said_at_once() {
             &reading,
             &[
                 "time (column Zeit): the unit min is none of s, ms, µs, ns",
-                "Ym: several columns match this name: a.Ym, b.Ym; one is wanted: --column Ym=…",
+                "Ym: several columns match this name: a.Ym, b.Ym; choose one: --column Ym=…",
                 "Zm (column Zm): the unit furlong is none of m, mm, µm, nm, mil",
-                "im[1]: several columns match this name: im1, im1; one is wanted: rename the others",
+                "im[1]: several columns match this name: im1, im1; choose one: rename the others",
                 "im[2] (column i2): the unit kA is none of A, mA",
                 "im[3]: no column of this name; the current of magnet 3 is wanted: --column im[3]=…",
                 "--column theta=Winkel: there is no column Winkel",
