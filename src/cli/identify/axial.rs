@@ -78,7 +78,7 @@ impl Bench {
             _ => match parameter(name) {
                 Some(at) => {
                     let number = quantity(name, value, PARAMETERS[at].1);
-                    let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow");
+                    let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
                     let number = if signed { number } else { positive(number) };
                     number.map(|number| self.axis.told[at] = Some(number))
                 }
