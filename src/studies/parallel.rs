@@ -1,8 +1,19 @@
 //! Work on all processors.
 
+use std::sync::OnceLock;
+
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 
 /// Does the work of every index on the pool of the program; the results in order.
-pub fn in_order<T: Send>(count: usize, work: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
-    (0..count).into_par_iter().with_max_len(1).map(work).collect()
+pub fn in_order<T: Send + Sync>(count: usize, work: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
+    let results: Vec<OnceLock<T>> = (0..count).map(|_| OnceLock::new()).collect();
+    each(count, &|index| {
+        results[index].get_or_init(|| work(index));
+    });
+    results.into_iter().filter_map(OnceLock::into_inner).collect()
+}
+
+/// A function of its own: what the pool needs is compiled once, and not for every work.
+fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
+    (0..count).into_par_iter().with_max_len(1).for_each(work);
 }

@@ -253,7 +253,7 @@ struct Found {
     /// Readings, NaN where there is none.
     x_m: Vec<f64>,
     current_a: Vec<Vec<f64>>,
-    /// What the controller makes of the currents, see [`feedback()`].
+    /// The part of the currents by which the controller answers, see [`feedback()`].
     feedback_a: Vec<Vec<f64>>,
 }
 
@@ -288,17 +288,18 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     }
     let start = first_guess(&axis, &half)?;
     let mut free = free(&axis);
+    // There is no response yet.
+    let has_feedback = free.pop_if(|at| *at == FEEDBACK).is_some();
     let failed = "the search fails: the readings do not follow the law of this machine at all";
-    let fewer: Vec<usize> = free.iter().copied().filter(|at| *at != FEEDBACK).collect();
-    let rough = fit(&axis, &half, &start, &fewer, ROUGH).ok_or(failed)?;
+    let rough = fit(&axis, &half, &start, &free, ROUGH).ok_or(failed)?;
     let begin = begin(&axis, &half.of(0..count), &rough.point).ok_or(
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
     )?;
     let part = half.of(begin..count);
     let feedback_a = feedback(&part);
     let part = Readings { feedback_a: &feedback_a, ..part };
-    if feedback_a.iter().flatten().all(|change_a| *change_a == 0.0) {
-        free.retain(|at| *at != FEEDBACK);
+    if has_feedback && feedback_a.iter().flatten().any(|change_a| *change_a != 0.0) {
+        free.push(FEEDBACK);
     }
     let mut start = rough.point;
     if axis.told[CURRENT_NOISE].is_none() {
@@ -382,7 +383,7 @@ fn noise_of_walk(values: &[f64]) -> f64 {
     (lag(2) - lag(1)).max(least * least).sqrt()
 }
 
-/// Noise of the currents without what the controller makes of them, A.
+/// Noise of the currents without the response of the controller, A.
 fn current_noise(readings: &Readings<'_>) -> f64 {
     let noise = |(k, current): (usize, &Vec<f64>)| {
         let mut sum_a = 0.0;

@@ -1,4 +1,4 @@
-//! What the controller makes of a current: its response to the positions that it reads.
+//! The response of the controller to the positions that it reads: part of the currents.
 //!
 //! A controller answers the noise of its position sensor by currents that may be too small to be seen beside their own noise, and yet hold
 //! the rotor. A filter that does not know them takes the rotor for less unstable than it is, and κ is too large. So the impulse
@@ -14,7 +14,7 @@ const LONGEST_S: f64 = 0.064;
 /// Time constant of the high-pass, s, a quarter of it. References that the controller follows are slower.
 const HIGH_PASS_S: f64 = 0.016;
 
-/// Changes of the currents since the row before that the controller makes of the positions, A, by the rows that count.
+/// Changes of the currents since the row before by which the controller answers the positions, A; the response is that of the rows that count.
 pub(super) fn feedback(readings: &Readings<'_>) -> Vec<Vec<f64>> {
     let x_m = held(readings.x_m);
     let part = |current: &Vec<f64>| {
@@ -66,7 +66,7 @@ fn quick(of: &[f64], step_s: f64) -> Vec<f64> {
     quick
 }
 
-/// Readings with the one before where there is none.
+/// Readings with the one before where there is none: the filter must not know a later one.
 fn held(of: &[f64]) -> Vec<f64> {
     let mut last = of.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
     let hold = |value: &f64| {
