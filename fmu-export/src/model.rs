@@ -8,10 +8,10 @@ use serde::de::DeserializeOwned;
 
 use crate::clock::Clock;
 use crate::input::{HIGHEST_ORDER, InputTrajectory};
-use crate::log::Log;
+use crate::log::{Digits, Log, Topic};
 use crate::resources::Resources;
 use crate::state::{HiddenState, write_to};
-use crate::variable::{Row, Variability};
+use crate::variable::{Causality, Row, Variability};
 
 /// General information for the model description. Empty texts are left out.
 ///
@@ -483,6 +483,7 @@ impl<S: SampledModel> Model for Sampled<S> {
         inputs: &InputTrajectory<'_, S::Values>,
         log: &mut dyn Log,
     ) -> Stepped {
+        let is_first = clock.taken() == 0;
         while let Some(instant_s) = clock.next_before(step.end_s()) {
             self.0.take_effect(state, values);
             inputs.apply(values, instant_s);
@@ -496,6 +497,16 @@ impl<S: SampledModel> Model for Sampled<S> {
         }
         if clock.is_due(step.end_s()) {
             self.0.take_effect(state, values);
+        }
+        let mut variables = inputs.table.variables.iter();
+        let repeats = is_first && clock.taken() > 1 && inputs.is_held();
+        if repeats && variables.any(|of| of.causality == Causality::Input) && log.wants(Topic::Warning) {
+            let (samples, length_s, period_s) =
+                (clock.taken(), Digits::<6>(step.length_s), Digits::<6>(self.0.period_s()));
+            let message = format_args!(
+                "a communication step of {length_s} s holds {samples} samples, one every {period_s} s, of the same inputs"
+            );
+            log.message(Topic::Warning, message);
         }
         Ok(())
     }

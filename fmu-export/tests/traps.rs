@@ -1,7 +1,7 @@
 //! Mistakes that a model can make without noticing: each is done right by default, or refused.
 
 use fmu_export::fmi2::bindings::{fmi2Boolean, fmi2Real, fmi2Status, fmi2StatusKind};
-use fmu_export::log::Silent;
+use fmu_export::log::{Silent, Topic};
 use fmu_export::package::{PackageError, Packager};
 use fmu_export::prelude::*;
 use fmu_export::variable::Value;
@@ -539,6 +539,35 @@ fn what_a_sampled_model_cannot_be_is_refused() {
     let leaving = Packager::new(&FMUS).extras(|_| fmu_export::package::Extras::default().resource("../../a", "b"));
     let error = leaving.write("none").expect_err("outside");
     assert!(format!("{error:?}").contains("\"../../a\" is not allowed"), "{error:?}");
+}
+
+/// Fails if nothing says that several samples see the same inputs, or if it is said of every step.
+#[test]
+fn samples_of_the_same_inputs_are_told() {
+    struct Warnings(Vec<String>);
+    impl Log for Warnings {
+        fn wants(&self, topic: Topic) -> bool {
+            topic == Topic::Warning
+        }
+
+        fn message(&mut self, _: Topic, message: std::fmt::Arguments<'_>) {
+            self.0.push(message.to_string());
+        }
+    }
+    let said = |length_s: f64| {
+        let (_, mut pid) = made("Pid");
+        pid.start().expect("good parameters");
+        let mut log = Warnings(Vec::new());
+        for n in 0..3 {
+            pid.step(Step { time_s: f64::from(n) * length_s, length_s }, &mut log).expect("a step");
+        }
+        log.0
+    };
+    assert_eq!(
+        said(3e-4),
+        ["a communication step of 0.0003 s holds 3 samples, one every 0.0001 s, of the same inputs"]
+    );
+    assert_eq!(said(1e-4), [""; 0]);
 }
 
 /// Fails if an archive is written of a model that cannot be instantiated, or two under one name.
