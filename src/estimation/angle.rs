@@ -74,20 +74,25 @@ impl Rotation {
     pub fn advance(&mut self, step_s: f64, theta_rad: f64, omega_rad_s: f64) {
         self.predict(step_s);
         let error = turned(self.theta_rad, theta_rad);
-        if error.abs() > 1.0 {
-            // So far off it is a new angle, not noise.
+        let first = turned(self.measured_rad[0], theta_rad);
+        let part = (step_s / MEAN_TIME_S).min(1.0);
+        let is_new = error.abs() > 1.0;
+        // New angles one after the other are none in rad.
+        if !is_new || (self.samples == 1 && self.measured_rad[1] != 0.0) {
+            self.mean_rad_s[0] += (omega_rad_s - self.mean_rad_s[0]) * part;
+            self.mean_rad_s[1] += (first / step_s - self.mean_rad_s[1]) * part;
+        }
+        if is_new {
+            // So far off it is no noise.
             let Self { mean_rad_s, noise_rad2, .. } = *self;
-            *self = Self { mean_rad_s, noise_rad2, ..Self::start(theta_rad, omega_rad_s) };
+            let measured_rad = [theta_rad, first, 0.0];
+            *self = Self { measured_rad, mean_rad_s, noise_rad2, ..Self::start(theta_rad, omega_rad_s) };
             return;
         }
         self.samples = self.samples.saturating_add(1);
-        let part = (step_s / MEAN_TIME_S).min(1.0);
-        let first = turned(self.measured_rad[0], theta_rad);
         let second = first - self.measured_rad[1];
         let third = second - self.measured_rad[2];
         self.measured_rad = [theta_rad, first, second];
-        self.mean_rad_s[0] += (omega_rad_s - self.mean_rad_s[0]) * part;
-        self.mean_rad_s[1] += (first / step_s - self.mean_rad_s[1]) * part;
         if self.samples > 3 {
             // They have 20 times the variance of white noise.
             let part = part.max(1.0 / f64::from(self.samples - 3));

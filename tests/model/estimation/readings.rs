@@ -105,6 +105,27 @@ fn the_angle_may_be_wrapped() {
     }
 }
 
+/// A speed that is not that of the angle in rad is named, whichever of both is wrong.
+#[test]
+fn angle_and_speed_in_other_units() {
+    type Change = fn(&mut EstimatorInput);
+    let changes: [Change; 4] = [
+        |input| input.theta_rad = input.theta_rad.to_degrees(),
+        |input| input.omega_rad_s *= 30.0 / PI,
+        |input| input.omega_rad_s *= -1.0,
+        |input| input.omega_rad_s = 0.0,
+    ];
+    let rotor = noisy(9, 2001);
+    let estimator = estimator(config(&rotor));
+    for (n, change) in changes.into_iter().enumerate() {
+        let mut inputs = rotor.inputs(Hold::HeldBefore);
+        inputs.iter_mut().for_each(change);
+        let outputs = run(&estimator, &inputs).0;
+        assert!(outputs[300..].iter().all(|output| output.verdict == Verdict::Speed), "change {n}");
+        assert!(outputs.iter().all(|output| !output.valid), "change {n}");
+    }
+}
+
 #[test]
 fn the_rotor_may_turn_backward() {
     let rotor = Rotor { omega_rad_s: -100.0 * PI, ..noisy(1, 2001) };
