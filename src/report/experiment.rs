@@ -139,8 +139,8 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
         p.soft {
             "In 10⁻⁶ N·m²/A², at the end of the run"
             @if let Some(method) = method { ", by the method " code { (method) } }
-            "; ± is two standard deviations as stated by the \
-             estimator. It becomes valid when its tests pass and one standard deviation is below " (format!("{:.0}", 100.0 * limit))
+            "; ± is one standard deviation as stated by the \
+             estimator. It becomes valid when its tests pass and ± is below " (format!("{:.0}", 100.0 * limit))
             " % of each λ. " @if is_paper { (coherence_note(scenario, run)) }
         }
     })

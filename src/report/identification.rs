@@ -95,10 +95,10 @@ fn first(Results { recordings, answer, said, .. }: &Results) -> Markup {
             @if let Some((answer, found)) = answer.as_ref().and_then(|answer| Some((answer, answer.found.as_ref()?))) {
                 (cards(recordings[0].machine, &found.lambda.iter().map(|of| Some([of.value, of.total_std])).collect::<Vec<_>>(), None))
                 p.soft {
-                    "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is two standard deviations, stated tolerances included."
+                    "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is one standard deviation, stated tolerances included."
                     @if let Some(typical) = answer.typical() {
                         " With a typical bench where no tolerance is stated: ± "
-                        (typical.iter().map(|std| format!("{:.1}", 200.0 * std)).collect::<Vec<_>>().join(", ")) " %."
+                        (typical.iter().map(|std| format!("{:.1}", 100.0 * std)).collect::<Vec<_>>().join(", ")) " %."
                     }
                 }
             }

@@ -131,10 +131,10 @@ pub(super) fn instant(at_s: f64) -> String {
     format!("{} s", (at_s * 1e4).round() / 1e4)
 }
 
-/// λ̂ of the magnets in use with twice their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
+/// λ̂ of the magnets in use with their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
 pub(super) fn cards(machine: &Machine, estimates: &[Option<[f64; 2]>], truth: Option<&[f64]>) -> Markup {
     // Two significant digits of the deviation, and as many decimals of the estimate.
-    let places = |std: f64| (2.0 - (2e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
+    let places = |std: f64| (2.0 - (1e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
     let number_of = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
     html! {
         div.cards {
@@ -143,7 +143,7 @@ pub(super) fn cards(machine: &Machine, estimates: &[Option<[f64; 2]>], truth: Op
                     @if let Some([lambda, std]) = estimates[k] {
                         div.card style={ "border-color:var(" (plot::colour::MAGNETS[number]) ")" } {
                             span.name { (bearing.prefix) "λ̂" sub { (number + 1) } }
-                            span.value { (number_of(lambda, std)) " ± " (number_of(2.0 * std, std)) }
+                            span.value { (number_of(lambda, std)) " ± " (number_of(std, std)) }
                             @if let Some(truth) = truth {
                                 span.truth {
                                     "truth " (number_of(truth[k], std)) ", error " (percent(lambda / truth[k] - 1.0))

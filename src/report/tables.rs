@@ -101,7 +101,7 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
             format!("{:.4}", truth * 1e6),
             format!("{:.4}", hat * 1e6),
             percent(hat / truth - 1.0),
-            format!("{:.2} %", 200.0 * of(1) / hat),
+            format!("{:.2} %", 100.0 * of(1) / hat),
             format!("{:.1}", of(2)),
             format!("{:.0}", of(3)),
         ]
@@ -110,7 +110,7 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
     Table {
         title: "Estimated force constants, 10⁻⁶ N·m²/A²".into(),
         note: format!(
-            "{valid} at the end of the run. ± is two standard deviations; ki in N/A and ks in N/m at the operating point."
+            "{valid} at the end of the run. ± is one standard deviation; ki in N/A and ks in N/m at the operating point."
         ),
         head: ["", "truth", "estimate", "error", "±", "ki", "ks"].map(String::from).into(),
         rows: scenario.truth().into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)).map(row).collect(),
