@@ -317,8 +317,8 @@ impl Arguments {
 
     fn read_one(&self, path: &Path, reading: &Reading) -> Result<Samples> {
         let samples = match &self.currents {
-            None => Samples::read_from(open(path)?, reading),
-            Some(apart) => Samples::read_apart_from(open(path)?, open(apart)?, reading),
+            None => Samples::read(open(path)?, reading),
+            Some(apart) => Samples::read_apart(open(path)?, open(apart)?, reading),
         };
         samples.map_err(|unusable| self.refused(path, unusable.0))
     }

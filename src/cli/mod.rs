@@ -39,7 +39,7 @@ const SPEEDS: usize = 12;
 /// The exit codes, for `--help`.
 const EXIT_CODES: &str = "Exit codes:
     0  done
-    1  a run ended early, a case failed, or a file cannot be written
+    1  a run ended early, a case failed, a peak of the sensitivity cannot be computed, or a file cannot be written
     2  arguments or input cannot be used: an unknown name, a value that is refused, a recording that cannot be read
     3  an identification is not valid
   130  a sweep was interrupted";
@@ -102,19 +102,19 @@ enum Command {
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
         /// Speed of the rotor, in rpm; 0 means a rotor at rest.
-        #[arg(long, value_name = "RPM", default_value_t = 3000.0, allow_hyphen_values = true)]
+        #[arg(long, value_name = "RPM", default_value_t = 3000.0, value_parser = speed_or_rest, allow_hyphen_values = true)]
         speed: f64,
         /// Sample time, in s.
         #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         sample_time: Option<f64>,
         /// Standard deviation of the position noise, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true)]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = noise, allow_hyphen_values = true)]
         position_noise: f64,
         /// Standard deviation of the current noise, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true)]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = noise, allow_hyphen_values = true)]
         current_noise: f64,
         /// Time by which λ must be known, in s.
-        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, allow_hyphen_values = true)]
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = duration, allow_hyphen_values = true)]
         at: f64,
     },
     /// Peak of the sensitivity function of each position sensor, with its zone of ISO 14839-3: with the first guess of λ and with the true
@@ -311,15 +311,17 @@ fn run(command: Option<Command>) -> Result<()> {
         Some(Command::Sensitivity { scenario, changes }) => {
             let scenario = Scenario::open_with(&scenario, &changes)?;
             match simulate::refused(&scenario) {
-                findings if findings.is_empty() => print::table(&sensitivity::table(&scenario)),
+                findings if findings.is_empty() => {}
                 findings => return Err(simulate::Refused(findings).into()),
             }
-            Ok(())
+            let (table, missing) = sensitivity::table(&scenario);
+            print::table(&table);
+            if missing.is_empty() { Ok(()) } else { Err(missing.join("\n  ").into()) }
         }
         Some(Command::Whirl { scenario: name, stiffness, damping, to, report }) => {
             let whirl = Whirl::new(&Scenario::open(&name)?, stiffness, damping);
             let whirl = whirl.map_err(|why| refused(format!("{}: {why}", name.display())))?;
-            let table = whirl::table(&whirl, to, SPEEDS);
+            let table = whirl::table(&whirl, to, SPEEDS).map_err(refused)?;
             print::table(&table);
             match report {
                 Some(folder) => write_page(&folder, &campbell::page(&frame::command_line(), &whirl, to, &table)),
@@ -529,6 +531,11 @@ fn number(text: &str, wanted: &str, fits: fn(&f64) -> bool) -> std::result::Resu
     value.ok_or_else(|| format!("expected {wanted}"))
 }
 
+/// A standard deviation of noise that there is; where there is none the bound is 0.
+fn noise(text: &str) -> std::result::Result<f64, String> {
+    number(text, "a standard deviation above 0", |value| *value > 0.0)
+}
+
 fn deviation(text: &str) -> std::result::Result<f64, String> {
     number(text, "a standard deviation, 0 or above", |value| *value >= 0.0)
 }
@@ -539,6 +546,10 @@ fn duration(text: &str) -> std::result::Result<f64, String> {
 
 fn speed(text: &str) -> std::result::Result<f64, String> {
     number(text, "a speed in rpm above 0", |value| *value > 0.0)
+}
+
+fn speed_or_rest(text: &str) -> std::result::Result<f64, String> {
+    number(text, "a speed in rpm, 0 or above", |value| *value >= 0.0)
 }
 
 /// A number of runs.

@@ -308,6 +308,8 @@ pub enum Verdict {
     /// The input enable is false
     Disabled,
     /// A sample is not finite, or outside the gap
+    ///
+    /// More such samples in a row than a gap has.
     BadSample,
     /// The rotor is in contact
     Contact,
@@ -330,6 +332,8 @@ pub enum Verdict {
     /// There is too much noise to be estimated from the data: set sensor.positionNoise and sensor.currentNoise
     Noisy,
     /// The estimate has changed several times
+    ///
+    /// No longer used; its number stays reserved.
     Unsteady,
     /// The standard deviation is too large
     Uncertain,

@@ -34,7 +34,7 @@ impl Recording {
     }
 
     /// Writes CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample, with as many digits as
-    /// needed to read the same number again.
+    /// needed to read the same number again. Whole numbers, such as those of Booleans and items, have no exponent.
     ///
     /// # Errors
     /// Whatever the writer reports.
@@ -48,7 +48,10 @@ impl Recording {
         for (row, time_s) in self.time_s.iter().enumerate() {
             write!(to, "{time_s}")?;
             for column in &self.columns {
-                write!(to, ",{:e}", column.values[row])?;
+                match column.values[row] {
+                    value if value.fract() == 0.0 && value.abs() < 1e6 => write!(to, ",{value}")?,
+                    value => write!(to, ",{value:e}")?,
+                }
             }
             writeln!(to)?;
         }

@@ -149,10 +149,10 @@ pub fn refused(scenario: &Scenario) -> Vec<String> {
     instances(scenario).err().unwrap_or_default()
 }
 
-/// Starts an instance of every element, or returns every parameter that a model refuses.
+/// Starts an instance of every element, or returns every parameter that a model refuses, with the elements that do.
 fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Vec<String>> {
     let mut instances = Vec::new();
-    let mut refused = Vec::new();
+    let mut refused: Vec<(String, Vec<&str>)> = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         let mut element = element.clone();
         // A profile's value at time 0 is set before the instance starts.
@@ -162,12 +162,25 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Vec<String>> {
                 .settings
                 .extend(own.filter_map(|(_, index)| Some(Setting { index: *index, value: value.clone()? })));
         }
-        match start(&element) {
-            Ok(instance) => instances.push(instance),
-            Err(findings) => refused.extend(findings),
+        let findings = match start(&element) {
+            Ok(instance) => {
+                instances.push(instance);
+                continue;
+            }
+            Err(findings) => findings,
+        };
+        let name = scenario.elements[at].name.as_str();
+        for finding in findings {
+            match refused.iter_mut().find(|(known, _)| *known == finding) {
+                Some((_, names)) => names.push(name),
+                None => refused.push((finding, vec![name])),
+            }
         }
     }
-    if refused.is_empty() { Ok(instances) } else { Err(refused) }
+    if refused.is_empty() {
+        return Ok(instances);
+    }
+    Err(refused.iter().map(|(finding, names)| format!("[{}] {finding}", names.join(", "))).collect())
 }
 
 /// Fits correction masses: each plane of the plant loses the unbalance that is estimated there.
@@ -238,13 +251,11 @@ fn read(instances: &mut [Instance], (element, index): Place) -> Value {
 pub(crate) fn start(element: &Element) -> Result<Instance, Vec<String>> {
     let mut instance = element.model_type.instantiate();
     for setting in &element.settings {
-        instance
-            .set(setting.index, setting.value.clone())
-            .map_err(|error| vec![format!("[{}] {error}", element.name)])?;
+        instance.set(setting.index, setting.value.clone()).map_err(|error| vec![error.to_string()])?;
     }
     match instance.start() {
         Ok(()) => Ok(instance),
-        Err(findings) => Err(findings.iter().map(|finding| format!("[{}] {finding}", element.name)).collect()),
+        Err(findings) => Err(findings.iter().map(ToString::to_string).collect()),
     }
 }
 

@@ -10,7 +10,7 @@ use crate::simulation::simulate::Run;
 /// estimates.
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
     let names = |name: &str| scenario.machine.of_magnets(name);
-    let truth: Vec<_> = names("lambda").iter().map(|name| scenario.real(name)).collect();
+    let truth = scenario.truth();
     let estimates = scenario.elements[2..].iter().map(|element| {
         let last = |name: &str| run.recording.get(&format!("{}.{name}", element.name))?.last().copied();
         let of_magnets = |name: &str| {
@@ -18,7 +18,7 @@ pub fn json(scenario: &Scenario, run: &Run) -> Json {
             names(name).iter().enumerate().map(of_magnet).collect::<Vec<_>>()
         };
         let hat = of_magnets("lambdaHat");
-        let error: Vec<_> = hat.iter().zip(&truth).map(|(hat, truth)| Some((*hat)? / (*truth)? - 1.0)).collect();
+        let error: Vec<_> = hat.iter().zip(&truth).map(|(hat, truth)| Some((*hat)? / truth - 1.0)).collect();
         json!({
             "element": element.name,
             "method": scenario.method(&element.name),

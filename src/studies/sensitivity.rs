@@ -163,6 +163,9 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
     }
     let response = |(pair, reading): (&[Vec<f64>], &crate::machine::Reading)| {
         let response: Vec<f64> = pair[0].iter().zip(&pair[1]).map(|(up, down)| (up - down) / (2.0 * ERROR_M)).collect();
+        if response.iter().any(|h| !h.is_finite()) {
+            return Err(format!("the response to an error of {} is not finite", reading.name));
+        }
         let left = response[window - window / 10..].iter().fold(0.0, |left: f64, h| left.max(h.abs()));
         if left > DECAYED {
             let name = reading.name;
@@ -173,8 +176,8 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
     read_m.chunks(2).zip(readings).map(response).collect()
 }
 
-/// The peaks with the first guess of λ and with the true λ, a row for each sensor.
-pub fn table(scenario: &Scenario) -> Table {
+/// The peaks with the first guess of λ and with the true λ, a row for each sensor; and what could not be computed, in words.
+pub fn table(scenario: &Scenario) -> (Table, Vec<String>) {
     let machine = scenario.machine;
     let lambda = |element: &str, name: &str| {
         machine.of_magnets(name).iter().map(|name| scenario.number(element, name)).collect::<Vec<_>>()
@@ -183,15 +186,13 @@ pub fn table(scenario: &Scenario) -> Table {
         [lambda("controller", "lambda0"), lambda("plant", "lambda")].map(|lambda| Sensitivity::new(scenario, &lambda));
     let rpm = scenario.number("plant", "omega") * 60.0 / TAU;
     let speed = if machine.planes > 0 { format!(" at {rpm:.0} rpm") } else { String::new() };
-    let mut note = format!(
+    let note = format!(
         "Gain from an error of one position sensor to its reading, with the rotor in the centre{speed} under its static load. Zones of \
          ISO 14839-3: A below 3, B below 4, C below 5, else D."
     );
-    for (found, which) in found.iter().zip(["the first guess of λ", "the true λ"]) {
-        if let Err(why) = found {
-            note += &format!(" With {which} there is none: {why}.");
-        }
-    }
+    let missing = found.iter().zip(["the first guess of λ", "the true λ"]).filter_map(|(found, which)| {
+        Some(format!("with {which} there is no sensitivity function: {}", found.as_ref().err()?))
+    });
     let row = |(n, reading): (usize, &crate::machine::Reading)| {
         let cells = found.iter().flat_map(|found| {
             let peak = found.as_ref().ok().and_then(|found| peak(&found.curve(n)));
@@ -202,10 +203,11 @@ pub fn table(scenario: &Scenario) -> Table {
         });
         [reading.name.to_owned()].into_iter().chain(cells).collect()
     };
-    Table {
+    let table = Table {
         title: "Peak of the sensitivity function".into(),
         note,
         head: ["", "first guess", "Hz", "zone", "true λ", "Hz", "zone"].map(String::from).into(),
         rows: machine.readings.iter().enumerate().map(row).collect(),
-    }
+    };
+    (table, missing.collect())
 }

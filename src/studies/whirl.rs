@@ -13,6 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 
+use crate::invalid::Short;
 use crate::machine::MACHINES;
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
@@ -21,6 +22,10 @@ type C = Complex<f64>;
 
 /// Steps of the speed in which a critical speed is searched.
 const SEARCH: usize = 400;
+
+/// The product of the eigenvalues may be off by so much, relative; where the stiffness or the damping is so large that it is off by more, rounding
+/// hides the motion.
+const ROUNDING: f64 = 1e-3;
 
 /// A shaft on springs and dampers.
 #[derive(Clone, Debug, PartialEq)]
@@ -100,7 +105,7 @@ impl Whirl {
     }
 
     /// Natural frequencies of the two modes in Hz at a speed in rad/s, each backward and forward. At rest both whirl at one frequency; the
-    /// slower mode comes first.
+    /// slower mode comes first. NaN where rounding leaves no frequency.
     pub fn modes_hz(&self, omega_rad_s: f64) -> [[f64; 2]; 2] {
         let [stiffness, damping] = self.forces(omega_rad_s);
         let over = |matrix: Matrix2<C>| -> Matrix2<C> {
@@ -112,6 +117,10 @@ impl Whirl {
         motion.fixed_view_mut::<2, 2>(2, 0).copy_from(&over(stiffness));
         motion.fixed_view_mut::<2, 2>(2, 2).copy_from(&over(damping));
         let (_, triangular) = Schur::new(motion).unpack();
+        let rounding = (triangular.diagonal().product() / over(stiffness).determinant() - C::from(1.0)).modulus();
+        if rounding.is_nan() || rounding > ROUNDING {
+            return [[f64::NAN; 2]; 2];
+        }
         let mut found: [f64; 4] = std::array::from_fn(|n| triangular[(n, n)].im / TAU);
         found.sort_by(f64::total_cmp);
         let [backward_2, backward_1, forward_1, forward_2] = found;
@@ -169,17 +178,32 @@ impl Whirl {
 }
 
 /// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
-pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Table {
+///
+/// # Errors
+/// What cannot be computed.
+pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Result<Table, String> {
     let head = ["rpm", "1 backward", "1 forward", "2 backward", "2 forward", "A, µm", "A, rad", "B, µm", "B, rad"];
-    let rows = (0..=steps).map(|step| {
+    let row = |step: usize| {
         let rpm = greatest_rpm * step as f64 / steps as f64;
         let omega = rpm * PI / 30.0;
-        let frequencies = whirl.modes_hz(omega).concat().into_iter().map(|hertz| format!("{hertz:.4}"));
-        let response =
-            whirl.response_m(omega).map(|u| [format!("{:.4}", 1e6 * u.modulus()), format!("{:.4}", u.argument())]);
-        [format!("{rpm:.0}")].into_iter().chain(frequencies).chain(response.concat()).collect()
-    });
-    Table {
+        let frequencies = whirl.modes_hz(omega).concat();
+        let response = whirl.response_m(omega).map(|u| [1e6 * u.modulus(), u.argument()]).concat();
+        for (what, numbers) in [("natural frequencies", &frequencies), ("response to the unbalance", &response)] {
+            if numbers.iter().any(|number| !number.is_finite()) {
+                let Whirl { stiffness_n_m, damping_ns_m, .. } = whirl;
+                return Err(format!(
+                    "the {what} at {} rpm cannot be computed with a stiffness of {} N/m and a damping of {} N·s/m",
+                    Short(rpm),
+                    Short(*stiffness_n_m),
+                    Short(*damping_ns_m)
+                ));
+            }
+        }
+        let cells = [frequencies, response].concat().into_iter().map(|number| format!("{number:.4}"));
+        Ok([format!("{rpm:.0}")].into_iter().chain(cells).collect())
+    };
+    let rows = (0..=steps).map(row).collect::<Result<_, _>>()?;
+    Ok(Table {
         title: "Whirl over the speed".into(),
         note: format!(
             "{} Natural frequencies in Hz of the two modes, each whirling against the rotor and with it, and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
@@ -188,6 +212,6 @@ pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Table {
             whirl.damping_ns_m
         ),
         head: head.map(String::from).into(),
-        rows: rows.collect(),
-    }
+        rows,
+    })
 }

@@ -49,6 +49,9 @@ fn a_scenario_is_printed_changed_and_run() {
     {
         assert!(rows[0].contains_key(name), "{name}: {:?}", rows[0]);
     }
+    let text = read(&folder, "out.csv");
+    let valid: Vec<_> = self::rows(&text).iter().map(|row| row["predictionError.valid"].clone()).collect();
+    assert!(valid.iter().all(|cell| ["0", "1"].contains(&cell.as_str())), "{valid:?}");
     let command = "cargo run --release -- simulate mine.toml --csv out.csv --report page";
     says(&read(&folder, "page/index.html"), &["application/json", "A rotor with unbalance", command]);
 }
@@ -62,7 +65,7 @@ fn a_scenario_that_cannot_be_read_is_refused() {
     let known = ["cannot be read", "paper,", "unbalanced", "turned"];
     for (scenario, words) in [
         ("bad.toml", &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"][..]),
-        ("zero.toml", &["[plant] m = 0 kg", "[controller] m", "[estimator] m"]),
+        ("zero.toml", &["[plant, controller, estimator] m = 0 kg"]),
         ("none.toml", &[&known[..], &["none.toml"]].concat()),
     ] {
         refuses(&folder, &["simulate", scenario, "--csv", "out.csv"], words);
@@ -182,9 +185,19 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         ("identify bench.csv --set lambda=1", &["lambda", "no variable"]),
         ("sweep none.csv --out rows.csv", &["none.csv"]),
         ("sensitivity axial --set plant.m=-1", &["m = -1 kg is refused"]),
-        ("design --at -1", &["--at -1 is refused"]),
+        (
+            "simulate paper --set foo=3",
+            &["[--set] foo: there is no variable", "known are m, s,", "; the nearest is F0"],
+        ),
+        (
+            "identify bench.csv --set foo=3",
+            &["--set foo: ", "no variable of this name; known are ", "the nearest is F0"],
+        ),
+        ("design --at 1e-5", &["--at 0.00001 is refused: expected at least one sample"]),
         ("whirl --to -5", &["a speed in rpm"]),
         ("whirl --stiffness -5", &["-5 N/m"]),
+        ("whirl --stiffness 1e300", &["the natural frequencies at 0 rpm cannot be computed", "1e300 N/m"]),
+        ("whirl --to 1e300", &["the response to the unbalance at", "cannot be computed"]),
         ("whirl unbalanced", &["machine = planar is refused: its rotor does not tilt"]),
         ("whirl planar4", &["machine = planar4 is refused", "moments of inertia, as in spindle, spindle4"]),
         ("whirl axial", &["machine = axial is refused", "moments of inertia, as in spindle, spindle4"]),
@@ -199,6 +212,11 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
         ["montecarlo paper", "--position-noise", "-1e-7"],
         ["montecarlo paper", "--at", "-1"],
         ["design --scenario=paper", "--position-noise", "-1"],
+        ["design", "--position-noise", "0"],
+        ["design", "--current-noise", "inf"],
+        ["design", "--speed", "-1"],
+        ["design", "--speed", "nan"],
+        ["design", "--at", "0"],
         ["design --scenario=paper", "--sample-time", "-1"],
     ] {
         let arguments = format!("{command} {option} {value}");
@@ -400,6 +418,12 @@ fn the_sensitivity_of_a_loop_is_a_table() {
     let (out, _) = ends(0, &folder("command/sensitivity"), &["sensitivity", "axial"]);
     says(&out, &["Peak of the sensitivity function", "Zones of ISO 14839-3", "true λ"]);
     assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
+    // What cannot be computed is an error, beside what can.
+    let arguments = ["sensitivity", "axial", "--set", "lambda0=[1e-300, 1e-300]"];
+    let (out, err) = ends(1, &folder("command/sensitivity"), &arguments);
+    assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
+    says(&err, &["error: with the first guess of λ there is no sensitivity function: the loop does not settle"]);
+    assert!(!err.contains("true λ"), "{err}");
 }
 
 #[test]

@@ -235,7 +235,7 @@ fn wrong_columns_and_options_are_named() {
         ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),
         (
             "run.csv --machine spindle --tolerance s=2% --tolerance foo=1",
-            &["foo is not a parameter of a bench; there are m, A.s, B.s"],
+            &["foo is not a parameter of a bench; known are m, A.s, B.s"],
         ),
     ] {
         refuses(&folder, &self::words(&format!("identify {arguments}")), words);

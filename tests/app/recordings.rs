@@ -130,7 +130,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
         ("from 12 s on", "time [s]", &|j| text(4, 12.0 + at(j)), 1e-4, rows, ""),
     ];
     for (name, header, stamp, step_s, count, words) in cases {
-        let samples = Samples::read(&BENCH.with_times(header, stamp), &Reading::default());
+        let samples = Samples::read(BENCH.with_times(header, stamp).as_bytes(), &Reading::default());
         let samples = samples.unwrap_or_else(|error| panic!("{name}: {error}"));
         println!("{name}: {:?}", samples.notes);
         // The pace is known to a part of a sample over the whole recording.
@@ -171,7 +171,7 @@ fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
     ];
     for (name, stamp, words) in cases {
         let text = BENCH.with_times("time [s]", stamp);
-        let error = Samples::read(&text, &Reading::default()).expect_err(name).to_string();
+        let error = Samples::read(text.as_bytes(), &Reading::default()).expect_err(name).to_string();
         says(&error, words);
         assert!(!error.contains("--resample"), "{name}: {error}");
     }
@@ -181,7 +181,7 @@ fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
 fn a_rate_may_be_told() {
     let read = |text: &str, rate: &str| {
         let rate_s = (!rate.is_empty()).then(|| rate_s(rate).expect("a rate"));
-        Samples::read(text, &Reading { rate_s, ..Reading::default() })
+        Samples::read(text.as_bytes(), &Reading { rate_s, ..Reading::default() })
     };
     let refused = |text: &str, rate: &str| read(text, rate).expect_err("refused").to_string();
     let none = BENCH.with_times("Nr", |j| Some(j.to_string()));
@@ -250,7 +250,7 @@ fn encodings_separators_and_decimal_commas() {
         ("gzip", zipped(text.as_bytes())),
         ("gzip, UTF-16 LE", zipped(&sixteen(u16::to_le_bytes, true))),
     ] {
-        let samples = Samples::read_from(bytes.as_slice(), &reading).unwrap_or_else(|error| panic!("{name}: {error}"));
+        let samples = Samples::read(bytes.as_slice(), &reading).unwrap_or_else(|error| panic!("{name}: {error}"));
         let count = if name == "torn" { 1999 } else { 2000 };
         assert_eq!((samples.step_s, samples.len()), (1e-4, count), "{name}");
         let last = count - 1;
@@ -259,10 +259,10 @@ fn encodings_separators_and_decimal_commas() {
         assert_eq!(samples.implausible(&[5e-4]), [""; 0], "{name}");
     }
     let whole = zipped(text.as_bytes());
-    let error = Samples::read_from(&whole[..whole.len() / 2], &reading).expect_err("half a file").to_string();
+    let error = Samples::read(&whole[..whole.len() / 2], &reading).expect_err("half a file").to_string();
     says(&error, &["the text cannot be read"]);
     // Decimal commas in a table that is separated by commas would shift the columns.
-    let error = Samples::read(&text.replace(';', ","), &reading).expect_err("more cells than the header has");
+    let error = Samples::read(text.replace(';', ",").as_bytes(), &reading).expect_err("more cells than the header has");
     says(&error.to_string(), &["14 cells, the header has 7; decimal commas need another separator"]);
 }
 
@@ -307,7 +307,7 @@ fn units_go_by_many_names() {
         (header[at], factors[at]) = (if told { "kg" } else { unit }, factor);
         let units = if told { pairs(&[(NAMES[at], unit)]) } else { Vec::new() };
         let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], header, factors, &values);
-        let samples = Samples::read(&text, &Reading { units, ..Reading::default() });
+        let samples = Samples::read(text.as_bytes(), &Reading { units, ..Reading::default() });
         let samples = samples.unwrap_or_else(|error| panic!("{unit}: {error}"));
         let last = values.len() - 1;
         let read = match at {
@@ -323,7 +323,7 @@ fn units_go_by_many_names() {
     let bare = "time/ms,Ym in µm,Zm (mm),im[1] [mA],im[2] <A>,im[3] {A},theta [-]\n".to_owned();
     let rows: String =
         (0..40).map(|j| format!("{},{},{},{},1,1,0.{j:02}\n", 0.1 * f64::from(j), j % 7, 0.01, 1200)).collect();
-    let samples = Samples::read(&(bare + &rows), &Reading::default()).expect("a usable recording");
+    let samples = Samples::read((bare + &rows).as_bytes(), &Reading::default()).expect("a usable recording");
     assert_eq!((samples.step_s, samples.position_m[0][3], samples.current_a[0][3]), (1e-4, 3e-6, 1.2));
     says(&samples.notes.join("\n"), &["theta has no unit; it is taken to be in rad."]);
 }
@@ -359,7 +359,7 @@ fn all_that_is_wrong_with_a_header_is_said_at_once() {
             &["column Ym: the header says m, the row below it µm"],
         ),
     ] {
-        says(&Samples::read(text, reading).expect_err(text).to_string(), words);
+        says(&Samples::read(text.as_bytes(), reading).expect_err(text).to_string(), words);
     }
 }
 
@@ -373,7 +373,7 @@ fn sensors_that_are_not_connected_are_named() {
         let mut values = Bench { rows: 400, ..BENCH }.values();
         values.iter_mut().for_each(|row| row[at] = value);
         let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], SI, [1.0; 8], &values);
-        let samples = Samples::read(&text, &Reading::default()).expect("a table of numbers");
+        let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
         says(&samples.implausible(&[5e-4]).join("\n"), &[words]);
     }
 }
@@ -384,7 +384,8 @@ fn a_row_that_came_twice_is_left_out() {
     let text = BENCH.with_times("time [s]", |j| text(4, at(j)));
     let lines: Vec<&str> = text.lines().collect();
     let twice = [&lines[..500], &lines[499..]].concat().join("\n");
-    let [once, twice] = [&text, &twice].map(|text| Samples::read(text, &Reading::default()).expect("usable"));
+    let [once, twice] =
+        [&text, &twice].map(|text| Samples::read(text.as_bytes(), &Reading::default()).expect("usable"));
     says(&twice.notes.join("\n"), &["repeat the one before with its time: line 501"]);
     assert_eq!((once.position_m, once.start_s), (twice.position_m, twice.start_s));
 }
@@ -426,7 +427,7 @@ fn suspected(bench: &Bench, misread: &[Misread], rotation: &[usize], wrapped: bo
     }
     let signals = [&[0, 1, 2, 3, 4, 5], rotation].concat();
     let text = table(&signals, units, factors, &values);
-    Samples::read(&text, &Reading::default()).expect("a table of numbers").implausible(&[5e-4])
+    Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers").implausible(&[5e-4])
 }
 
 /// Sample times, speeds and ways to know the angle under which a misread unit must be seen.

@@ -184,11 +184,11 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("compare = 3", "", &["compare"]),
         // Values that a model refuses: `fmu::instances` has more of them.
         ("", "[plant]\nm = nan", &["[plant]", "m = NaN kg", "a finite number above 0"]),
-        ("", "[all]\nm = 0", &["[plant] m = 0 kg", "[controller] m", "[estimator] m", "above 0"]),
+        ("", "[all]\nm = 0", &["[plant, controller, estimator] m = 0 kg", "above 0"]),
         ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
-        ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant] alpha", "[controller] alpha", "[estimator] alpha"]),
+        ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant, controller, estimator] alpha"]),
         ("", "[plant]\nlambda = [2e-6, inf, 2e-6]", &["[plant]", "lambda[2] = inf", "above 0"]),
         ("", "[controller]\nreference.rZ = \"0.6 mm\"", &["[controller]", "reference."]),
         ("", "[estimator]\ntolerance.alpha = \"-1 deg\"", &["tolerance.alpha = -0.017", "rad", "0 or above"]),
@@ -215,10 +215,11 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
 fn all_findings_are_told_at_once() {
     let said = refusal(
         "duration = 0\nstep = -1\ncompare = [\"best\"]",
-        "[all]\nmass = 1\n[plant]\nm = true\nlamda = 1\ni = [1.0, 1.0, 1.0]\n[controller]\nupdate.mode = \"now\"\n\
+        "[all]\nmass = 1\nalpha = 3\n[plant]\nm = true\nlamda = 1\ni = [1.0, 1.0, 1.0]\n[controller]\nupdate.mode = \"now\"\n\
          [estimator]\nTf = \"2 m\"\n",
     );
-    let words = ["duration", "step", "best", "mass", "m = true", "lamda", "i[1]", "i[2]", "i[3]", "update.mode", "Tf"];
+    let words =
+        ["duration", "step", "best", "mass", "alpha", "m = true", "lamda", "i[1]", "i[2]", "i[3]", "update.mode", "Tf"];
     says(&said, &words);
     let lines = said.lines().count();
     assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");

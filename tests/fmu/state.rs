@@ -94,6 +94,24 @@ fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
     }
 }
 
+/// Parameters may be outside their limits until they are used.
+#[test]
+fn a_state_before_the_run_comes_back_with_all_its_parameters() {
+    let fmu = Fmu::new("MagneticBearing");
+    fmu.set("m", -1.0).ok(&fmu);
+    let written = bytes(&fmu);
+    let mut state = null_mut();
+    fmu.deserialize(&written, &mut state).ok(&fmu);
+    let other = Fmu::new("MagneticBearing");
+    other.set_state(state).ok(&other);
+    assert_eq!(bytes(&other), written);
+    other.setup(0.0, None).ok(&other);
+    other.enter_initialization().ok(&other);
+    let text = other.exit_initialization().error(&other);
+    assert!(text.contains("m = -1 kg is refused"), "{text}");
+    freed(&fmu, state);
+}
+
 /// Fails if the state in the sequence of calls is not part of the snapshot.
 #[test]
 fn the_state_in_the_sequence_of_calls_comes_back() {

@@ -135,7 +135,8 @@ fn every_sensor_of_every_machine_has_a_peak_and_a_zone() {
         let built_in = if machine.name == "planar" { "unbalanced" } else { machine.name };
         let scenario = Scenario::open(Path::new(built_in)).expect("a scenario that comes with the program");
         let found = Sensitivity::new(&scenario, &lambda(&scenario, "plant", "lambda")).expect("settled");
-        let table = table(&scenario);
+        let (table, missing) = table(&scenario);
+        assert!(missing.is_empty(), "{}: {missing:?}", machine.name);
         println!("{}: {:?}", machine.name, table.rows);
         assert_eq!(table.rows.len(), machine.readings.len());
         for (n, (row, reading)) in table.rows.iter().zip(machine.readings).enumerate() {

@@ -379,8 +379,10 @@ impl Instance {
         if !(self.are_sound(&read.moving) && self.are_sound(&read.moved)) {
             return Err("the derivatives of inputs are not valid".into());
         }
-        // An input may be missing, like a sensor; the step decides what that means.
-        for (index, variable) in self.variables.iter().enumerate().filter(|(_, variable)| variable.is_settable()) {
+        // An input may be missing, like a sensor; the step decides what that means. Before the run limits are checked as when a value is set.
+        let is_checked = |variable: &Variable| read.has_begun || variable.is_checked_when_set();
+        let settable = self.variables.iter().enumerate().filter(|(_, variable)| variable.is_settable());
+        for (index, variable) in settable.filter(|(_, variable)| is_checked(variable)) {
             let value = read.core.get(index);
             variable.admits(&value).map_err(|finding| finding.to_string())?;
             if variable.causality == Causality::Parameter
@@ -469,9 +471,7 @@ impl Instance {
         if !variable.takes(value) {
             return Err(AccessError::WrongType { name: variable.name.to_string(), asked: value.type_name() });
         }
-        // Limits of parameters are checked when they are used, all at once.
-        let checked = variable.causality == Causality::Input || variable.items_only;
-        if checked && !variable.holds(value) {
+        if variable.is_checked_when_set() && !variable.holds(value) {
             return Err(AccessError::Refused(variable.admits(value).err().into_iter().collect()));
         }
         Ok(())

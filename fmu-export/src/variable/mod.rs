@@ -280,6 +280,11 @@ impl Variable {
         if self.holds(value) { Ok(()) } else { Err(self.refusal(value)) }
     }
 
+    /// Whether limits hold at once. Those of parameters are checked when they are used, all together.
+    pub(crate) fn is_checked_when_set(&self) -> bool {
+        self.causality == Causality::Input || self.items_only
+    }
+
     /// Whether a value is within the limits, or an item. Asked for every value that is set.
     #[inline]
     pub(crate) fn holds(&self, value: &Value) -> bool {

@@ -7,9 +7,13 @@ use serde_json::json;
 use super::{Arguments, Pairs, Result, refused};
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
-use crate::simulation::scenario::{Scenario, text};
+use crate::simulation::scenario::{Scenario, suggestion, text};
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Said, Samples, quantity};
+
+/// Names of the parameters that are always known: the mass of what levitates, and which magnets are used.
+const MASS: &str = "m";
+const USED: &str = "magnets.used";
 
 /// A bench as the scenario and the arguments describe it.
 struct Bench {
@@ -37,7 +41,9 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
     if let Some((name, value)) = &arguments.at {
         bench.set_position(name, value, &mut wrong);
     }
-    if bench.axis.m_kg.is_nan() {
+    let mut given =
+        arguments.changes.iter().map(|(name, _)| plain(name)).chain(scenario.identify.keys().map(String::as_str));
+    if !given.any(|name| name == MASS) {
         wrong.push("m is missing: the mass of what levitates, --set m=…".into());
     }
     if !wrong.is_empty() {
@@ -61,7 +67,7 @@ impl Bench {
     }
 
     fn set(&mut self, name: &str, value: &str, from: &str, wrong: &mut Vec<String>) {
-        let name = name.strip_prefix("estimator.").unwrap_or(name);
+        let name = plain(name);
         let positive = |result: std::result::Result<f64, String>| {
             result.and_then(|number| match number > 0.0 {
                 true => Ok(number),
@@ -69,8 +75,8 @@ impl Bench {
             })
         };
         let result = match name {
-            "m" => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
-            "magnets.used" => [("first", vec![0]), ("second", vec![1]), ("both", vec![0, 1])]
+            MASS => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
+            USED => [("first", vec![0]), ("second", vec![1]), ("both", vec![0, 1])]
                 .into_iter()
                 .find(|(known, _)| *known == value)
                 .map(|(_, used)| self.axis.used = used)
@@ -91,7 +97,7 @@ impl Bench {
     fn estimate(&mut self, name: &str, from: &str, wrong: &mut Vec<String>) {
         match parameter(name) {
             Some(at) => self.axis.estimated[at] = true,
-            None if matches!(name, "m" | "magnets.used") => {
+            None if matches!(name, MASS | USED) => {
                 wrong.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
             }
             None => wrong.push(format!("{from}{}", no_parameter(name))),
@@ -107,13 +113,19 @@ impl Bench {
     }
 }
 
+/// A name without the element that it may stand behind.
+fn plain(name: &str) -> &str {
+    name.strip_prefix("estimator.").unwrap_or(name)
+}
+
 fn parameter(name: &str) -> Option<usize> {
     PARAMETERS.iter().position(|(known, ..)| *known == name)
 }
 
 fn no_parameter(name: &str) -> String {
-    let names: Vec<&str> = PARAMETERS.iter().map(|(name, ..)| *name).collect();
-    format!("{name} is no parameter of this machine; there are m, magnets.used, {}", names.join(", "))
+    let names = [MASS, USED].into_iter().chain(PARAMETERS.map(|(name, _)| name));
+    let suggestion = suggestion(name, &names.map(str::to_owned).collect::<Vec<_>>());
+    format!("{name} is no parameter of this machine; {suggestion}")
 }
 
 impl Bench {

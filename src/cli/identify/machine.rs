@@ -5,7 +5,7 @@ use std::path::Path;
 use super::{AUTO, Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
-use crate::simulation::scenario::Scenario;
+use crate::simulation::scenario::{Scenario, knows, names, suggestion};
 use crate::studies::identify::quantity;
 
 /// Variables of the estimator that have options of their own.
@@ -77,19 +77,16 @@ impl Arguments {
         if !slow.is_empty() && self.estimates.iter().any(|name| name == SLOW_FORCE) {
             return Err(refused(format!("{SLOW_FORCE} is both set and estimated")));
         }
+        let estimator = find(machine.models[2].0).expect("a model of this project");
         for (path, _) in &changes {
             let name = path.strip_prefix("estimator.").unwrap_or(path);
-            let known = find(machine.models[2].0).is_some_and(|estimator| {
-                let begins =
-                    |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('['));
-                estimator.variables().iter().any(|variable| begins(&variable.name))
-            });
             if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
                 return Err(refused(format!("--set {path}: identify takes it from {option}")));
             }
-            if !known {
+            if !knows(&estimator, name) {
+                let suggestion = suggestion(name, &names(&[&estimator]));
                 return Err(refused(format!(
-                    "--set {path}: the estimator of the machine has no variable of this name"
+                    "--set {path}: the estimator of the machine has no variable of this name; {suggestion}"
                 )));
             }
         }

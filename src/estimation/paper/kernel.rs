@@ -30,85 +30,8 @@ use serde::{Deserialize, Serialize};
 /// Number of rows that one axis contributes to P(18).
 pub const ROWS_PER_AXIS: usize = 3;
 
-/// A polynomial in τ (dimensionless), coefficients in ascending order.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Polynomial {
-    /// Coefficient of τⁿ at index n; no coefficients is the zero polynomial.
-    pub coefficients: Vec<f64>,
-}
-
-impl Polynomial {
-    /// The polynomial with these coefficients, ascending.
-    #[must_use]
-    pub fn new(coefficients: impl Into<Vec<f64>>) -> Self {
-        Self { coefficients: coefficients.into() }
-    }
-
-    /// τⁿ.
-    #[must_use]
-    pub fn power(n: usize) -> Self {
-        let mut coefficients = vec![0.0; n + 1];
-        coefficients[n] = 1.0;
-        Self { coefficients }
-    }
-
-    /// Value at `tau`, by Horner's rule.
-    #[must_use]
-    pub fn value(&self, tau: f64) -> f64 {
-        self.coefficients.iter().rev().fold(0.0, |sum, c| sum * tau + c)
-    }
-
-    /// `self · factor`.
-    #[must_use]
-    pub fn scaled(&self, factor: f64) -> Self {
-        Self { coefficients: self.coefficients.iter().map(|c| c * factor).collect() }
-    }
-
-    /// `self + other`.
-    #[must_use]
-    pub fn plus(&self, other: &Self) -> Self {
-        let (long, short) =
-            if self.coefficients.len() >= other.coefficients.len() { (self, other) } else { (other, self) };
-        let mut coefficients = long.coefficients.clone();
-        for (sum, c) in coefficients.iter_mut().zip(&short.coefficients) {
-            *sum += c;
-        }
-        Self { coefficients }
-    }
-
-    /// `self · other`.
-    #[must_use]
-    pub fn times(&self, other: &Self) -> Self {
-        if self.coefficients.is_empty() || other.coefficients.is_empty() {
-            return Self::default();
-        }
-        let mut coefficients = vec![0.0; self.coefficients.len() + other.coefficients.len() - 1];
-        for (i, a) in self.coefficients.iter().enumerate() {
-            for (j, b) in other.coefficients.iter().enumerate() {
-                coefficients[i + j] += a * b;
-            }
-        }
-        Self { coefficients }
-    }
-
-    /// d/dτ.
-    #[must_use]
-    pub fn derivative(&self) -> Self {
-        Self { coefficients: self.coefficients.iter().enumerate().skip(1).map(|(n, c)| c * n as f64).collect() }
-    }
-
-    /// `∫ self dτ` over [0, 1].
-    #[must_use]
-    pub fn integral(&self) -> f64 {
-        self.coefficients.iter().enumerate().map(|(n, c)| c / (n as f64 + 1.0)).sum()
-    }
-}
-
-/// `ψ_n(τ) = τⁿ (1 − τ)³`.
-#[must_use]
-pub fn psi(n: usize) -> Polynomial {
-    Polynomial::power(n).times(&Polynomial::new([1.0, -3.0, 3.0, -1.0]))
-}
+/// Coefficients of `ψ_3(τ) = τ³ (1 − τ)³`, that of τⁿ at index n.
+const PSI_3: [f64; 7] = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0];
 
 /// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)` at `τ = (j + ½) h`, for n ≥ 2 and j < N.
 ///
@@ -127,19 +50,6 @@ pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
 pub(super) fn exponent_and_factor(row: usize) -> (usize, f64) {
     let sign = if row % 2 == 1 { -1.0 } else { 1.0 };
     (row + 3, sign / 6.0)
-}
-
-/// The paper's `g_{u_z,i}` without its power of `T_f`, from `ψ`; `row` = 0, 1, 2 is i = 1, 2, 3.
-#[must_use]
-pub fn paper_current_kernel(row: usize) -> Polynomial {
-    let (n, factor) = exponent_and_factor(row);
-    psi(n).derivative().scaled(factor)
-}
-
-/// The paper's `g_{z,i}` without its power of `T_f`, from `ψ`; `row` = 0, 1, 2 is i = 1, 2, 3.
-#[must_use]
-pub fn paper_position_kernel(row: usize) -> Polynomial {
-    paper_current_kernel(row).derivative().derivative()
 }
 
 /// Weights of one test function for the samples of a window; every vector has a weight for each of the N + 1
@@ -196,9 +106,9 @@ impl Weights {
     /// Weights that keep a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
     #[must_use]
     pub fn static_load(intervals: usize) -> Self {
-        let psi_3 = psi(3);
-        let mean = psi_3.integral();
-        let phi: Vec<f64> = (0..=intervals).map(|j| psi_3.value(j as f64 / intervals as f64) / mean).collect();
+        let psi_3 = |tau: f64| PSI_3.iter().rev().fold(0.0, |sum, c| sum * tau + c);
+        let mean: f64 = PSI_3.iter().enumerate().map(|(n, c)| c / (n as f64 + 1.0)).sum();
+        let phi: Vec<f64> = (0..=intervals).map(|j| psi_3(j as f64 / intervals as f64) / mean).collect();
         Self::new(&phi)
     }
 

@@ -279,22 +279,22 @@ impl Reading<'_> {
                 value.as_array().map_or(&[][..], Vec::as_slice),
             ),
         };
+        let mut refuse = |name: &str, value: &toml::Value, why: String| {
+            let finding = format!("[{table}] {name} = {value} is refused: {why}");
+            // A change may reach several elements.
+            if !self.findings.contains(&finding) {
+                self.findings.push(finding);
+            }
+        };
         if values.len() != indices.len() {
-            let wanted = format!("expected a list of {}", indices.len());
-            self.findings.push(format!("[{table}] {key} = {value} is refused: {wanted}"));
+            refuse(key, value, format!("expected a list of {}", indices.len()));
             return;
         }
         for (index, value) in indices.into_iter().zip(values) {
             let variable = &model_type.variables()[index];
             match permitted(name, variable, &self.connected).and_then(|()| convert(&variable.data_type, value)) {
                 Ok(value) => settings.push(Setting { index, value }),
-                Err(why) => {
-                    // A change may reach several elements.
-                    let finding = format!("[{table}] {} = {value} is refused: {why}", variable.name);
-                    if !self.findings.contains(&finding) {
-                        self.findings.push(finding);
-                    }
-                }
+                Err(why) => refuse(&variable.name, value, why),
             }
         }
     }
@@ -488,7 +488,7 @@ fn first(model_type: &ModelType, key: &str) -> Option<usize> {
 }
 
 /// The names of the settable variables of these models, arrays by their common name.
-fn names(models: &[&ModelType]) -> Vec<String> {
+pub fn names(models: &[&ModelType]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
     for variable in
         models.iter().flat_map(|model_type| model_type.variables()).filter(|variable| variable.is_settable())
@@ -508,14 +508,16 @@ pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
 
 /// Suggests a name for an unknown one.
 pub fn suggestion(key: &str, known: &[String]) -> String {
-    let near = known
+    let nearest = known
         .iter()
         .map(|name| (strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase()), name))
-        .filter(|(likeness, _)| *likeness > 0.8)
+        .filter(|(likeness, _)| *likeness > 0.0)
         .max_by(|one, other| one.0.total_cmp(&other.0));
-    match near {
-        Some((_, name)) => format!("did you mean {name}?"),
-        None => format!("known are {}", known.join(", ")),
+    let listed = known.join(", ");
+    match nearest {
+        Some((likeness, name)) if likeness > 0.8 => format!("did you mean {name}?"),
+        Some((_, name)) => format!("known are {listed}; the nearest is {name}"),
+        None => format!("known are {listed}"),
     }
 }
 

@@ -275,11 +275,6 @@ pub struct Said {
     pub json: Json,
 }
 
-/// Why no identification was made: what the estimator refuses of its parameters.
-#[derive(Clone, Debug, thiserror::Error)]
-#[error("the estimator cannot be started: {}", .0.join("; "))]
-pub struct Failed(pub Vec<String>);
-
 /// The window of one revolution that fits the recording, in seconds; the paper's where the speed is not known.
 #[must_use]
 pub fn one_revolution(samples: &Samples) -> f64 {

@@ -85,29 +85,17 @@ impl Samples {
     ///
     /// # Errors
     /// Everything that keeps the recording from being used.
-    pub fn read_from(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
+    pub fn read(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let table = Table::read(&mut recording, reading, &|signals, at| reading.wants(signals, at))?;
         Self::of_tables(&table, None, reading)
-    }
-
-    /// Reads a recording that is a text already.
-    ///
-    /// # Errors
-    /// As for [`Samples::read_from`].
-    pub fn read(text: &str, reading: &Reading) -> Result<Self, Unusable> {
-        Self::read_from(text.as_bytes(), reading)
     }
 
     /// Reads a recording whose currents stand in a table of their own, at any rate, by the same clock. What a current sample
     /// stands for decides how they are brought to the pace of the positions ([`Samples::currents`]).
     ///
     /// # Errors
-    /// As for [`Samples::read_from`], of both tables.
-    pub fn read_apart_from(
-        mut motion: impl Read,
-        mut currents: impl Read,
-        reading: &Reading,
-    ) -> Result<Self, Unusable> {
+    /// As for [`Samples::read`], of both tables.
+    pub fn read_apart(mut motion: impl Read, mut currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let is_motion = |signals: &Signals, at| reading.wants(signals, at) && !signals.currents.contains(&at);
         let motion = Table::read(&mut motion, reading, &is_motion).map_err(|unusable| unusable.of("positions"));
         let currents = table_of_currents(&mut currents, reading).map_err(|unusable| unusable.of("currents"));
@@ -142,7 +130,7 @@ impl Samples {
         samples.take_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
         if let Some(currents) = apart {
             let later_s = (currents.origin_ns() - table.origin_ns()) as f64 * 1e-9;
-            samples.take_currents(currents, later_s).map_err(|unusable| unusable.of("currents"))?;
+            samples.take_currents(currents, later_s).map_err(|why| format!("currents: {why}"))?;
         }
         Ok(samples)
     }
@@ -179,7 +167,7 @@ impl Samples {
     }
 
     /// Takes over the currents of a table whose clock began so much later.
-    fn take_currents(&mut self, table: &Table, later_s: f64) -> Result<(), Unusable> {
+    fn take_currents(&mut self, table: &Table, later_s: f64) -> Result<(), String> {
         let currents = table.signals.currents.clone();
         let rows = table.known([TIME_AT].into_iter().chain(currents.clone()));
         grid::enough(&rows, "all of them")?;
@@ -192,8 +180,7 @@ impl Samples {
             return Err(format!(
                 "their times, from {begin} to {end}, and those of the positions, from {first} to {last}, have nothing in common; \
                  one clock is wanted"
-            )
-            .into());
+            ));
         }
         self.notes.extend(table.notes.iter().cloned());
         self.units[currents.clone()].copy_from_slice(&table.units[currents.clone()]);

@@ -5,7 +5,7 @@ use fmu_export::variable::Value;
 use super::Stated;
 use super::likelihood::BenchParameter;
 use super::units::{self, factor, number_and_unit};
-use crate::simulation::scenario::Element;
+use crate::simulation::scenario::{Element, suggestion};
 
 /// A value in SI units from a number with or without one of the units of a quantity, which is named by its SI unit.
 ///
@@ -28,7 +28,7 @@ pub(super) fn plain(name: &str) -> &str {
 /// The bench parameters that a name means: one, those of all bearings, or all whose names begin with it (`alpha`, `sensor.offset`, `runout2`).
 ///
 /// # Errors
-/// There are none; the message lists the names that there are.
+/// There are none; the message suggests a name.
 pub fn named(parameters: &[BenchParameter], name: &str) -> Result<Vec<usize>, String> {
     let is_group = |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.starts_with(['[', '.']));
     let is_meant = |whole: &str| [whole, plain(whole)].into_iter().any(|whole| whole == name || is_group(whole));
@@ -39,8 +39,8 @@ pub fn named(parameters: &[BenchParameter], name: &str) -> Result<Vec<usize>, St
         [first, _, ..] if meant.iter().all(|at| parameters[*at].unit == parameters[*first].unit) => return Ok(meant),
         _ => {}
     }
-    let names: Vec<&str> = parameters.iter().map(|parameter| parameter.name.as_str()).collect();
-    Err(format!("{name} is not a parameter of a bench; there are {}", names.join(", ")))
+    let names: Vec<String> = parameters.iter().map(|parameter| parameter.name.clone()).collect();
+    Err(format!("{name} is not a parameter of a bench; {}", suggestion(name, &names)))
 }
 
 /// The tolerances that the on-line estimator is told (`tolerance.*`), as bench parameters with their standard deviations; none where they

@@ -8,9 +8,9 @@ use fmu_export::log::Silent;
 use fmu_export::variable::Value;
 use serde_json::{Map, Value as Json, json};
 
+use super::Said;
 use super::samples::Samples;
 use super::units::significant;
-use super::{Failed, Said};
 use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};
 use crate::machine::{Bearing, Machine, PLANAR};
 use crate::simulation::recording::{Column, Recording};
@@ -39,7 +39,7 @@ const DRIFT: &str = "± of noise alone. Values that drift from line to line mean
 ///
 /// # Errors
 /// Parameters that the estimator refuses.
-pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Track, Failed> {
+pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Track, String> {
     let (machine, mut estimator) = (samples.machine, estimator.clone());
     estimator.set("Ts", Value::Real(samples.step_s));
     // Without the angle of the rotor there is no telling where an unbalance points. The paper's methods have no use for it, nor for tolerances.
@@ -52,7 +52,8 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
         estimator.settings.retain(|of| !variables.variables()[of.index].name.starts_with("tolerance."));
         estimator.set("identify.unbalance", Value::Boolean(true));
     }
-    let mut instance = simulate::start(&estimator).map_err(Failed)?;
+    let refused = |why: String| format!("the estimator cannot be started: {why}");
+    let mut instance = simulate::start(&estimator).map_err(|findings| refused(findings.join("; ")))?;
     let index = |name: &String| estimator.index(name).expect("a variable of the estimator");
     let rotation = ["theta", "omega"].map(str::to_owned);
     let currents = samples.currents(chosen(&estimator, "hold"));
@@ -70,8 +71,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     let (mut time_s, mut values) = (Vec::new(), Vec::with_capacity(inputs.len()));
     // Short gaps are filled for the paper's methods, which bridge none.
     let has_gaps = *machine != PLANAR;
-    let refused = |why: &dyn std::fmt::Display| Failed(vec![why.to_string()]);
-    instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(&why))?;
+    instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(why.to_string()))?;
     for j in 0..samples.len() {
         let theta_rad = samples.theta_rad.get(j).copied().unwrap_or(0.0);
         let omega_rad_s = samples.omega_rad_s.get(j).copied().unwrap_or(usual_rad_s);
@@ -81,10 +81,10 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
         values.extend([theta_rad, omega_rad_s]);
         if !instance.set_reals(&places, &values) {
             let of = |n: usize| (inputs[n], Value::Real(values[n]));
-            instance.set_all(inputs.len(), &of).map_err(|why| refused(&why))?;
+            instance.set_all(inputs.len(), &of).map_err(|why| refused(why.to_string()))?;
         }
         let step = Step { time_s: j as f64 * samples.step_s, length_s: samples.step_s };
-        instance.step(step, &mut Silent).map_err(|why| refused(&why))?;
+        instance.step(step, &mut Silent).map_err(|why| refused(why.to_string()))?;
         if j % every == 0 {
             time_s.push(samples.start_s + j as f64 * samples.step_s);
             for (column, index) in columns.iter_mut().zip(&outputs) {

@@ -199,7 +199,7 @@ fn a_speed_that_is_unknown_or_wrong_is_said() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     let blind = text.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
     let of = |omega_rad_s: Option<f64>| {
-        let samples = Samples::read(&blind, &Reading { omega_rad_s, ..Reading::default() }).expect("usable");
+        let samples = Samples::read(blind.as_bytes(), &Reading { omega_rad_s, ..Reading::default() }).expect("usable");
         ask(&[samples], &[])
     };
     let answer = of(None);

@@ -290,7 +290,8 @@ impl Answer {
         let known = (0..UNKNOWNS).filter(|at| axis.is_known(*at));
         let known = known.map(|at| {
             let (name, unit) = PARAMETERS[at];
-            format!(", {name} = {} {unit}", significant(axis.told[at].unwrap_or(0.0), 5))
+            let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
+            format!(", {name} = {}{unit}", significant(axis.told[at].unwrap_or(0.0), 5))
         });
         let used: Vec<_> = axis.used.iter().map(|k| (k + 1).to_string()).collect();
         let known: String = known.collect();

@@ -1,9 +1,9 @@
 //! Where the rows of a table are among the samples, and how many samples there are.
 
+use super::Reading;
 use super::header::TIME_AT;
 use super::pace::{CLOCKS, Pace};
 use super::table::Table;
-use super::{Reading, Unusable};
 use crate::studies::identify::units::{significant, time};
 
 /// So many samples of all positions a recording must have.
@@ -19,7 +19,7 @@ pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
 }
 
 /// The pace of the positions, with a place for every row; currents may have a pace of their own.
-pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Unusable> {
+pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), String> {
     let positions = table.signals.positions.clone();
     let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
     let is_timed = table.stamps.is_some();
@@ -29,10 +29,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
         let none = || "there are no time stamps and no rate; --rate is wanted".to_owned();
         let place: Vec<f64> = (0..table.lines.len()).map(|row| row as f64).collect();
         let count = place.len();
-        return Ok((
-            Pace { start_s: 0.0, step_s: reading.rate_s.ok_or_else(none)?, place, vague: None, notes: Vec::new() },
-            count,
-        ));
+        return Ok((Pace { step_s: reading.rate_s.ok_or_else(none)?, place, ..Pace::default() }, count));
     }
     let timed = table.known([TIME_AT]);
     // Where a position is missing now and then its row still counts; where most rows have none, the others do.
@@ -44,7 +41,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
     let is_near = |wanted| found.as_ref().is_ok_and(|pace| is_same(pace.step_s, wanted, NEAR / at.len() as f64));
     if let Some(wanted) = reading.resample_s.filter(|wanted| !is_near(*wanted)) {
         table.times(&timed).check_rising()?;
-        return Ok(interpolated(stamp_s, &at, wanted)?);
+        return interpolated(stamp_s, &at, wanted);
     }
     let pace = found?;
     if !is_dense {
@@ -52,7 +49,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
     }
     if let (Some((known, why)), None) = (&pace.vague, reading.rate_s) {
         let percent = significant(100.0 * known, 2);
-        return Err(format!("{why}: the pace is known to {percent} % only; --rate is wanted").into());
+        return Err(format!("{why}: the pace is known to {percent} % only; --rate is wanted"));
     }
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     let freedom = pace.vague.as_ref().map_or(CLOCKS, |(known, _)| *known);
@@ -62,8 +59,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), Un
             time(step_s),
             time(pace.step_s),
             significant(100.0 * freedom, 2)
-        )
-        .into());
+        ));
     }
     let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
     rows.iter().zip(&pace.place).for_each(|(row, own)| place[*row] = *own);

@@ -118,17 +118,14 @@ impl Signals {
         list.push(Signal::new("omega", &["omegam", "plant.omegam"], SPEED, "the speed of the rotor"));
         Self { positions, theta: currents.end, omega: currents.end + 1, currents, list }
     }
-
-    /// Whether a header has all positions and currents under their own names.
-    fn are_all_in(&self, columns: &[Column]) -> bool {
-        let needed = &self.list[self.positions.start..self.currents.end];
-        needed.iter().all(|signal| signal.candidates(columns, None).len() == 1)
-    }
 }
 
 /// The machine with the most magnets whose positions and currents all stand in the header, if it is another than this one.
 fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machine> {
-    let fits = |machine: &&Machine| Signals::of(machine).are_all_in(columns);
+    let fits = |machine: &&Machine| {
+        let Signals { list, positions, currents, .. } = Signals::of(machine);
+        list[positions.start..currents.end].iter().all(|signal| signal.candidates(columns, None).len() == 1)
+    };
     MACHINES.iter().filter(fits).max_by_key(|machine| machine.magnets()).filter(|most| *most != machine)
 }
 
@@ -214,14 +211,12 @@ pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, find
     if !holds_units || cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok()) {
         return false;
     }
-    for (Column { name, unit: before }, below) in columns.iter_mut().zip(units) {
-        match (&before, below) {
-            (Some(before), Some(below)) if *before != below => {
-                findings.push(format!(
-                    "column {name}: the header says {before}, the row below it {below}; one unit is wanted"
-                ));
-            }
-            (_, below) => *before = below.or(before.take()),
+    for (Column { name, unit }, below) in columns.iter_mut().zip(units) {
+        let Some(below) = below else { continue };
+        let own = unit.get_or_insert_with(|| below.clone());
+        if *own != below {
+            findings
+                .push(format!("column {name}: the header says {own}, the row below it {below}; one unit is wanted"));
         }
     }
     true

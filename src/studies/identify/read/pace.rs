@@ -1,6 +1,5 @@
 //! The pace of a recording: a straight line through its time stamps, which scatter, are rounded, and lack rows.
 
-use super::Unusable;
 use crate::studies::identify::statistics::{median, range, rms};
 use crate::studies::identify::units::{rounded_time, time as shown};
 
@@ -34,6 +33,7 @@ pub(super) const CLOCKS: f64 = 1e-3;
 const SHOWN: usize = 5;
 
 /// The samples on the straight line.
+#[derive(Default)]
 pub(super) struct Pace {
     /// Instant of the first sample on the line, in s.
     pub start_s: f64,
@@ -111,10 +111,10 @@ impl Times {
     ///
     /// # Errors
     /// Contradictions to an even pace.
-    pub(super) fn pace(&self) -> Result<Pace, Unusable> {
+    pub(super) fn pace(&self) -> Result<Pace, String> {
         let time = &self.time_s;
         if time.windows(2).all(|pair| pair[1] <= pair[0]) {
-            return Err("time does not rise from any row to the next".to_owned().into());
+            return Err("time does not rise from any row to the next".into());
         }
         if let Some(rounded) = self.rounded() {
             return Ok(rounded);
@@ -187,9 +187,8 @@ impl Times {
         }
         let is_vague = is_stairs && known > CLOCKS;
         // Half the rounding, and what least squares may be off from the line that halves the band.
-        if !is_vague
-            && points.iter().any(|point| line.miss(point) * line.step_s > 0.55 * rounding_s + 0.05 * line.step_s)
-        {
+        let most_s = 0.55 * rounding_s + 0.05 * line.step_s;
+        if !is_vague && points.iter().any(|point| line.miss(point) * line.step_s > most_s) {
             return None;
         }
         // A row that a logger drops regularly looks like rounding as well; a round pace speaks for rounding, and so does rounding
@@ -206,22 +205,14 @@ impl Times {
             (known, format!("the time stamps are rounded to {rounding} in a recording of about {over}"))
         });
         let through = if changes.is_empty() { "all rows" } else { "the rows at which they change" };
-        let pace = match vague {
-            Some(_) => "that stated".to_owned(),
-            None => format!("the slope of the straight line through {through}"),
-        };
-        let note = format!("The time stamps are rounded to {rounding}; the pace is {pace}.");
-        Some(Pace {
-            start_s,
-            step_s,
-            place: points.iter().map(|point| point.place).collect(),
-            vague,
-            notes: vec![note],
-        })
+        let slope = format!("the slope of the straight line through {through}");
+        let pace = if is_vague { "that stated" } else { &slope };
+        let notes = vec![format!("The time stamps are rounded to {rounding}; the pace is {pace}.")];
+        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), vague, notes })
     }
 
     /// Numbers the samples, and finds the straight line over the numbers.
-    fn follow(&self, points: &mut [Point]) -> Result<Line, Unusable> {
+    fn follow(&self, points: &mut [Point]) -> Result<Line, String> {
         let last = points.len() - 1;
         let mut step_s = median(points.windows(2).map(|pair| pair[1].time_s - pair[0].time_s));
         // The first pass trusts every step, those that follow trust the line more than a stamp.
@@ -246,7 +237,7 @@ impl Times {
 
     /// The number of the sample that each row is, and notes. Rows with a wrong stamp get the places between their neighbours if these are as many as
     /// the rows.
-    fn numbered(&self, points: &[Point]) -> Result<(Vec<f64>, Vec<String>), Unusable> {
+    fn numbered(&self, points: &[Point]) -> Result<(Vec<f64>, Vec<String>), String> {
         let mut place = vec![f64::NAN; self.time_s.len()];
         points.iter().for_each(|point| place[point.row] = point.place);
         // Stamps before the first and behind the last good one have no neighbours to go by.
@@ -286,7 +277,7 @@ impl Times {
     }
 
     /// Refuses times that go back.
-    pub(super) fn check_rising(&self) -> Result<(), Unusable> {
+    pub(super) fn check_rising(&self) -> Result<(), String> {
         let back = self.pairs(|step| step < 0.0);
         if back.is_empty() { Ok(()) } else { Err(self.out_of_order(&back)) }
     }
@@ -302,7 +293,7 @@ impl Times {
     }
 
     /// The finding on rows for which there is no place behind an earlier one.
-    fn out_of_order(&self, pairs: &[(usize, usize)]) -> Unusable {
+    fn out_of_order(&self, pairs: &[(usize, usize)]) -> String {
         let lines: Vec<u32> = pairs.iter().map(|(_, row)| self.lines[*row]).collect();
         let (lines, (before, row)) = (listed(&lines), pairs[0]);
         let [from, to] = [before, row].map(|row| shown(self.time_s[row]));
@@ -310,21 +301,20 @@ impl Times {
             "time does not rise by a sample in {lines}, first from {from} to {to}, and no rounding explains it; one recording with \
              rising time is wanted"
         )
-        .into()
     }
 
     /// The finding on a recording that lasts far longer than its rows.
-    fn hole(&self, points: &[Point], step_s: f64) -> Unusable {
+    fn hole(&self, points: &[Point], step_s: f64) -> String {
         let length = |pair: &[Point]| pair[1].time_s - pair[0].time_s;
         let longest = points.windows(2).max_by(|a, b| length(a).total_cmp(&length(b))).unwrap_or(points);
         let [from, to] = [longest[0], longest[longest.len() - 1]]
             .map(|point| format!("{} in line {}", shown(point.time_s), self.lines[point.row]));
         let step = rounded_time(step_s, 4);
-        format!("time jumps from {from} to {to}, where the rows before are {step} apart").into()
+        format!("time jumps from {from} to {to}, where the rows before are {step} apart")
     }
 
     /// The finding on stamps that no straight line explains: what they look like, without a proposal.
-    fn uneven(&self, straight: Line) -> Unusable {
+    fn uneven(&self, straight: Line) -> String {
         let steps = self.steps();
         let tenth = (steps.len() / 10).max(1);
         let off = |row: &usize| {
@@ -340,7 +330,6 @@ impl Times {
             "the time stamps contradict an even pace: steps are from {least} to {greatest} (median {all}; {begin} in the first tenth, {end} in \
              the last), and stamps are up to {percent:.0} % of a sample time off the straight line (line {line})"
         )
-        .into()
     }
 }
 

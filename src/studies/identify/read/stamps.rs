@@ -10,7 +10,7 @@ const EPOCH_S: std::ops::Range<f64> = 946_684_800.0..4_102_444_800.0;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stamps {
     /// Numbers in a unit, by its name and what one of it is in s; civil or absolute times otherwise.
-    unit: Option<(&'static str, f64)>,
+    pub unit: Option<(&'static str, f64)>,
     /// Large numbers count from this one, and times from this one in ns, so that nanoseconds survive.
     origin: i128,
 }
@@ -65,11 +65,6 @@ impl Stamps {
     /// The origin of the times, in ns of the clock.
     pub(super) fn origin_ns(&self) -> i128 {
         self.origin * self.unit.map_or(1, |(_, factor)| (factor * 1e9).round() as i128)
-    }
-
-    /// The name of the unit, where there is one.
-    pub(super) fn unit(&self) -> Option<&'static str> {
-        self.unit.map(|(name, _)| name)
     }
 
     /// A stamp in seconds; NaN if it is missing, `None` if it is none.

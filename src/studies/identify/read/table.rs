@@ -84,7 +84,7 @@ impl Table {
     fn take_stamps(&mut self, first: &StringRecord) -> Result<(), String> {
         let Some(Place { column, unit }) = self.places[TIME_AT] else { return Ok(()) };
         let (stamps, note) = Stamps::of(cell(first, column), self.separator, unit)?;
-        self.units[TIME_AT] = stamps.unit();
+        self.units[TIME_AT] = stamps.unit.map(|(name, _)| name);
         self.stamps = Some(stamps);
         self.notes.extend(note);
         Ok(())
@@ -153,16 +153,11 @@ impl Table {
             return;
         }
         let lines: Vec<u32> = equal.iter().map(|row| self.lines[*row]).collect();
-        let is_kept = |row: &mut usize| {
-            *row += 1;
-            equal.binary_search(&(*row - 1)).is_err()
-        };
-        for column in &mut self.columns {
-            let mut row = 0;
-            column.retain(|_| is_kept(&mut row));
+        let kept: Vec<usize> = (0..self.lines.len()).filter(|row| equal.binary_search(row).is_err()).collect();
+        for column in self.columns.iter_mut().filter(|column| !column.is_empty()) {
+            *column = kept.iter().map(|row| column[*row]).collect();
         }
-        let mut row = 0;
-        self.lines.retain(|_| is_kept(&mut row));
+        self.lines = kept.iter().map(|row| self.lines[*row]).collect();
         self.notes.push(format!("Rows left out because they repeat the one before with its time: {}.", listed(&lines)));
     }
 
