@@ -13,7 +13,7 @@ use fmu_export::variable::Value;
 use serde_json::json;
 
 use super::{
-    NotValid, Refused, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say,
+    Ended, NOT_VALID, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say,
     write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
@@ -146,7 +146,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.write(&results)?;
     if let Some(why) = &results.not_valid {
         let twin = if arguments.wants_twin() { " The twin was not written." } else { "" };
-        return Err(NotValid(format!("{why}{twin}")).into());
+        return Err(Ended { code: NOT_VALID, why: format!("{why}{twin}") }.into());
     }
     if arguments.wants_twin() {
         let twin = results.twin(&scenario);
@@ -249,31 +249,28 @@ impl Arguments {
 
     /// The bearing with knowledge of its bench, and what else is known or asked: from the scenario, then from the arguments.
     fn stated(&self, bearing: &Scenario) -> Result<Stated> {
-        let refused = simulate::refused(bearing);
-        if !refused.is_empty() {
-            return Err(simulate::Refused(refused).into());
-        }
+        simulate::check(bearing)?;
         let mut stated = Stated::of(bearing.machine, bearing.estimator());
         stated.noise = [self.position_noise, self.current_noise].map(Option::unwrap_or_default);
         for (name, value) in self.loads(bearing.machine).0 {
-            stated.set_load(&name, identify::quantity(&name, &value, "N").map_err(Refused)?);
+            stated.set_load(&name, identify::quantity(&name, &value, "N").map_err(refused)?);
         }
         let mut estimates = self.estimates.iter().filter(|name| *name != SLOW_FORCE).collect::<Vec<_>>();
         let tolerances = || bearing.tolerance.iter().chain(&self.tolerances);
         for name in tolerances().map(|(name, _)| name).chain(estimates.iter().copied()) {
-            stated.ask(name).map_err(Refused)?;
+            stated.ask(name).map_err(refused)?;
         }
         estimates.retain(|name| !name.ends_with(identify::NOISE_EXPONENT));
         for (at, std) in identify::of_estimator(&stated, bearing.estimator()) {
             stated.know(at, Knowledge::Tolerance(std));
         }
         for (name, value) in tolerances() {
-            for (at, std) in identify::tolerance(name, value, &stated).map_err(Refused)? {
+            for (at, std) in identify::tolerance(name, value, &stated).map_err(refused)? {
                 stated.know(at, Knowledge::Tolerance(std));
             }
         }
         for name in estimates {
-            for at in identify::named(&stated.parameters(), name).map_err(Refused)? {
+            for at in identify::named(&stated.parameters(), name).map_err(refused)? {
                 stated.know(at, Knowledge::Free);
             }
         }

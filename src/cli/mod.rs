@@ -265,14 +265,13 @@ pub fn main(commit: Option<&str>) -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output::warn(format_args!("error: {error}"));
-            let is_refused =
-                error.is::<simulate::Refused>() || matches!(error.downcast_ref(), Some(simulate::Stopped::Refused(_)));
-            if error.is::<NotValid>() {
-                ExitCode::from(3)
-            } else if error.is::<Refused>() || error.is::<ScenarioError>() || is_refused {
-                ExitCode::from(2)
-            } else {
-                ExitCode::FAILURE
+            let is_refused = error.is::<ScenarioError>()
+                || error.is::<simulate::Refused>()
+                || matches!(error.downcast_ref(), Some(simulate::Stopped::Refused(_)));
+            match error.downcast_ref() {
+                Some(Ended { code, .. }) => ExitCode::from(*code),
+                None if is_refused => ExitCode::from(REFUSED),
+                None => ExitCode::FAILURE,
             }
         }
     }
@@ -310,10 +309,7 @@ fn run(command: Option<Command>) -> Result<()> {
         }
         Some(Command::Sensitivity { scenario, changes }) => {
             let scenario = Scenario::open_with(&scenario, &changes)?;
-            match simulate::refused(&scenario) {
-                findings if findings.is_empty() => {}
-                findings => return Err(simulate::Refused(findings).into()),
-            }
+            simulate::check(&scenario)?;
             let (table, missing) = sensitivity::table(&scenario);
             print::table(&table);
             if missing.is_empty() { Ok(()) } else { Err(missing.join("\n  ").into()) }
@@ -341,19 +337,21 @@ fn run(command: Option<Command>) -> Result<()> {
     }
 }
 
-/// Arguments or input that cannot be used.
-#[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-struct Refused(String);
+/// Exit codes for arguments or input that cannot be used, and for an answer that is not valid.
+const REFUSED: u8 = 2;
+const NOT_VALID: u8 = 3;
 
-/// An answer that is not valid.
+/// Why the program ends with an exit code of its own.
 #[derive(Debug, thiserror::Error)]
-#[error("{0}")]
-struct NotValid(String);
+#[error("{why}")]
+struct Ended {
+    code: u8,
+    why: String,
+}
 
 /// An error for arguments or input that cannot be used, with the reason.
 fn refused(why: impl ToString) -> Box<dyn Error> {
-    Refused(why.to_string()).into()
+    Ended { code: REFUSED, why: why.to_string() }.into()
 }
 
 /// An error that names the file.

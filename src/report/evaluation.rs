@@ -9,8 +9,8 @@ use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::harmonic;
-use crate::studies::montecarlo::figures::pooled;
 use crate::studies::sensitivity::{Sensitivity, peak, zone};
+use crate::studies::statistics::{mean, range, rms};
 use crate::table::Table;
 
 /// Revolutions over which the figures are taken, and the same time in s where the rotor hardly turns.
@@ -52,13 +52,8 @@ pub(super) fn largest(values: &[f64]) -> f64 {
 
 /// The largest value minus the smallest one.
 pub(super) fn peak_to_peak(values: &[f64]) -> f64 {
-    let ends =
-        values.iter().map(|value| (*value, *value)).reduce(|(low, high), (value, _)| (low.min(value), high.max(value)));
-    ends.map_or(0.0, |(low, high)| high - low)
-}
-
-fn mean(values: &[f64]) -> f64 {
-    values.iter().sum::<f64>() / values.len() as f64
+    let [low, high] = range(values.iter().copied());
+    high - low
 }
 
 /// Distances of a point with these coordinates from the centre.
@@ -154,7 +149,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         }
         let error = lengths(&errors[readings.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
         row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
-        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * pooled(s.of(&error))));
+        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error).iter().copied())));
         for (reading, signal) in machine.readings[readings].iter().zip(columns) {
             row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
                 let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
@@ -164,7 +159,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         for k in 1..=*magnets {
             let current = get(format!("plant.{prefix}im[{k}]"))?;
             row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
-                format!("{:.3} / {:.3}", largest(s.of(current)), pooled(s.of(current)))
+                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current).iter().copied()))
             });
             // A controller of currents commands no voltage.
             let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);
@@ -175,7 +170,9 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
                 });
             }
             let force = get(format!("plant.{prefix}F[{k}]"))?;
-            row(format!("static load of magnet {k}{at}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
+            row(format!("static load of magnet {k}{at}"), "N", &|s| {
+                format!("{:.1}", mean(s.of(force).iter().copied()))
+            });
         }
     }
     rows.extend(peaks(scenario, sensitivities));

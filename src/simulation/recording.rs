@@ -34,7 +34,7 @@ impl Recording {
     }
 
     /// Writes CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample, with as many digits as
-    /// needed to read the same number again. Whole numbers, such as those of Booleans and items, have no exponent.
+    /// needed to read the same number again. Small whole numbers, such as those of Booleans and items, have no exponent.
     ///
     /// # Errors
     /// Whatever the writer reports.

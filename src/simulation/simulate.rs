@@ -96,7 +96,7 @@ pub fn run_altered(
     wanted: impl Fn(&str) -> bool,
     mut alter: impl FnMut(f64, &mut [Value]),
 ) -> Result<Run, Refused> {
-    let mut instances = instances(scenario).map_err(Refused)?;
+    let mut instances = instances(scenario)?;
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
@@ -144,13 +144,16 @@ pub fn run_altered(
     Ok(run)
 }
 
-/// Every parameter of a scenario that a model refuses.
-pub fn refused(scenario: &Scenario) -> Vec<String> {
-    instances(scenario).err().unwrap_or_default()
+/// Checks that every model takes its parameters.
+///
+/// # Errors
+/// Every parameter that a model refuses.
+pub fn check(scenario: &Scenario) -> Result<(), Refused> {
+    instances(scenario).map(drop)
 }
 
 /// Starts an instance of every element, or returns every parameter that a model refuses, with the elements that do.
-fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Vec<String>> {
+fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
     let mut instances = Vec::new();
     let mut refused: Vec<(String, Vec<&str>)> = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
@@ -162,25 +165,21 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Vec<String>> {
                 .settings
                 .extend(own.filter_map(|(_, index)| Some(Setting { index: *index, value: value.clone()? })));
         }
-        let findings = match start(&element) {
-            Ok(instance) => {
-                instances.push(instance);
-                continue;
-            }
-            Err(findings) => findings,
-        };
         let name = scenario.elements[at].name.as_str();
-        for finding in findings {
-            match refused.iter_mut().find(|(known, _)| *known == finding) {
-                Some((_, names)) => names.push(name),
-                None => refused.push((finding, vec![name])),
+        match start(&element) {
+            Ok(instance) => instances.push(instance),
+            Err(findings) => {
+                findings.into_iter().for_each(|finding| match refused.iter_mut().find(|(known, _)| *known == finding) {
+                    Some((_, names)) => names.push(name),
+                    None => refused.push((finding, vec![name])),
+                })
             }
         }
     }
     if refused.is_empty() {
         return Ok(instances);
     }
-    Err(refused.iter().map(|(finding, names)| format!("[{}] {finding}", names.join(", "))).collect())
+    Err(Refused(refused.iter().map(|(finding, names)| format!("[{}] {finding}", names.join(", "))).collect()))
 }
 
 /// Fits correction masses: each plane of the plant loses the unbalance that is estimated there.

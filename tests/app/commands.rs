@@ -8,8 +8,8 @@ use crate::support::{between, says};
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::studies::design::{self, Conditions, design};
-use magnetic_bearing::studies::montecarlo::figures::pooled;
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
+use magnetic_bearing::studies::statistics::rms;
 use magnetic_bearing::studies::sweep::Sweep;
 
 /// The scenario that is run of a machine.
@@ -71,7 +71,7 @@ fn many_seeds_of_every_machine_agree_with_what_is_stated() {
             between(&format!("{name}, magnet {k}: stated/bound"), stated / bound, 0.9, 1.5);
         }
         // Of 6 runs, in each of which the errors of all magnets are alike.
-        between(&format!("{name}: error/std"), pooled(&figures.normalised), 0.3, 2.0);
+        between(&format!("{name}: error/std"), rms(figures.normalised.iter().copied()), 0.3, 2.0);
         assert!(outcome.beyond() == 0, "{name}: {:?}", outcome.worst());
         let table = montecarlo::table(&study, &outcome);
         let rows: Vec<&str> = table.rows.iter().map(|row| row[0].as_str()).collect();

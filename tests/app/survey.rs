@@ -12,9 +12,10 @@ use magnetic_bearing::estimation::Method;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
-use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, Worst, pooled};
+use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, Worst};
 use magnetic_bearing::studies::montecarlo::{self, SEEDS, cases};
 use magnetic_bearing::studies::parallel::in_order;
+use magnetic_bearing::studies::statistics::rms;
 use magnetic_bearing::variables::Choice;
 
 /// The methods by the names of the interface, with their numbers.
@@ -227,7 +228,7 @@ fn drawn_bearings(told: bool, limits: &Limits) {
     for (figures, (limit, least)) in outcome.figures.iter().zip(of_instants).skip(limits.from) {
         let at = figures.instant_s;
         let [bound, stated, total] =
-            [&figures.over_bound, &figures.normalised, &figures.over_total].map(|values| pooled(values));
+            [&figures.over_bound, &figures.normalised, &figures.over_total].map(|values| rms(values.iter().copied()));
         // NaN is within no limits.
         for (what, value, limits) in [
             ("error/bound", bound, 0.0..=limit),

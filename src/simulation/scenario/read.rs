@@ -53,7 +53,7 @@ pub fn scenario(
         return Ok(scenario);
     }
     // The models refuse values as well; a user sees all findings at once.
-    findings.extend(simulate::refused(&scenario));
+    findings.extend(simulate::check(&scenario).err().map_or_else(Vec::new, |refused| refused.0));
     Err(refuse(findings))
 }
 

@@ -18,9 +18,9 @@ use self::feedback::feedback;
 use self::filter::Readings;
 use self::search::{Fit, fit, follow, log_likelihood};
 use super::samples::Samples;
-use super::statistics::{mean, median, noise, range};
 use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
+use crate::studies::statistics::{mean, median, noise, range};
 
 /// Unknowns of the search, by number; noises and force constants by their logarithms.
 pub const UNKNOWNS: usize = 13;

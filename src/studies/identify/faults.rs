@@ -1,8 +1,8 @@
 //! Faults of sensors, found in the columns before any model is asked: readings that are stuck, stuck at the end of a range (clipped), or
 //! single outliers, and rows that a late logger repeats. They are left out.
 
-use super::statistics::range;
 use super::units::significant;
+use crate::studies::statistics::range;
 
 /// Probability by which good readings of a whole column are taken for a fault.
 const CHANCE: f64 = 1e-6;

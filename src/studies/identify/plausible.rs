@@ -7,9 +7,9 @@ use nalgebra::Complex;
 
 use super::read::{Signals, TIME_AT};
 use super::samples::{Rotation, Samples};
-use super::statistics::{median, noise, range};
 use super::units::{rounded_time, significant, time};
 use crate::estimation::Hold;
+use crate::studies::statistics::{median, noise, range};
 
 /// Sample times of controllers and recorders of magnetic bearings, in s: 2 MHz to 500 Hz.
 const STEP_S: [f64; 2] = [0.5e-6, 2e-3];

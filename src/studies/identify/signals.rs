@@ -2,8 +2,8 @@
 
 use std::f64::consts::TAU;
 
-use super::statistics::{median, range};
 use crate::estimation::Hold;
+use crate::studies::statistics::{median, range};
 
 /// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
 const FILLED: usize = 3;

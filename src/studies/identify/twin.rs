@@ -152,8 +152,8 @@ impl Twin {
     /// # Errors
     /// All values that a model refuses.
     pub(super) fn checked(self) -> Result<Self, Vec<String>> {
-        let refused = simulate::refused(&self.scenario);
-        if refused.is_empty() { Ok(self) } else { Err(refused) }
+        simulate::check(&self.scenario).map_err(|refused| refused.0)?;
+        Ok(self)
     }
 }
 

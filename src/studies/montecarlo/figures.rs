@@ -8,6 +8,7 @@ use crate::estimation::Verdict;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::{Profile, Scenario};
 use crate::simulation::synchronous::forces;
+use crate::studies::statistics::rms;
 use crate::variables::Choice;
 use fmu_export::variable::Value;
 
@@ -225,7 +226,7 @@ pub fn judge(
             std: of(|estimate| &estimate.std),
             total: of(|estimate| &estimate.total),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
-            unbalance: [0, 1].map(|n| pooled(&unbalances.iter().map(|plane| plane[n]).collect::<Vec<_>>())),
+            unbalance: [0, 1].map(|n| rms(unbalances.iter().map(|plane| plane[n]))),
             verdict: get("verdict").map(|values| verdict(values[row])),
         });
     }
@@ -273,11 +274,6 @@ pub struct Figures {
     pub verdicts: BTreeMap<String, usize>,
 }
 
-/// Root mean square; 0 of nothing.
-pub fn pooled(values: &[f64]) -> f64 {
-    (values.iter().map(|value| value * value).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
 impl Figures {
     /// The figures of the samples of one instant.
     pub fn new(instant_s: f64, samples: &[&Sample]) -> Self {
@@ -287,7 +283,7 @@ impl Figures {
         let mean =
             |value: &dyn Fn(&Sample) -> f64| valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64;
         let magnets = samples.first().map_or(0, |sample| sample.error.len());
-        let rms = |value: &dyn Fn(&Sample, usize) -> f64| -> Vec<f64> {
+        let rms_of = |value: &dyn Fn(&Sample, usize) -> f64| -> Vec<f64> {
             (0..magnets).map(|k| mean(&|sample| value(sample, k).powi(2)).sqrt()).collect()
         };
         let mut verdicts = BTreeMap::new();
@@ -300,15 +296,13 @@ impl Figures {
             valid: valid.len(),
             identifiable: samples.iter().filter(|sample| identifiable(sample)).count(),
             identified: valid.iter().filter(|sample| identifiable(sample)).count(),
-            rms: rms(&|sample, k| sample.error[k]),
+            rms: rms_of(&|sample, k| sample.error[k]),
             bias: (0..magnets).map(|k| mean(&|sample| sample.error[k])).collect(),
-            stated: rms(&|sample, k| sample.std[k]),
-            bound: (0..magnets)
-                .map(|k| pooled(&samples.iter().map(|sample| sample.bound[k]).collect::<Vec<_>>()))
-                .collect(),
-            over_bound: rms(&|sample, k| sample.error[k] / sample.bound[k]),
-            normalised: rms(&|sample, k| sample.error[k] / sample.std[k]),
-            over_total: rms(&|sample, k| sample.error[k] / sample.total[k]),
+            stated: rms_of(&|sample, k| sample.std[k]),
+            bound: (0..magnets).map(|k| rms(samples.iter().map(|sample| sample.bound[k]))).collect(),
+            over_bound: rms_of(&|sample, k| sample.error[k] / sample.bound[k]),
+            normalised: rms_of(&|sample, k| sample.error[k] / sample.std[k]),
+            over_total: rms_of(&|sample, k| sample.error[k] / sample.total[k]),
             worst: valid
                 .iter()
                 .flat_map(|sample| sample.error.iter().zip(&sample.total).map(|(error, total)| (error / total).abs()))

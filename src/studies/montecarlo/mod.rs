@@ -22,9 +22,10 @@ use crate::progress::Progress;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused, Stopped};
 use crate::studies::parallel::in_order;
+use crate::studies::statistics::rms;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
-use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, pooled, touched};
+use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, touched};
 use offline::Offline;
 
 /// Changes the study's scenario for a run, from the seed of the run and how often the rotor touched down with the former.
@@ -330,9 +331,9 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
         format!("{}/{}", figures.identified, figures.identifiable)
     });
-    row("rms error/bound", &|figures| known(pooled(&figures.over_bound), 2));
-    row("rms error/standard deviation (noise)", &|figures| known(pooled(&figures.normalised), 2));
-    row("rms error/standard deviation (total)", &|figures| known(pooled(&figures.over_total), 2));
+    row("rms error/bound", &|figures| known(rms(figures.over_bound.iter().copied()), 2));
+    row("rms error/standard deviation (noise)", &|figures| known(rms(figures.normalised.iter().copied()), 2));
+    row("rms error/standard deviation (total)", &|figures| known(rms(figures.over_total.iter().copied()), 2));
     row("greatest error/standard deviation", &|figures| known(figures.worst, 1));
     if !study.mixed {
         let bearings = of_bearings(&study.scenario);

@@ -7,7 +7,7 @@ use super::filter::Block;
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, part};
 use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
-use crate::studies::identify::statistics::median;
+use crate::studies::statistics::median;
 
 /// χ² of a change of three force constants between two blocks above which it counts. At one place chance makes 30 with a probability of
 /// 1.4 · 10⁻⁶ (three degrees of freedom); there are [`BLOCKS`] places, which are not independent of each other.

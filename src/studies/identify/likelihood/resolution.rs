@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::studies::identify::statistics::median;
+use crate::studies::statistics::median;
 
 /// Rows in which a step is looked for.
 const ROWS: usize = 10_000;

@@ -1,7 +1,7 @@
 //! The pace of a recording: a straight line through its time stamps, which scatter, are rounded, and lack rows.
 
-use crate::studies::identify::statistics::{median, range, rms};
 use crate::studies::identify::units::{rounded_time, time as shown};
+use crate::studies::statistics::{median, range, rms};
 
 /// The stamps may scatter about the line by so many sample times (rms): rounding to half a sample time scatters by 0.5/√12 = 0.144.
 const SCATTER: f64 = 0.15;
