@@ -188,7 +188,7 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
-        ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant, controller, estimator] alpha"]),
+        ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant, controller] alpha", "[estimator] alpha"]),
         ("", "[plant]\nlambda = [2e-6, inf, 2e-6]", &["[plant]", "lambda[2] = inf", "above 0"]),
         ("", "[controller]\nreference.rZ = \"0.6 mm\"", &["[controller]", "reference."]),
         ("", "[estimator]\ntolerance.alpha = \"-1 deg\"", &["tolerance.alpha = -0.017", "rad", "0 or above"]),
