@@ -186,7 +186,7 @@ fn the_page_holds_everything_and_loads_nothing() {
 #[test]
 fn the_first_screen_states_the_answer_and_the_verdict() {
     let answer = answer(&PAGE);
-    says(answer, &["Valid", "all tests pass", "1.800 ± 0.013", "truth 1.800, error −0.0038 %"]);
+    says(answer, &["Valid", "all tests pass", "1.7999 ± 0.0063", "truth 1.8000, error −0.0038 %"]);
     // The animation and one plot, before any table.
     assert_eq!(data(answer).len(), 2);
     assert!(PAGE.find("id=\"answer\"").unwrap() < PAGE.find("<table").unwrap());
