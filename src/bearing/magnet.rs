@@ -69,11 +69,8 @@ impl Used {
 }
 
 /// The angles, in rad, of three magnets as in the paper, or of four in opposed pairs, 1 and 3, 2 and 4; along an axis there are none.
-pub fn alpha_rad<const K: usize>() -> [f64; K] {
-    angles_rad(K)
-}
-
-/// Those of so many magnets, and 0 for further ones.
+///
+/// Of so many magnets, and 0 for further ones.
 pub(crate) fn angles_rad<const K: usize>(magnets: usize) -> [f64; K] {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_4, PI};
     std::array::from_fn(|k| match magnets {
@@ -232,11 +229,6 @@ impl Magnets {
     /// `e_k`, without unit: the direction, (y, z), in which each magnet pulls the rotor.
     pub fn directions(&self) -> &[[f64; 2]] {
         &self.directions[..self.number]
-    }
-
-    /// `n` with `Σ n_k e_k = 0`, without unit: all components above 0, their mean 1.
-    pub fn null_vector(&self) -> &[f64] {
-        &self.null[..self.number]
     }
 
     /// Whether the magnets face each other in pairs.

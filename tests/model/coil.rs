@@ -51,11 +51,8 @@ fn current_and_force_are_the_derivatives_of_one_energy() {
                 let current = |psi, gap| coil.at_linkage(psi, gap).current_a;
                 let force = |psi, gap| coil.at_linkage(psi, gap).force_n;
                 let same = |what: &str, is: f64, ought: f64, scale: f64| {
-                    below(
-                        &format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}"),
-                        (is - ought).abs() / scale,
-                        DIFFERENCES,
-                    );
+                    let what = format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}");
+                    below(&what, (is - ought).abs() / scale, DIFFERENCES);
                 };
                 same("i = ∂W/∂ψ", at.current_a, slope(&energy, false), at.current_a.abs());
                 // In saturated iron most of the energy is not in the gap, and its rounding is not that of the force.

@@ -6,7 +6,8 @@ use fmu_export::{Model, SampledModel};
 use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfigOf, EstimatorInputOf};
-use magnetic_bearing::fmu::{controller, estimator, plant};
+use magnetic_bearing::fmu::controller::ControllerModel;
+use magnetic_bearing::fmu::{estimator, plant};
 use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 
 const STEP_S: f64 = 1e-4;
@@ -20,10 +21,7 @@ fn names<D>(rows: Vec<Row<D>>) -> Vec<String> {
 fn variables_are_those_with_an_axial_bearing_but_for_the_axial_ones() {
     let of_all = [
         (names(plant::PlantModel::<5, 8, 3>::table()), names(plant::PlantModel::<4, 6, 2>::table())),
-        (
-            names(controller::ControllerModel::<5, 8, 3, 3>::table()),
-            names(controller::ControllerModel::<4, 6, 2, 2>::table()),
-        ),
+        (names(ControllerModel::<5, 8, 3, 3>::table()), names(ControllerModel::<4, 6, 2, 2>::table())),
         (names(estimator::Spindle::<5, 3, 8>::table()), names(estimator::Spindle::<4, 2, 6>::table())),
     ];
     for (mut five, four) in of_all {

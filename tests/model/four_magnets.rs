@@ -1,8 +1,9 @@
 //! Four magnets in opposed pairs: how a force is shared, and the textbook's linear law.
 
 use crate::support::{Random, below};
-use magnetic_bearing::bearing::magnet::{Geometry, Magnets, alpha_rad, currents, forces};
-use magnetic_bearing::control::controller::{Allocation, Controller, ControllerConfigOf};
+use magnetic_bearing::bearing::magnet::{Magnets, currents, forces};
+use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
+use magnetic_bearing::machine::PLANAR4;
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
 use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 
@@ -10,15 +11,11 @@ const GAP_M: f64 = 5e-4;
 /// Rounding of forces of some 100 N, in N.
 const ROUNDING_N: f64 = 1e-11;
 
-fn magnets() -> (Magnets, Geometry<f64, 2, 4>) {
-    let alpha_rad = alpha_rad::<4>();
-    (Magnets::new(GAP_M, &alpha_rad).expect("magnets in opposed pairs"), Geometry::new(GAP_M, alpha_rad))
-}
-
 /// Fails if the bias is that of one magnet of a pair, or if unequal gaps or force constants are not compensated.
 #[test]
 fn currents_about_a_bias_give_the_force_at_any_place() {
-    let ((magnets, geometry), mut random) = (magnets(), Random::new(7));
+    let rotor = Rotor::<2, 4, 1>::new(RotorConfig::of(&PLANAR4)).expect("magnets in opposed pairs");
+    let (geometry, mut random) = (rotor.geometry(), Random::new(7));
     let mut alone = 0;
     for _ in 0..1000 {
         let lambda: [f64; 4] = std::array::from_fn(|_| random.between(1e-6, 4e-6));
@@ -26,9 +23,7 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
         let wanted: [f64; 2] = std::array::from_fn(|_| random.between(-200.0, 200.0));
         let bias_a: [f64; 2] = std::array::from_fn(|_| random.between(0.5, 3.0));
         let per_square: [f64; 4] = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
-        let mut given_n = [0.0; 4];
-        magnets.allocate_with_bias(wanted, &bias_a, &per_square, &mut given_n);
-        let current_a = currents(given_n, gap_m, lambda);
+        let current_a = currents(rotor.allocate_with_bias(wanted, bias_a, per_square), gap_m, lambda);
         for (wanted, found) in wanted.into_iter().zip(geometry.resultant(forces(lambda, current_a, gap_m))) {
             below("resultant, N", (wanted - found).abs(), ROUNDING_N);
         }
@@ -38,10 +33,8 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
                 below("mean current of a pair, A", (0.5 * (one + other) - bias_a).abs(), 1e-7);
             } else {
                 alone += 1;
-                assert!(
-                    one.max(other) >= 2.0 * bias_a * (1.0 - 1e-9),
-                    "one magnet alone before its pair is at its end"
-                );
+                let is_at_its_end = one.max(other) >= 2.0 * bias_a * (1.0 - 1e-9);
+                assert!(is_at_its_end, "{one} A and {other} A about {bias_a} A");
             }
         }
     }
@@ -83,14 +76,4 @@ fn stiffness_and_gain_of_a_pair_are_those_of_the_textbook() {
     let k_s = slope(&|towards| towards.motion.position_m = [1.0]);
     below("k_i, relative", (k_i / (4.0 * lambda * bias_a / GAP_M.powi(2)) - 1.0).abs(), 1e-12);
     below("k_s, relative", (k_s / (4.0 * lambda * bias_a * bias_a / GAP_M.powi(3)) - 1.0).abs(), 1e-12);
-}
-
-#[test]
-fn a_bias_needs_magnets_that_face_each_other() {
-    let mut config = ControllerConfigOf::<2, 4, 1, 2>::default();
-    config.rotor.bearings[0].alpha_rad[0] += 0.02;
-    Controller::new(config.clone()).expect("a smallest force needs no pairs");
-    config.law.allocation = Allocation::BiasCurrent;
-    let found = Controller::new(config).expect_err("a refusal");
-    assert_eq!(found.iter().map(|finding| &*finding.name).collect::<Vec<_>>(), ["allocation"]);
 }

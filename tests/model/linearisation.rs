@@ -83,6 +83,12 @@ fn of_order<const O: usize, const N: usize, const K: usize>(
     values(output.clone().map(|series| series.0[order]))
 }
 
+/// Each value from those in its place.
+fn combined<const S: usize>(of: &[Vec<Vec<f64>>; S], value: impl Fn([f64; S]) -> f64) -> Vec<Vec<f64>> {
+    let at = |row: usize, column: usize| value(of.each_ref().map(|of| of[row][column]));
+    (0..of[0].len()).map(|row| (0..of[0][row].len()).map(|column| at(row, column)).collect()).collect()
+}
+
 #[track_caller]
 fn agree(what: &str, got: &[Vec<f64>], wanted: &[Vec<f64>], tolerance: f64, floor: &[f64]) {
     for (row, (got, wanted)) in got.iter().zip(wanted).enumerate() {
@@ -139,16 +145,7 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                 let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
-                let quotient: Vec<Vec<f64>> = (0..got.len())
-                    .map(|row| {
-                        (0..got[row].len())
-                            .map(|column| {
-                                let [a, b, c, d] = sides.each_ref().map(|side| side[row][column]);
-                                (a - 8.0 * b + 8.0 * c - d) / (12.0 * h)
-                            })
-                            .collect()
-                    })
-                    .collect();
+                let quotient = combined(&sides, |[a, b, c, d]| (a - 8.0 * b + 8.0 * c - d) / (12.0 * h));
                 // Friction bends within millimetres per second: the quotient is coarser there.
                 let tolerance = if state.contact[0] { 1e-3 } else { QUOTIENT };
                 agree("directional", &got, &quotient, tolerance, &FLOOR);
@@ -194,14 +191,8 @@ fn derivatives_in_time_are_those_of_the_motion() {
                 let moved =
                     long.with(&long, |series, _: Taylor<7>| series.0.iter().rev().fold(0.0, |sum, c| sum * tau + c));
                 let there = values(moved.outputs());
-                let sum = |order: usize| of_order(&exact, order);
-                let series: Vec<Vec<f64>> = (0..there.len())
-                    .map(|row| {
-                        (0..there[row].len())
-                            .map(|column| (0..7).rev().fold(0.0, |value, order| value * tau + sum(order)[row][column]))
-                            .collect()
-                    })
-                    .collect();
+                let orders: [_; 7] = std::array::from_fn(|order| of_order(&exact, order));
+                let series = combined(&orders, |orders| orders.into_iter().rev().fold(0.0, |sum, c| sum * tau + c));
                 agree("series", &series, &there, 1e-11, &FLOOR);
                 agree("orders", &of_order(&rate, 2), &of_order(&exact, 2), 1e-12, &FLOOR);
             }

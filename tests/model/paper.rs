@@ -103,11 +103,8 @@ fn impossible_windows_are_named() {
         (good.window_s, 0.0199, "epsilon"),
     ] {
         let found = Estimator::new(EstimatorConfig { window_s, epsilon_s, ..good.clone() }).expect_err(name);
-        assert_eq!(
-            found.iter().map(|invalid| &*invalid.name).collect::<Vec<_>>(),
-            [name],
-            "{window_s} s, {epsilon_s} s"
-        );
+        let names: Vec<_> = found.iter().map(|invalid| &*invalid.name).collect();
+        assert_eq!(names, [name], "{window_s} s, {epsilon_s} s");
     }
     // Decimal fractions are not binary ones: 0.0003/0.0001 is not 3.
     for intervals in 8..200 {

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use crate::support::{SpindleConfig, Spoil, below, between};
+use crate::support::{SpindleConfig, below, between};
 use magnetic_bearing::bearing::rotor::Rotor;
 use magnetic_bearing::plant::integration::substeps;
 use magnetic_bearing::plant::noise::Noise;
@@ -387,40 +387,44 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
     holds::<5, 8, 3>([0.0, 0.0, -1e12, -1.2e11, 0.0]);
 }
 
-/// Refused inputs by name, and nothing is changed by them.
-fn refuses<const N: usize, const K: usize, const B: usize>(cases: &[(&str, Spoil<PlantInput<f64, N, K>>)]) {
-    let plant = Plant::<N, K, B>::new(PlantConfigOf::default()).expect("plant");
-    let mut state = plant.start(0.0);
-    plant.advance(&mut state, &PlantInput::default(), 0.0, STEP_S).expect("advance");
-    let before = state.clone();
-    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
-        for (wanted, change) in cases {
-            let mut input = PlantInput::default();
-            change(&mut input, bad);
-            match plant.advance(&mut state, &input, STEP_S, STEP_S) {
-                Err(StepError::Input { name, .. }) => assert_eq!(name, *wanted),
-                other => panic!("{wanted} = {bad}: {other:?}"),
-            }
-        }
-        for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad), (STEP_S, -STEP_S), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
-            let result = plant.advance(&mut state, &PlantInput::default(), t_s, h_s);
-            assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
-        }
-    }
-    assert_eq!(state, before);
-}
-
+/// All inputs of every machine by name, and times.
 #[test]
 fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
-    refuses::<2, 3, 1>(&[
-        ("i[2]", |input, bad| input.current_a[1] = bad),
-        ("pY", |input, bad| input.perturbation_n[0] = bad),
-        ("pZ", |input, bad| input.perturbation_n[1] = bad),
-        ("omega", |input, bad| input.omega_rad_s = bad),
-    ]);
-    refuses::<5, 8, 3>(&[
-        ("B.i[2]", |input, bad| input.current_a[4] = bad),
-        ("X.u[1]", |input, bad| input.voltage_v[6] = bad),
-        ("MY", |input, bad| input.perturbation_n[3] = bad),
-    ]);
+    fn holds<const N: usize, const K: usize, const B: usize>() {
+        let plant = Plant::<N, K, B>::new(PlantConfigOf::default()).expect("plant");
+        let mut state = plant.start(0.0);
+        plant.advance(&mut state, &PlantInput::default(), 0.0, STEP_S).expect("advance");
+        let before = state.clone();
+        let mut refused = |wanted: &str, bad: f64, spoil: &dyn Fn(&mut PlantInput<f64, N, K>)| {
+            let mut input = PlantInput::default();
+            spoil(&mut input);
+            match plant.advance(&mut state, &input, STEP_S, STEP_S) {
+                Err(StepError::Input { name, .. }) => assert_eq!(name, wanted),
+                other => panic!("{wanted} = {bad}: {other:?}"),
+            }
+        };
+        let machine = Rotor::<N, K, B>::MACHINE;
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for (k, (i, u)) in machine.of_magnets("i").iter().zip(machine.of_magnets("u")).enumerate() {
+                refused(i, bad, &|input| input.current_a[k] = bad);
+                refused(&u, bad, &|input| input.voltage_v[k] = bad);
+            }
+            for (n, coordinate) in machine.coordinates.iter().enumerate() {
+                refused(coordinate.load.0, bad, &|input| input.perturbation_n[n] = bad);
+            }
+            refused("omega", bad, &|input| input.omega_rad_s = bad);
+        }
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -STEP_S] {
+            for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
+                let result = plant.advance(&mut state, &PlantInput::default(), t_s, h_s);
+                assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
+            }
+        }
+        assert_eq!(state, before);
+    }
+    holds::<2, 3, 1>();
+    holds::<2, 4, 1>();
+    holds::<1, 2, 1>();
+    holds::<5, 8, 3>();
+    holds::<5, 10, 3>();
 }

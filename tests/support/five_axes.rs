@@ -1,12 +1,19 @@
-//! A small independent simulator of a spindle in its closed loop, and the Cramér–Rao bound of its data. It shares no code with the program.
+//! A small independent simulator of a spindle in its closed loop, and the Cramér–Rao bound of its data. The simulator shares no code with the program.
 
 use std::f64::consts::PI;
 
-use crate::rotor::runge_kutta;
-use crate::support::Random;
-use nalgebra::{SMatrix, SVector};
+use crate::support::{Random, runge_kutta};
+use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
+use nalgebra::DMatrix;
 
 const ALPHA: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];
+/// Mass in kg, moments of inertia in kg·m².
+const INERTIA: [f64; 3] = [12.0, 0.16, 0.02];
+/// Places of the bearings, their sensors, and the planes of unbalance.
+const AT_M: [f64; 2] = [-0.12, 0.15];
+const SENSORS_M: [f64; 2] = [-0.10, 0.13];
+const PLANES_M: [f64; 2] = [-0.08, 0.10];
+const STEP_S: f64 = 1e-4;
 type Five = [f64; 5];
 
 /// One sample.
@@ -25,13 +32,7 @@ pub struct Sample {
 /// A spindle of rotor, two radial bearings and one axial bearing, told apart from the program.
 #[derive(Clone, Debug)]
 pub struct FiveAxes {
-    pub m_kg: f64,
-    pub transverse: f64,
-    pub polar: f64,
     pub rpm: f64,
-    pub at_m: [f64; 2],
-    pub sensors_m: [f64; 2],
-    pub planes_m: [f64; 2],
     pub gap_m: [f64; 2],
     pub lambda: [f64; 8],
     /// λ used by the controller.
@@ -39,9 +40,7 @@ pub struct FiveAxes {
     pub unbalance: [(f64, f64); 2],
     /// Forces in x, y, z, moments about y and z.
     pub load: Five,
-    pub step_s: f64,
     pub noise: (f64, f64),
-    pub f0_n: f64,
     /// Part and frequencies of the modulation of the smallest force.
     pub modulation: (f64, [f64; 3]),
     /// Half-axes and phase of the ellipses in A and B, amplitude and frequency of the axial motion.
@@ -55,21 +54,13 @@ impl Default for FiveAxes {
     fn default() -> Self {
         let lambda = [1.8e-6, 2.0e-6, 2.2e-6, 2.4e-6, 2.1e-6, 1.9e-6, 3.0e-6, 2.6e-6];
         Self {
-            m_kg: 12.0,
-            transverse: 0.16,
-            polar: 0.02,
             rpm: 3000.0,
-            at_m: [-0.12, 0.15],
-            sensors_m: [-0.10, 0.13],
-            planes_m: [-0.08, 0.10],
             gap_m: [5e-4, 6e-4],
             lambda,
             guess: lambda,
             unbalance: [(8e-5, 0.7), (5e-5, -1.9)],
             load: [8.0, 15.0, -20.0, 0.6, -0.9],
-            step_s: 1e-4,
             noise: (1e-7, 1e-2),
-            f0_n: 15.0,
             modulation: (0.5, [110.0, 130.0, 90.0]),
             paths: [(30e-6, 70e-6, 0.0), (60e-6, 25e-6, 1.2)],
             axial: (20e-6, 60.0),
@@ -96,14 +87,14 @@ impl FiveAxes {
     }
 
     pub fn inertia(&self) -> Five {
-        [self.m_kg, self.m_kg, self.m_kg, self.transverse, self.transverse]
+        [INERTIA[0], INERTIA[0], INERTIA[0], INERTIA[1], INERTIA[1]]
     }
 
     fn directions(&self) -> [Five; 8] {
         std::array::from_fn(|k| match k / 3 {
             2 => [if k == 6 { 1.0 } else { -1.0 }, 0.0, 0.0, 0.0, 0.0],
             b => {
-                let (xi, a) = (self.at_m[b], ALPHA[k % 3]);
+                let (xi, a) = (AT_M[b], ALPHA[k % 3]);
                 [0.0, a.sin(), a.cos(), -xi * a.cos(), xi * a.sin()]
             }
         })
@@ -115,12 +106,12 @@ impl FiveAxes {
     }
 
     fn readings(&self, q: &Five) -> Five {
-        let [a, b] = self.sensors_m;
+        let [a, b] = SENSORS_M;
         [q[1] + a * q[4], q[2] - a * q[3], q[1] + b * q[4], q[2] - b * q[3], q[0]]
     }
 
     fn coordinates(&self, r: &Five) -> Five {
-        let [a, b] = self.sensors_m;
+        let [a, b] = SENSORS_M;
         let (gamma, beta) = ((r[2] - r[0]) / (b - a), -(r[3] - r[1]) / (b - a));
         [r[4], r[0] - a * gamma, r[1] + a * beta, beta, gamma]
     }
@@ -132,22 +123,22 @@ impl FiveAxes {
             let force = self.lambda[k] * (i[k] / gaps[k]).powi(2);
             (0..5).for_each(|j| f[j] += d[k][j] * force);
         }
-        for ((u, phi), xi) in self.unbalance.into_iter().zip(self.planes_m) {
+        for ((u, phi), xi) in self.unbalance.into_iter().zip(PLANES_M) {
             let (y, z) = (u * w * w * (theta + phi).cos(), u * w * w * (theta + phi).sin());
             f[1] += y;
             f[2] += z;
             f[3] -= xi * z;
             f[4] += xi * y;
         }
-        f[3] -= self.polar * w * v[4];
-        f[4] += self.polar * w * v[3];
+        f[3] -= INERTIA[2] * w * v[4];
+        f[4] += INERTIA[2] * w * v[3];
         let m = self.inertia();
         std::array::from_fn(|j| f[j] / m[j])
     }
 
     /// Position, velocity, acceleration of the reference.
     fn reference(&self, t: f64) -> [Five; 3] {
-        let (w, [xa, xb]) = (self.omega(), self.at_m);
+        let (w, [xa, xb]) = (self.omega(), AT_M);
         std::array::from_fn(|d| {
             let (f, turn) = (w.powi(d as i32), d as f64 * PI / 2.0);
             let [[ya, za], [yb, zb]] =
@@ -165,9 +156,9 @@ impl FiveAxes {
     }
 
     fn allocate(&self, f: &Five, q: &Five, t: f64) -> [f64; 8] {
-        let [xa, xb] = self.at_m;
+        let [xa, xb] = AT_M;
         let (part, frequencies) = self.modulation;
-        let least = frequencies.map(|hz| self.f0_n * (1.0 + part * (2.0 * PI * hz * t).sin()));
+        let least = frequencies.map(|hz| 15.0 * (1.0 + part * (2.0 * PI * hz * t).sin()));
         let y_b = (f[4] - xa * f[1]) / (xb - xa);
         let z_b = (-f[3] - xa * f[2]) / (xb - xa);
         let mut forces = [0.0; 8];
@@ -185,10 +176,10 @@ impl FiveAxes {
     /// Runge–Kutta of order 4, ten steps a sample; tracking poles at 800 and 1000 rad/s, observer poles at about 3500 rad/s.
     pub fn run(&self) -> Vec<Sample> {
         const SUBSTEPS: usize = 10;
-        let (ts, w, m) = (self.step_s, self.omega(), self.inertia());
+        let (ts, w, m) = (STEP_S, self.omega(), self.inertia());
         let pole = 1.0 - (-3500.0 * ts).exp();
         let gains = [3.0 * pole, (3.0 * pole * pole - pole.powi(3) / 2.0) / ts, pole.powi(3) / (ts * ts)];
-        let spin = |v: &Five| [0.0, 0.0, 0.0, -self.polar * w * v[4], self.polar * w * v[3]];
+        let spin = |v: &Five| [0.0, 0.0, 0.0, -INERTIA[2] * w * v[4], INERTIA[2] * w * v[3]];
         let [q, v, a] = self.reference(0.0);
         let mut x = joined([q, v]);
         let mut observed: [[f64; 3]; 5] = std::array::from_fn(|j| [q[j], v[j], 0.0]);
@@ -229,68 +220,38 @@ impl FiveAxes {
         samples
     }
 
-    /// The Cramér–Rao bound at the last sample: standard deviations of the eight λ.
-    ///
-    /// Kalman filter along the true motion of coordinates (µm, 10 µrad), rates (mm/s, 10 mrad/s), λ (10⁻⁶), unbalance (10⁻⁴ kg·m) and loads, of
-    /// which nothing is known at first; noise of the currents is process noise.
+    /// The Cramér–Rao bound at the last sample: standard deviations of the eight λ. The test `bound` of the program checks its filter.
     pub fn bound(&self, samples: &[Sample]) -> [f64; 8] {
-        const S: usize = 27;
-        let h = self.step_s;
-        let units: [f64; S] = std::array::from_fn(|n| match n {
-            0..=2 | 10..=17 => 1e-6,
-            3..=4 => 1e-5,
-            5..=7 => 1e-3,
-            8..=9 => 1e-2,
-            18..=21 => 1e-4,
-            _ => 1.0,
+        let (directions, at) = (self.directions(), |xi: f64, y: f64, z: f64| vec![0.0, y, z, -xi * z, xi * y].into());
+        let mut gyroscopic = DMatrix::zeros(5, 5);
+        (gyroscopic[(3, 4)], gyroscopic[(4, 3)]) = (-INERTIA[2], INERTIA[2]);
+        let unit = |n: usize| std::array::from_fn(|at| f64::from(at == n));
+        let mut bound = Bound::new(Rotor {
+            inertia: self.inertia().to_vec().into(),
+            gyroscopic,
+            directions: DMatrix::from_fn(5, 8, |n, k| directions[k][n]),
+            gap_m: (0..8).map(|k| self.gap_m[k / 6]).collect(),
+            lambda_nm2_a2: self.lambda.to_vec(),
+            planes: PLANES_M.map(|xi| [at(xi, 1.0, 0.0), at(xi, 0.0, 1.0)]).to_vec(),
+            readings: DMatrix::from_fn(5, 5, |reading, n| self.readings(&unit(n))[reading]),
+            position_noise_m: self.noise.0,
+            current_noise_a: self.noise.1,
         });
-        let parts = self.unbalance.map(|(u, phi)| [u * phi.cos(), u * phi.sin()]).concat();
-        let mut p = SMatrix::<f64, S, S>::identity() * 1e4;
-        for (n, sample) in samples.iter().enumerate() {
-            if let Some(last) = n.checked_sub(1).map(|before| &samples[before]) {
-                let theta = 0.5 * (last.theta_rad + sample.theta_rad);
-                let [q, v] = &last.state;
-                let truth = [&q[..], v, &self.lambda, &parts, &self.load].concat();
-                // The acceleration in the middle of the interval if one of the unknowns, or after them of the currents, is another.
-                let moved = |number: usize, by: f64| {
-                    let (mut x, mut current) = (truth.clone(), last.true_a);
-                    if number < S {
-                        x[number] += by * units[number]
-                    } else {
-                        current[number - S] += by * self.noise.1
-                    }
-                    let part = |at: usize| (x[at].hypot(x[at + 1]), x[at + 1].atan2(x[at]));
-                    let mut other = Self { unbalance: [part(18), part(20)], ..self.clone() };
-                    other.lambda.copy_from_slice(&x[10..18]);
-                    other.load.copy_from_slice(&x[22..]);
-                    let q = std::array::from_fn(|j| x[j] + h / 2.0 * x[5 + j]);
-                    other.acceleration(&q, &std::array::from_fn(|j| x[5 + j]), &current, theta)
-                };
-                let mut transition = SMatrix::<f64, S, S>::identity();
-                let mut noise = SMatrix::<f64, S, 8>::zeros();
-                (0..5).for_each(|a| transition[(a, 5 + a)] = h * units[5 + a] / units[a]);
-                for number in 0..S + 8 {
-                    let [less, more] = [-1.0, 1.0].map(|by| moved(number, by));
-                    for (a, by) in (0..5).flat_map(|a| [(a, h * h / 2.0), (5 + a, h)]) {
-                        let effect = by * (more[a % 5] - less[a % 5]) / 2.0 / units[a];
-                        if number < S { transition[(a, number)] += effect } else { noise[(a, number - S)] = effect }
-                    }
-                }
-                p = transition * p * transition.transpose() + noise * noise.transpose();
-            }
-            let mut rows = SMatrix::<f64, 5, S>::zeros();
-            for (j, unit) in units[..5].iter().enumerate() {
-                let readings = self.readings(&std::array::from_fn(|n| if n == j { *unit } else { 0.0 }));
-                rows.set_column(j, &SVector::from(readings.map(|reading| reading / self.noise.0)));
-            }
-            for row in rows.row_iter() {
-                let row = row.transpose();
-                let along = p * row;
-                p -= along * along.transpose() / (1.0 + along.dot(&row));
-                p = (p + p.transpose()) * 0.5;
-            }
+        bound.measure();
+        for (last, sample) in samples.iter().zip(&samples[1..]) {
+            let [q, v] = last.state;
+            bound.predict(&Interval {
+                length_s: STEP_S,
+                position_m: (0..5).map(|j| q[j] + 0.5 * STEP_S * v[j]).collect(),
+                current_a: last.true_a.to_vec(),
+                theta_rad: 0.5 * (last.theta_rad + sample.theta_rad),
+                omega_rad_s: self.omega(),
+                acceleration_rad_s2: 0.0,
+            });
+            bound.measure();
         }
-        std::array::from_fn(|k| p[(10 + k, 10 + k)].max(0.0).sqrt() * units[10 + k])
+        let parts = bound.lambda();
+        std::array::from_fn(|k| parts[k] * self.lambda[k])
     }
 }
 

@@ -19,33 +19,26 @@ pub mod sequence;
 pub mod sequence3;
 pub mod whirl;
 
+use magnetic_bearing::machine::MACHINES;
+
 /// The models that the tests in `fmu-export/tests/support` work on.
 pub use magnetic_bearing::fmu as library;
 #[allow(unused_imports, reason = "not every test program needs it")]
 pub use random::Random;
 
 /// The models of this project.
-pub const MODELS: [&str; 15] = [
-    "MagneticBearing",
-    "FlatnessController",
-    "AlgebraicEstimator",
-    "MagneticSpindle",
-    "SpindleController",
-    "SpindleEstimator",
-    "MagneticBearing4",
-    "FlatnessController4",
-    "AlgebraicEstimator4",
-    "MagneticSpindle4",
-    "SpindleController4",
-    "SpindleEstimator4",
-    "AxialBearing",
-    "AxialController",
-    "AxialEstimator",
-];
+pub const MODELS: [&str; 15] = {
+    let (mut names, mut at) = ([""; 15], 0);
+    while at < names.len() {
+        names[at] = MACHINES[at / 3].models[at % 3].0;
+        at += 1;
+    }
+    names
+};
 
 /// Whether a model is a plant.
 pub fn is_plant(model: &str) -> bool {
-    ["MagneticBearing", "MagneticSpindle", "MagneticBearing4", "MagneticSpindle4", "AxialBearing"].contains(&model)
+    MACHINES.iter().any(|machine| machine.models[0].0 == model)
 }
 
 /// Asserts a value of at most `limit`.
@@ -73,9 +66,6 @@ pub fn poles_are_at<const N: usize>(what: &str, poles: [f64; N], map: impl Fn([f
     }
 }
 
-/// Puts a bad value into an input.
-pub type Spoil<I> = fn(&mut I, f64);
-
 /// Parameters of the spindle with three magnets in each radial bearing.
 pub type SpindleConfig = magnetic_bearing::plant::PlantConfigOf<f64, 5, 8, 3>;
 
@@ -85,4 +75,19 @@ pub fn says(message: &str, words: &[&str]) {
     for word in words {
         assert!(message.contains(word), "`{word}` is missing in: {message}");
     }
+}
+
+/// A step of the method of Runge and Kutta of order 4.
+pub fn runge_kutta<const N: usize>(
+    x: &[f64; N],
+    t: f64,
+    h: f64,
+    rate: impl Fn(f64, &[f64; N]) -> [f64; N],
+) -> [f64; N] {
+    let plus = |d: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|n| x[n] + h * d[n]) };
+    let k1 = rate(t, x);
+    let k2 = rate(t + h / 2.0, &plus(&k1, h / 2.0));
+    let k3 = rate(t + h / 2.0, &plus(&k2, h / 2.0));
+    let k4 = rate(t + h, &plus(&k3, h));
+    std::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]))
 }

@@ -1,11 +1,13 @@
 //! A small independent simulator: rotor, three magnets, flatness-based tracking by sampled data, sensors with noise. It shares no code with
 //! the program, and integrates to below 1e-12 m.
 
-use crate::support::Random;
+use crate::support::{Random, runge_kutta};
 use magnetic_bearing::estimation::{
     Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Tolerance,
 };
 use std::f64::consts::PI;
+
+pub const STEP_S: f64 = 1e-4;
 
 /// One instant of the data; the two currents are those before and after it (the same if they are continuous).
 #[derive(Clone, Debug)]
@@ -43,7 +45,6 @@ pub struct Rotor {
     pub omega_rad_s: f64,
     pub radius_m: [f64; 2],
     pub path: Path,
-    pub step_s: f64,
     pub currents: Currents,
     /// Constant force (y, z), N.
     pub load_n: [f64; 2],
@@ -58,8 +59,6 @@ pub struct Rotor {
     pub samples: usize,
     /// Greatest current, A.
     pub limit_a: f64,
-    /// Least magnet force, N.
-    pub f0_n: f64,
     /// Standard deviations of the sensors, m and A.
     pub noise: (f64, f64),
     pub seed: u64,
@@ -85,7 +84,6 @@ impl Default for Rotor {
             omega_rad_s: 100.0 * PI,
             radius_m: [30e-6, 70e-6],
             path: ellipse,
-            step_s: 1e-4,
             currents: Currents::Held,
             load_n: [0.0; 2],
             sine_n: 0.0,
@@ -94,7 +92,6 @@ impl Default for Rotor {
             start_off: (0.0, 0.0),
             samples: 1001,
             limit_a: f64::INFINITY,
-            f0_n: 20.0,
             noise: (0.0, 0.0),
             seed: 1,
         }
@@ -132,7 +129,7 @@ impl Rotor {
             self.m_kg * accel - p_n[k]
         });
         // The magnet forces with the sum `force` are a particular solution plus a multiple of the null vector, which
-        // is positive as long as the magnets surround the rotor; the least of them is F_0.
+        // is positive as long as the magnets surround the rotor; the least of them is F_0 = 20 N.
         let sine = |i: usize, k: usize| (self.alpha_rad[k] - self.alpha_rad[i]).sin();
         let null = [sine(1, 2), sine(2, 0), sine(0, 1)];
         let [a2, a3] = [self.alpha_rad[1], self.alpha_rad[2]];
@@ -141,7 +138,7 @@ impl Rotor {
             (force[1] * a3.sin() - force[0] * a3.cos()) / null[0],
             (force[0] * a2.cos() - force[1] * a2.sin()) / null[0],
         ];
-        let lift = (0..3).map(|k| (self.f0_n - particular[k]) / null[k]).fold(f64::NEG_INFINITY, f64::max);
+        let lift = (0..3).map(|k| (20.0 - particular[k]) / null[k]).fold(f64::NEG_INFINITY, f64::max);
         let gaps = self.gaps(x);
         let currents = std::array::from_fn(|k| {
             (gaps[k] * ((particular[k] + lift * null[k]).max(0.0) / self.lambda_controller[k]).sqrt()).min(self.limit_a)
@@ -178,7 +175,7 @@ impl Rotor {
         let mut x: State = [at[0] + dx, at[1] - dx, velocity[0] + dv, velocity[1] - dv];
         let mut observed = x;
         let mut p_hat = [0.0; 2];
-        let ts = self.step_s;
+        let ts = STEP_S;
         let q = 1.0 - (-4000.0 * ts).exp();
         let gains = [3.0 * q, (3.0 * q * q - q * q * q / 2.0) / ts, self.m_kg * q * q * q / (ts * ts)];
         let (mut force, mut after) = self.command(0.0, &x, self.load_n);
@@ -234,7 +231,7 @@ impl Rotor {
         EstimatorConfig {
             tolerance: Tolerance { backward_force_n, ..Tolerance::default() },
             geometry,
-            step_s: self.step_s,
+            step_s: STEP_S,
             method,
             hold,
             ..EstimatorConfig::default()
@@ -269,21 +266,6 @@ impl Rotor {
     pub fn error_percent(&self, lambda: &[f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| 100.0 * (lambda[k] / self.lambda[k] - 1.0))
     }
-}
-
-/// A step of the method of Runge and Kutta of order 4.
-pub fn runge_kutta<const N: usize>(
-    x: &[f64; N],
-    t: f64,
-    h: f64,
-    rate: impl Fn(f64, &[f64; N]) -> [f64; N],
-) -> [f64; N] {
-    let plus = |d: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|n| x[n] + h * d[n]) };
-    let k1 = rate(t, x);
-    let k2 = rate(t + h / 2.0, &plus(&k1, h / 2.0));
-    let k3 = rate(t + h / 2.0, &plus(&k2, h / 2.0));
-    let k4 = rate(t + h, &plus(&k3, h));
-    std::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]))
 }
 
 pub fn largest(errors: [f64; 3]) -> f64 {

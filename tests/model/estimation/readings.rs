@@ -17,6 +17,14 @@ fn gaps_keep_what_was_learnt() {
         (|input| input.enable = false, Verdict::Disabled),
         (|input| input.contact = true, Verdict::Contact),
     ];
+    for (verdict, words) in [
+        (Verdict::BadSample, "not finite"),
+        (Verdict::Stuck, "reads the same"),
+        (Verdict::Contact, "contact"),
+        (Verdict::Disabled, "enable is false"),
+    ] {
+        says(&verdict.to_string(), &["not valid: ", words]);
+    }
     let rotor = noisy(5, 3001);
     let good = rotor.inputs(Hold::HeldBefore);
     for noise in [NOISE, (0.0, 0.0)] {
@@ -215,6 +223,16 @@ fn currents_that_are_zero_or_limited() {
     inputs.iter_mut().for_each(|input| input.current_a[1] = 0.0);
     let outputs = run(&Estimator::new(config(&rotor)).expect("good"), &inputs).0;
     assert!(outputs.iter().all(|output| !output.valid), "{:?}", outputs.last());
+    // Without current for a while it is soon not known, and never wrong.
+    let rotor = noisy(13, 6001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    inputs[1500..2000].iter_mut().for_each(|input| input.current_a[1] = 0.0);
+    for noise in [NOISE, (0.0, 0.0)] {
+        let outputs = run(&Estimator::new(told(config(&rotor), noise)).expect("good"), &inputs).0;
+        assert!(outputs[1499].valid && outputs[1500..1600].iter().any(|output| !output.valid), "told {noise:?}");
+        let (worst, at, _) = confidence(&rotor, &outputs, 1600);
+        assert!(worst < CONFIDENT, "told {noise:?}: {worst:.2} standard deviations at sample {at}");
+    }
     // Currents at their limit in a quarter of the samples are what flows all the same.
     let limited = Rotor { limit_a: 4.0, ..noisy(12, 5001) };
     let outputs = limited.identify(config(&limited));
