@@ -1,16 +1,14 @@
 //! `AlgebraicEstimator`, `SpindleEstimator` and those of the other machines: the force constants from positions and currents, on line.
 
 use fmu_export::log::{Digits, Log, Topic};
-use fmu_export::variable::{Causality, Row, Table, Value};
+use fmu_export::variable::Row;
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
 use crate::bearing::rotor::RotorConfig;
-use crate::estimation::{
-    Body, Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict,
-};
+use crate::estimation::{Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict};
 use crate::machine::Machine;
 use crate::variables::Variables;
 
@@ -41,14 +39,6 @@ where
     fn default() -> Self {
         Self { config: Default::default(), input: Default::default(), output: Default::default() }
     }
-}
-
-/// The values of all parameters of the estimator of the planar rotor, by index.
-pub fn settings(config: &EstimatorConfig) -> Vec<(usize, Value)> {
-    let table = Table::new(OneBearing::<2, 3>::table());
-    let values = Values { config: config.clone(), ..Values::default() };
-    let parameters = table.variables.iter().enumerate().filter(|(_, of)| of.causality == Causality::Parameter);
-    parameters.map(|(index, _)| (index, table.get(index, &values))).collect()
 }
 
 /// Reports a verdict that has changed.

@@ -117,22 +117,20 @@ fn names_of_another_machine_are_said_at_once() {
         (without("axial"), &["these are names of the machine axial: add machine = \"axial\""]),
         (
             format!("{head}[controller]\nallocation = \"biasCurrent\"\nbias.current = 2\n"),
-            &["allocation, bias.current: these are names of the machine planar4 or axial: add machine = \"planar4\""],
+            &["allocation, bias.current: ", "planar4 or axial: add machine = \"planar4\""],
         ),
         (
             format!("{head}[plant]\n'lambda[4]' = 1e-6\n"),
-            &[
-                "lambda[4]: there is no variable of this name; it is one of the machine planar4: add machine = \"planar4\"",
-            ],
+            &["lambda[4]: there is no variable", "one of the machine planar4: add machine"],
         ),
         (
             format!("machine = \"axial\"\n{}", without("unbalanced")),
-            &["and ", " more: these are names of the machine planar", "say machine = \"planar", "instead of \"axial\""],
+            &[" more: these are names of the machine planar", "say machine = \"planar"],
         ),
         // A misspelt name is one of no machine.
         (
             without("unbalanced").replace("unbalance.phase", "unbalance.phaze"),
-            &["[plant] unbalance.phaze: there is no variable of this name; did you mean unbalance.phase?"],
+            &["unbalance.phaze: ", "did you mean unbalance.phase?"],
         ),
     ] {
         let findings = Scenario::parse("test.toml", &text).err().expect("names of another machine").findings;

@@ -10,7 +10,7 @@ use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification::{self, Results};
 use magnetic_bearing::simulation::recording::Recording;
-use magnetic_bearing::simulation::scenario::{Element, Scenario, Setting};
+use magnetic_bearing::simulation::scenario::{Element, Scenario};
 
 use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Holds, Question, Reading, Samples, Stated, Track, likelihood};
@@ -53,11 +53,23 @@ fn simulated(scenario: &Scenario) -> Samples {
     samples_of(&ran(scenario).recording)
 }
 
-/// The estimator of the planar rotor with this configuration.
+/// The estimator of the planar rotor with what these tests change of its configuration.
 fn estimator(config: &EstimatorConfig) -> Element {
-    let settings = library::estimator::settings(config).into_iter().map(|(index, value)| Setting { index, value });
     let model_type = library::find(PLANAR.models[2].0).expect("a model of this project");
-    Element { name: "estimator".into(), model_type, settings: settings.collect() }
+    let mut element = Element { name: "estimator".into(), model_type, settings: Vec::new() };
+    let of = &config.tolerance;
+    for (name, value) in [
+        ("Ts", config.step_s),
+        ("Tf", config.window_s),
+        ("epsilon", config.epsilon_s),
+        ("tolerance.s", of.gap_m),
+        ("tolerance.alpha", of.alpha_rad),
+        ("tolerance.positionGain", of.position_gain),
+    ] {
+        element.set(name, value);
+    }
+    element.set("hold", config.hold.number());
+    element
 }
 
 fn stated(config: &EstimatorConfig) -> Stated {
@@ -81,18 +93,6 @@ fn is_within(track: &Track, row: usize) {
         let ratio = (hat[k] - truth).abs() / std[k];
         assert!(ratio < CONFIDENT, "lambda[{}]: {ratio:.1} standard deviations, limit {CONFIDENT}", k + 1);
     }
-}
-
-/// The last valid estimate is within its standard deviations, and within this part of the truth.
-#[track_caller]
-fn is_near(what: &str, samples: &Samples, config: &EstimatorConfig, limit: f64) {
-    let track = track(samples, config);
-    let last = track.last_valid().unwrap_or_else(|| panic!("{what}: {}", track.verdict()));
-    is_within(&track, last);
-    let [hat, std] = estimate(&track, last);
-    let errors = [0, 1, 2].map(|k| hat[k] / TRUTH[k] - 1.0);
-    println!("{what}: {errors:.5?} ± {:.5?}; {}", [0, 1, 2].map(|k| std[k] / TRUTH[k]), track.verdict());
-    assert!(errors.iter().all(|error| error.abs() < limit), "{what}: {errors:?}, limit {limit}");
 }
 
 /// The answer is valid, and λ are right within four of their deviations. Returns the estimates.
@@ -144,7 +144,11 @@ fn the_hold_is_found() {
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
     is_refused(&identify::answer(std::slice::from_ref(&issued), stated), "--hold heldAfter");
     // Commands have no noise: the error is a good deal smaller.
-    is_near("commands", &issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) }, 4e-3);
+    let track = track(&issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) });
+    let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
+    is_within(&track, last);
+    let errors = [0, 1, 2].map(|k| estimate(&track, last)[0][k] / TRUTH[k] - 1.0);
+    assert!(errors.iter().all(|error| error.abs() < 4e-3), "{errors:?}");
 }
 
 /// Fails if ± does not hold by how much λ differs with a reading of the currents that is as likely.
@@ -179,29 +183,6 @@ fn a_recording_with_all_imperfections() {
     let track = track(&samples, &EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) });
     (0..samples.len()).filter(|row| track.of("valid")[*row] == 1.0).for_each(|row| is_within(&track, row));
     assert!(track.last_valid().is_some(), "{}", track.verdict());
-}
-
-#[test]
-fn missing_samples_and_other_rates() {
-    let text = csv(&run(montecarlo::NOISE, 0.2).1);
-    let emptied = |columns: &[&str], is_empty: fn(usize) -> bool| {
-        faults::spoilt(&text, columns, |row, _, cell| if is_empty(row) { String::new() } else { cell.into() })
-    };
-    // A hole of a hundred samples interrupts, and is left behind.
-    for (what, samples) in [
-        ("single cells", emptied(&["plant.Ym"], |row| row % 97 == 50)),
-        ("a hole", emptied(&["plant."], |row| (600..700).contains(&row))),
-    ] {
-        is_near(what, &samples, &config(&samples), 0.01);
-    }
-    // Without angle and speed there is no unbalance to be identified: the estimate does not pretend, or the speed is told.
-    let blind = text.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
-    let samples = read(&blind);
-    let track = track(&samples, &config(&samples));
-    assert!(track.last_valid().is_none(), "unbalance without an angle: {}", track.verdict());
-    let told = Reading { omega_rad_s: Some(100.0 * std::f64::consts::PI), ..Reading::default() };
-    let samples = Samples::read(blind.as_bytes(), &told).expect("a usable recording");
-    is_near("a speed that is told", &samples, &config(&samples), 0.01);
 }
 
 #[test]
@@ -439,10 +420,15 @@ fn recorded(bench: &Bench) -> Samples {
     read(&text)
 }
 
+/// A rotor of this mass between magnets with this gap.
+fn disc(m_kg: f64, gap_m: f64) -> Body {
+    Body::Disc { m_kg, gap_m, alpha_rad: Bench::default().alpha.to_vec() }
+}
+
 /// The question to it, with its geometry as it is.
 fn question_to(bench: &Bench, samples: &Samples) -> Question {
     let mut question = question(samples, &[]);
-    question.stated.parts[0].body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
+    question.stated.parts[0].body = disc(bench.m, bench.s);
     question
 }
 
@@ -524,20 +510,4 @@ fn a_lag_of_the_amplifiers_is_found() {
         assert!(off.is_some_and(|off| off.abs() < 4.0), "lag {lag}: {estimate:?} {off:?}");
         assert!(answer.findings.iter().any(|finding| finding.contains("with a lag of")), "{:?}", answer.findings);
     }
-}
-
-/// What cannot be meant is refused, and what is not used is named.
-#[test]
-fn options_that_say_nothing_are_named() {
-    let folder = folder("identify/options");
-    program::write(&folder, "good.csv", csv(&run(montecarlo::NOISE, 0.2).1));
-    for (arguments, words) in [
-        (&["good.csv", "./good.csv"][..], "this recording is given twice"),
-        (&["good.csv", "--speed", "nan"], "a speed in rpm"),
-        (&["good.csv", "--set", "m="], "--set m=: a value is wanted"),
-    ] {
-        refuses(&folder, &[&["identify"], arguments].concat(), &[words]);
-    }
-    let json = identified(&folder, &["good.csv", "--speed", "3000"]);
-    says(&json["notes"].to_string(), &["--speed is not used"]);
 }

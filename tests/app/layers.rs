@@ -19,11 +19,7 @@ const SYSTEM: Words = &["std::fs", "std::env", "std::net", "std::process", "std:
 
 /// Folders, words that must not occur there, and why.
 const RULES: &[(&str, Words, &str)] = &[
-    (
-        "src/bearing",
-        &["crate::plant", "crate::control", "crate::estimation"],
-        "the bearing comes before all that uses it",
-    ),
+    ("src/bearing", &["crate::plant", "crate::control", "crate::estimation"], "the bearing comes before its users"),
     ("src/plant", &["crate::control", "crate::estimation"], "the plant knows neither controller nor estimator"),
     // Equations take the description of their variables from here.
     ("src/variables.rs", &["crate::", "Row", "Table", "Model", "Instance", "fmi"], "variables know nothing of FMI"),

@@ -121,8 +121,7 @@ fn archives_hold_no_traces_of_their_making() {
 fn an_fmu_holds_what_it_should_and_nothing_else() {
     let platform = platform().expect("a platform that FMI 2.0 knows");
     // The library as it was built, but for the folders of this machine in it.
-    let library =
-        fmu_export::package::binaries_of(&package::built_library().expect("the library")).expect("the library");
+    let library = binaries_of(&package::built_library().expect("the library")).expect("the library");
     let library = library.places(Standard::Fmi2)[0].content.to_vec();
     for (kind, bytes) in fmus() {
         let name = kind.info.name;
@@ -404,11 +403,4 @@ fn tests_do_not_change_the_library() {
     let more: Vec<String> = features("normal,build,dev,features").difference(&library).cloned().collect();
     let more: Vec<_> = more.iter().filter(|line| crates.contains(line.split(' ').next().unwrap_or_default())).collect();
     assert!(more.is_empty(), "the tests switch on {more:?}");
-}
-
-#[test]
-fn what_cannot_be_packaged_is_said_by_name() {
-    let missing = Path::new("no/such/library.so");
-    let error = binaries_of(missing).expect_err("there is no such library");
-    says(&error.to_string(), &["no/such/library.so"]);
 }

@@ -103,10 +103,7 @@ fn estimators_beside_the_loop_differ_in_their_method_alone() {
     }
     let to_paper = scenario.connections().into_iter().filter(|connection| connection.to[0] == "paper").count();
     assert_eq!(to_paper, 7, "positions, currents, angle and speed reach it");
-    assert!(
-        scenario.connections().iter().all(|connection| connection.from[0] != "paper"),
-        "nothing is connected to its outputs"
-    );
+    assert!(scenario.connections().iter().all(|connection| connection.from[0] != "paper"), "its outputs are free");
 }
 
 #[test]
@@ -185,26 +182,21 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         // Values that a model refuses: `fmu::instances` has more of them.
         ("", "[plant]\nm = nan", &["[plant]", "m = NaN kg", "a finite number above 0"]),
         ("", "[all]\nm = 0", &["[plant, controller, estimator] m = 0 kg", "above 0"]),
-        ("", "[estimator]\ns = \"-0.5 mm\"", &["[estimator]", "s = -0.0005 m", "above 0"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
         ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant, controller] alpha", "[estimator] alpha"]),
-        ("", "[plant]\nlambda = [2e-6, inf, 2e-6]", &["[plant]", "lambda[2] = inf", "above 0"]),
-        ("", "[controller]\nreference.rZ = \"0.6 mm\"", &["[controller]", "reference."]),
         ("", "[estimator]\ntolerance.alpha = \"-1 deg\"", &["tolerance.alpha = -0.017", "rad", "0 or above"]),
         ("", OF_PAPER_TOLERANCE, &["[estimator]", "tolerance.s = 0.000001 m", "method = predictionError"]),
-        ("", OF_PAPER_UNBALANCE, &["[estimator]", "identify.unbalance = false", "method = predictionError"]),
         ("machine = \"planar4\"", NONE_OPPOSITE, &["allocation = biasCurrent is refused", "face each other"]),
         ("machine = \"axial\"", ONE_OF_TWO, &["allocation = biasCurrent is refused"]),
         ("machine = \"planar4\"", "[all]\nalpha = [0.0, 0.5, 1.0, 1.5]", &["alpha[", "all round the rotor"]),
-        ("machine = \"axial\"", "[controller]\nbias.current = \"-1 A\"", &["bias.current = -1 A is refused"]),
-        ("machine = \"spindle4\"", "[controller]\nB.bias.current = -1", &["B.bias.current = -1 A is refused"]),
         ("machine = \"axial\"", "[controller]\nreference.rX = 6e-4", &["reference.rX", "does not touch magnet 1"]),
+        ("machine = \"axial\"", "[controller]\nbias.current = \"-1 A\"", &["bias.current = -1 A is refused"]),
     ];
     const OF_TWO_UNITS: &str = "[[profile]]\nof = [\"plant.omega\", \"plant.pY\"]\ntime = [0]\nvalue = [\"3000 rpm\"]";
     const OF_PAPER_TOLERANCE: &str = "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"";
-    const OF_PAPER_UNBALANCE: &str = "[estimator]\nmethod = \"paper\"\nidentify.unbalance = false";
-    const NONE_OPPOSITE: &str = "[controller]\nallocation = \"biasCurrent\"\n[all]\nalpha = [0.8, 2.3, 4.0, 5.5]";
+    const NONE_OPPOSITE: &str =
+        "[controller]\nallocation = \"biasCurrent\"\n[all]\nalpha = [0.8054, 2.35619449, 3.92699082, 5.49778714]";
     const ONE_OF_TWO: &str = "[controller]\nallocation = \"biasCurrent\"\n[all]\nmagnets.used = \"first\"";
     for (head, tables, words) in CASES {
         says(&refusal(head, tables), words);

@@ -125,6 +125,7 @@ fn tunable_parameters_act() {
 
     let omega = bearing.get("omega");
     bearing.set("unbalance.magnitude", 1e-4);
+    bearing.set("unbalance.phase", 0.3);
     let force = 1e-4 * omega * omega;
     // Tuned parameters act on the motion too: without unbalance the same step ends elsewhere.
     let velocity = bearing.get("vY");

@@ -9,7 +9,6 @@ mod derivatives;
 // The documentation page is made by the program.
 #[cfg(feature = "app")]
 mod description;
-mod fmi3;
 mod guard;
 mod initial;
 mod instances;

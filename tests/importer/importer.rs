@@ -101,15 +101,6 @@ fn the_importer_s_validation_finds_nothing() {
     }
 }
 
-#[test]
-fn version_and_platform_are_the_standard_s() {
-    for (model, builder) in packaged(&MODELS) {
-        let name = "a name with blanks/and.dots";
-        let fmu = builder.instantiate_cs(name).unwrap_or_else(|error| panic!("{model}: {error}"));
-        assert_eq!((fmu.getVersion().as_str(), fmu.getTypesPlatform().as_str()), ("2.0", "default"), "{model}");
-    }
-}
-
 /// The closed loop of a system in the SSP: its elements, started, and what is connected to what.
 struct Loop<'a> {
     instances: HashMap<String, Instance<'a>>,
@@ -210,10 +201,8 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
                 // Estimators that run beside the loop are not part of the system.
                 let Some(instance) = whole.instances.get(element) else { continue };
                 let (fmu, direct): (f64, f64) = (instance.get(variable), cell.parse().expect("a number"));
-                assert!(
-                    fmu.to_bits() == direct.to_bits(),
-                    "{name}: {path} at {time_s} s: FMU {fmu:e}, direct {direct:e}"
-                );
+                let is_same = fmu.to_bits() == direct.to_bits();
+                assert!(is_same, "{name}: {path} at {time_s} s: FMU {fmu:e}, direct {direct:e}");
                 compared += 1;
             }
             let outputs = whole.instances.values().flat_map(|instance| instance.variables.values());
@@ -278,18 +267,5 @@ fn the_importer_is_told_why() {
     let told = fs::read_to_string(&log).expect("the log");
     for words in ["fmi2ExitInitializationMode", "m = -6.7 kg is refused", "above 0"] {
         assert!(told.contains(words), "`{words}` is not said in: {told}");
-    }
-}
-
-/// Long campaigns load and free FMUs many times; each instance here loads its binary again.
-#[test]
-fn binaries_can_be_loaded_and_freed_without_end() {
-    const TIMES: usize = 20;
-    for (model, builder) in packaged(&MODELS) {
-        for _ in 0..TIMES {
-            let instance = Instance::new(model, &builder);
-            instance.start();
-            ok("doStep", instance.fmu.doStep(0.0, 1e-4, fmi2True));
-        }
     }
 }

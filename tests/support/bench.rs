@@ -4,6 +4,7 @@
 
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
+use crate::support::runge_kutta;
 use magnetic_bearing::bearing::magnet::{Geometry, Magnets, currents};
 use magnetic_bearing::control::controller::tracking_gains;
 use magnetic_bearing::control::observer::gains_of_three;
@@ -20,16 +21,9 @@ pub struct Bench {
     pub s: f64,
     pub alpha: [f64; 3],
     pub lambda: [f64; 3],
-    pub lambda0: [f64; 3],
     /// The controller uses the true λ from this time on; 0 for never.
     pub update_s: f64,
     pub omega: f64,
-    pub r: [f64; 2],
-    pub lobes: f64,
-    pub lobe_amplitude: f64,
-    pub f0: f64,
-    /// Modulation of the smallest force, part, and frequency in Hz.
-    pub modulation: [f64; 2],
     pub load: [f64; 2],
     pub unbalance: [f64; 2],
     pub position_noise: f64,
@@ -37,9 +31,6 @@ pub struct Bench {
     pub step: f64,
     pub seconds: f64,
     pub seed: u64,
-    pub tracking: f64,
-    pub observer: f64,
-    pub theta0: f64,
     // Imperfections: what the true bench has and the controller does not know.
     pub m_error: f64,
     pub s_error: f64,
@@ -76,14 +67,8 @@ impl Default for Bench {
             s: 5e-4,
             alpha: [PI, -FRAC_PI_3, FRAC_PI_3],
             lambda: [1.8e-6, 2.0e-6, 2.2e-6],
-            lambda0: [4e-6; 3],
             update_s: 0.2,
             omega,
-            r: [30e-6, 70e-6],
-            lobes: 3.0,
-            lobe_amplitude: 0.0,
-            f0: 20.0,
-            modulation: [0.0; 2],
             load: [10.0, -20.0],
             unbalance: [u * phi.cos(), u * phi.sin()],
             position_noise: 1e-7,
@@ -91,9 +76,6 @@ impl Default for Bench {
             step: 1e-4,
             seconds: 0.4,
             seed: 1,
-            tracking: 1000.0,
-            observer: 4000.0,
-            theta0: 0.0,
             m_error: 0.0,
             s_error: 0.0,
             alpha_error: [0.0; 3],
@@ -115,7 +97,7 @@ impl Default for Bench {
     }
 }
 
-/// A recording and its truth.
+/// A recording.
 #[derive(Clone, Debug, Default)]
 #[allow(missing_docs)]
 pub struct Recorded {
@@ -123,30 +105,14 @@ pub struct Recorded {
     pub current: Vec<[f64; 3]>,
     pub theta: Vec<f64>,
     pub omega: Vec<f64>,
-    /// Readings of sensors without noise and imperfections; the current is that of the interval before.
-    pub true_position: Vec<[f64; 2]>,
-    pub true_current: Vec<[f64; 3]>,
-    /// Whether the rotor stayed within its gap.
-    pub levitated: bool,
 }
 
 impl Bench {
+    /// Position, velocity and acceleration along y and z: an ellipse.
     fn reference(&self, t: f64) -> [[f64; 3]; 2] {
-        let (w, a) = (self.omega, self.omega * t);
-        let (n_1, n_2, h) = (self.lobes + 1.0, self.lobes - 1.0, 0.5 * self.lobe_amplitude);
-        let [r_y, r_z] = self.r;
-        [
-            [
-                r_y * a.cos() + h * ((n_1 * a).cos() + (n_2 * a).cos()),
-                w * (-r_y * a.sin() - h * (n_1 * (n_1 * a).sin() + n_2 * (n_2 * a).sin())),
-                w * w * (-r_y * a.cos() - h * (n_1 * n_1 * (n_1 * a).cos() + n_2 * n_2 * (n_2 * a).cos())),
-            ],
-            [
-                r_z * a.sin() + h * ((n_1 * a).sin() - (n_2 * a).sin()),
-                w * (r_z * a.cos() + h * (n_1 * (n_1 * a).cos() - n_2 * (n_2 * a).cos())),
-                w * w * (-r_z * a.sin() - h * (n_1 * n_1 * (n_1 * a).sin() - n_2 * n_2 * (n_2 * a).sin())),
-            ],
-        ]
+        let (w, (sin, cos)) = (self.omega, (self.omega * t).sin_cos());
+        let [r_y, r_z] = [30e-6, 70e-6];
+        [[r_y * cos, w * (-r_y * sin), w * w * (-r_y * cos)], [r_z * sin, w * (r_z * cos), w * w * (-r_z * sin)]]
     }
 
     fn force(&self, t: f64, x: &[f64; 4], current: [f64; 3], e: &[[f64; 2]; 3]) -> [f64; 2] {
@@ -159,7 +125,7 @@ impl Bench {
             force[0] += e[k][0] * pull;
             force[1] += e[k][1] * pull;
         }
-        let (sin, cos) = (self.theta0 + self.omega * t).sin_cos();
+        let (sin, cos) = (self.omega * t).sin_cos();
         let w_2 = self.omega * self.omega;
         let [u_c, u_s] = self.unbalance;
         let [b_c, b_s] = self.backward;
@@ -177,17 +143,17 @@ impl Bench {
         let rows = (self.seconds / self.step).round() as usize + 1;
         let (magnets, geometry) =
             (Magnets::new(self.s, &self.alpha).expect("magnets"), Geometry::<f64, 2, 3>::new(self.s, self.alpha));
-        let allocate = |force: [f64; 2], f0: f64| {
+        let allocate = |force: [f64; 2]| {
             let mut forces = [0.0; 3];
-            magnets.allocate(force, &[f0], &mut forces);
+            magnets.allocate(force, &[20.0], &mut forces);
             forces
         };
         let true_alpha: [f64; 3] = std::array::from_fn(|k| self.alpha[k] + self.alpha_error[k]);
         let e = true_alpha.map(|alpha| [alpha.sin(), alpha.cos()]);
         let mut noise: [Noise; 5] = Noise::channels(self.seed);
         let (mut walks, mut slow): ([Noise; 2], _) = (Noise::channels(self.seed + 1000), [0.0; 2]);
-        let gains = gains_of_three(self.observer, self.step);
-        let tracking = tracking_gains(self.tracking, self.step);
+        let gains = gains_of_three(4000.0, self.step);
+        let tracking = tracking_gains(1000.0, self.step);
         let (h, sub) = (self.step, self.step / SUBSTEPS as f64);
         let m = self.m * (1.0 + self.m_error);
         let start = self.reference(0.0);
@@ -196,52 +162,37 @@ impl Bench {
         let ahead = self.reference(0.5 * h);
         let mut wanted = [self.m * ahead[0][2], self.m * ahead[1][2]];
         let gaps = geometry.gaps([x[0], x[1]]);
-        let mut lambda = self.lambda0;
-        let mut current = currents(allocate(wanted, self.f0), gaps, lambda);
+        let mut lambda = [4e-6; 3];
+        let mut current = currents(allocate(wanted), gaps, lambda);
         let mut held = current;
         let mut flowing = current;
         let mut history = vec![[x[0], x[1]]];
-        let mut out = Recorded { levitated: true, ..Recorded::default() };
+        let mut out = Recorded::default();
         for row in 0..rows {
             let t = row as f64 * h;
-            let late = (row * SUBSTEPS) as f64 - self.delay / sub;
-            let late = late.max(0.0);
+            let late = ((row * SUBSTEPS) as f64 - self.delay / sub).max(0.0);
             let (at, part) = (late.floor() as usize, late.fract());
             let next = (at + 1).min(history.len() - 1);
-            let angle = self.theta0 + self.omega * t;
+            let angle = self.omega * t;
             let (sin, cos) = angle.sin_cos();
             let (sin_2, cos_2) = (2.0 * angle).sin_cos();
             let (r, q) = (self.runout1, self.runout2);
-            let y = history[at][0] * (1.0 - part)
-                + history[next][0] * part
-                + (r[0] + r[2]) * cos
-                + (r[3] - r[1]) * sin
-                + q[0] * cos_2
-                + q[1] * sin_2;
-            let z = history[at][1] * (1.0 - part)
-                + history[next][1] * part
-                + (r[0] - r[2]) * sin
-                + (r[1] + r[3]) * cos
-                + q[2] * cos_2
-                + q[3] * sin_2;
+            let delayed = |a: usize| history[at][a] * (1.0 - part) + history[next][a] * part;
+            let y = delayed(0) + (r[0] + r[2]) * cos + (r[3] - r[1]) * sin + q[0] * cos_2 + q[1] * sin_2;
+            let z = delayed(1) + (r[0] - r[2]) * sin + (r[1] + r[3]) * cos + q[2] * cos_2 + q[3] * sin_2;
             let (s_r, c_r) = self.rotation.sin_cos();
-            let [noise_y, noise_z, noise_1, noise_2, noise_3] = &mut noise;
-            let read = [
-                noise_y.measure((1.0 + self.gain[0]) * (c_r * y - s_r * z) + self.offset[0], self.position_noise),
-                noise_z.measure((1.0 + self.gain[1]) * (s_r * y + c_r * z) + self.offset[1], self.position_noise),
-            ];
-            let mut k = 0;
-            let reading = [noise_1, noise_2, noise_3].map(|noise| {
+            let turned = [c_r * y - s_r * z, s_r * y + c_r * z];
+            let read: [f64; 2] = std::array::from_fn(|a| {
+                noise[a].measure((1.0 + self.gain[a]) * turned[a] + self.offset[a], self.position_noise)
+            });
+            let reading = std::array::from_fn(|k| {
                 let value = (1.0 + self.current_gain[k]) * held[k] + self.current_offset[k];
-                k += 1;
-                noise.measure(value, self.current_noise)
+                noise[2 + k].measure(value, self.current_noise)
             });
             out.position.push(read);
             out.current.push(reading);
             out.theta.push(angle);
             out.omega.push(self.omega);
-            out.true_position.push([x[0], x[1]]);
-            out.true_current.push(held);
 
             if self.update_s > 0.0 && (t - self.update_s).abs() < 0.5 * h {
                 lambda = self.lambda;
@@ -261,38 +212,25 @@ impl Bench {
                         - observed[a][2]);
                 predicted[a] = observed[a][0] + 0.5 * h * observed[a][1];
             }
-            let f0 = self.f0 * (1.0 + self.modulation[0] * (TAU * self.modulation[1] * (t + 1.5 * h)).sin());
             let gaps = geometry.gaps(predicted).map(|gap| gap.max(1e-5));
-            let next = currents(allocate(force, f0), gaps, lambda);
+            let next = currents(allocate(force), gaps, lambda);
 
             for a in 0..2 {
                 slow[a] = walks[a].measure(slow[a], self.slow_force * h.sqrt());
             }
-            let begin = t;
             let follows = |since: f64| -> [f64; 3] {
                 let left = if self.lag > 0.0 { (-since / self.lag).exp() } else { 0.0 };
                 std::array::from_fn(|k| current[k] + (flowing[k] - current[k]) * left)
             };
             for step in 0..SUBSTEPS {
-                let t_0 = t + step as f64 * sub;
-                let slope = |t: f64, x: &[f64; 4]| {
-                    let force = self.force(t, x, follows(t - begin), &e);
+                x = runge_kutta(&x, t + step as f64 * sub, sub, |now, x| {
+                    let force = self.force(now, x, follows(now - t), &e);
                     [x[2], x[3], (force[0] + slow[0]) / m, (force[1] + slow[1]) / m]
-                };
-                let moved = |d: &[f64; 4], by: f64| -> [f64; 4] { std::array::from_fn(|i| x[i] + by * d[i]) };
-                let k_1 = slope(t_0, &x);
-                let k_2 = slope(t_0 + 0.5 * sub, &moved(&k_1, 0.5 * sub));
-                let k_3 = slope(t_0 + 0.5 * sub, &moved(&k_2, 0.5 * sub));
-                let k_4 = slope(t_0 + sub, &moved(&k_3, sub));
-                for i in 0..4 {
-                    x[i] += sub / 6.0 * (k_1[i] + 2.0 * k_2[i] + 2.0 * k_3[i] + k_4[i]);
-                }
+                });
                 history.push([x[0], x[1]]);
             }
-            if geometry.gaps([x[0], x[1]]).into_iter().any(|gap| gap.is_nan() || gap < 0.05 * self.s) {
-                out.levitated = false;
-                break;
-            }
+            let gaps = geometry.gaps([x[0], x[1]]);
+            assert!(gaps.into_iter().all(|gap| gap > 0.05 * self.s), "the rotor leaves its gap at {t} s: {gaps:?}");
             flowing = follows(h);
             held = current;
             current = next;

@@ -3,7 +3,7 @@
 use fmu_export::instance::AccessError;
 use fmu_export::log::Silent;
 use fmu_export::variable::{Type, Value, Variable};
-use fmu_export::{Instance, Invalid, Step, StepError};
+use fmu_export::{Instance, Invalid, Step};
 use magnetic_bearing::fmu::find;
 
 /// An instance with its variables.
@@ -83,18 +83,11 @@ impl Named {
         self.instance.start()
     }
 
-    /// Does a step.
-    ///
-    /// # Errors
-    /// Those of the instance.
-    pub fn try_step(&mut self, time_s: f64, length_s: f64) -> Result<(), StepError> {
-        self.instance.step(Step { time_s, length_s }, &mut Silent)
-    }
-
     /// Does a step that must succeed.
     #[track_caller]
     pub fn step(&mut self, time_s: f64, length_s: f64) {
-        self.try_step(time_s, length_s).unwrap_or_else(|error| panic!("step at {time_s} s: {error}"));
+        let done = self.instance.step(Step { time_s, length_s }, &mut Silent);
+        done.unwrap_or_else(|error| panic!("step at {time_s} s: {error}"));
     }
 
     /// All values by index, bit for bit.

@@ -11,27 +11,16 @@ const WRONG: &[Wrong] = &[
     (|samples, _| samples.position_m[1].iter_mut().for_each(|z| *z = -*z), "z is mirrored"),
     (|samples, _| samples.current_a.rotate_left(1), "the magnets count from the third"),
     (|samples, _| samples.current_a.swap(0, 1), "magnets 1 and 2 are exchanged"),
-    (
-        |samples, _| {
-            samples.theta_rad.iter_mut().for_each(|theta| *theta = -*theta);
-            samples.omega_rad_s.iter_mut().for_each(|omega| *omega = -*omega);
-        },
-        "the angle counts against the rotation",
-    ),
+    (|samples, _| rotation(samples).for_each(|of| *of = -*of), "the angle counts against the rotation"),
     // Each row has the command that is issued at it.
     (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
     (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
-    (
-        |_, question| {
-            question.stated.parts[0].body = Body::Disc {
-                m_kg: 6.7,
-                gap_m: 6e-4,
-                alpha_rad: EstimatorConfig::default().geometry.bearings[0].alpha_rad[..3].to_vec(),
-            };
-        },
-        "--estimate s",
-    ),
+    (|_, question| question.stated.parts[0].body = disc(6.7, 6e-4), "--estimate s"),
 ];
+
+fn rotation(samples: &mut Samples) -> impl Iterator<Item = &mut f64> {
+    samples.theta_rad.iter_mut().chain(&mut samples.omega_rad_s)
+}
 
 #[test]
 fn what_is_wrong_is_told_in_words() {

@@ -51,14 +51,6 @@ fn an_event_is_told_once() {
     assert_eq!(message.instance, "instance");
 }
 
-/// The categories that the model description declares.
-fn declared_categories() -> Vec<String> {
-    let model = magnetic_bearing::fmu::find(PLANT).expect("a model of this project");
-    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
-    let categories = document.descendants().filter(|node| node.has_tag_name("Category"));
-    categories.map(|node| node.attribute("name").expect("a name").to_owned()).collect()
-}
-
 /// Every category of the model description, switched on with nothing else and off with all others on. Nothing is ever said
 /// in `logStatusWarning` and `logStatusFatal`, so that theirs is a matter of what else is heard.
 /// Fails if two categories share a bit, if a category that is switched on brings others with it, if errors cannot be switched off by
@@ -67,9 +59,11 @@ fn declared_categories() -> Vec<String> {
 fn every_category_is_switched_alone() {
     let said = ["logEvents", "logSingularLinearSystems", "logStatusError"];
     assert_eq!(categories_heard(true, &[]), said);
-    let declared = declared_categories();
+    let model = magnetic_bearing::fmu::find(PLANT).expect("a model of this project");
+    let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
+    let declared: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Category")).collect();
     assert_eq!(declared.len(), 6);
-    for category in declared.iter().map(String::as_str) {
+    for category in declared.iter().map(|node| node.attribute("name").expect("a name")) {
         let all = category == "logAll";
         // Errors are reported unless they are switched off by name.
         let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);

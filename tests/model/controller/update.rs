@@ -79,16 +79,10 @@ fn apart<const N: usize, const K: usize>(
     pairs.map(distance).fold(0.0, f64::max)
 }
 
-/// Limits of the distance of the currents, in A: at a jump of λ, soon after it, and while λ changes from sample to sample.
-struct Limits {
-    at_once: f64,
-    soon: f64,
-    changing: f64,
-}
-
 /// An estimate that jumps by 5 % at 0.2 s to the true values, beside one that does not jump, and one that changes by up to
 /// 0.1 % from sample to sample, beside one that is right.
 ///
+/// Limits of the distance of the currents, in A: at a jump of λ, soon after it, and while λ changes from sample to sample.
 /// Fails if the smallest force stays at `F_0` when λ changes, or if the perturbation does.
 #[test]
 fn estimates_taken_over_directly_make_no_bump() {
@@ -99,8 +93,9 @@ fn estimates_taken_over_directly_make_no_bump() {
         case: &Loop<N, K, B, G>,
         noisy: &Loop<N, K, B, G>,
         what: &str,
-        limits: &Limits,
+        limits_a: [f64; 3],
     ) {
+        let [at_once, soon, changing_a] = limits_a;
         let asked = |r: &Record<N, K>| r.output.current_a;
         let run = |case: &Loop<N, K, B, G>, lambda_at: fn([f64; K], usize) -> [f64; K]| {
             let mut case = Loop { lambda_at, ..case.clone() };
@@ -112,10 +107,10 @@ fn estimates_taken_over_directly_make_no_bump() {
         let say = |which: &str| format!("{what}: {which}");
         assert_eq!(apart(&jumps, &stays, [0.0, 0.19995], asked), 0.0);
         assert!(apart(&jumps, &stays, [0.19995, 0.20005], asked) > 0.0, "the estimate is used at once");
-        below(&say("currents asked for at the jump, A"), apart(&jumps, &stays, [0.2, 0.20005], asked), limits.at_once);
-        below(&say("currents asked for soon after, A"), apart(&jumps, &stays, [0.2, 0.20055], asked), limits.soon);
+        below(&say("currents asked for at the jump, A"), apart(&jumps, &stays, [0.2, 0.20005], asked), at_once);
+        below(&say("currents asked for soon after, A"), apart(&jumps, &stays, [0.2, 0.20055], asked), soon);
         let flowing = apart(&jumps, &stays, [0.2, 0.20055], |r| r.measured_a);
-        below(&say("currents that flow soon after, A"), flowing, limits.soon);
+        below(&say("currents that flow soon after, A"), flowing, soon);
         below(&say("currents in the end, A"), apart(&jumps, &right, [0.3, 0.4], asked), 1e-4);
         let worst =
             |records: &[Record<N, K>]| (0..N).map(|a| largest(records, 0.2, 0.4, |r| r.error_m[a])).fold(0.0, f64::max);
@@ -126,24 +121,24 @@ fn estimates_taken_over_directly_make_no_bump() {
             std::array::from_fn(|j| lambda[j] * (1.0 + 1e-3 * random(j)))
         });
         let right = run(noisy, |lambda, _| lambda);
-        below(&say("currents with a changing λ, A"), apart(&changing, &right, [0.05, 0.4], asked), limits.changing);
+        below(&say("currents with a changing λ, A"), apart(&changing, &right, [0.05, 0.4], asked), changing_a);
     }
     // Magnets carry 1.7 to 4 A, of which a jump of 5 % would be 40 to 100 mA. Measured are 5 to 9 mA at once, 10 to 18 mA
     // within 0.5 ms, in which the currents begin to go where the better λ takes them, and 1.3 to 3.0 mA with a changing λ.
-    let planar = Limits { at_once: 0.012, soon: 0.024, changing: 0.004 };
+    let planar = [0.012, 0.024, 0.004];
     for (name, case) in Loop::paper().drives() {
         for modulation in [0.0, 0.5, 1.0] {
             let mut case = case.clone();
             case.controller.law.modulation = modulation;
-            holds(&case, &case, &format!("{name} drive, modulation {modulation}"), &planar);
+            holds(&case, &case, &format!("{name} drive, modulation {modulation}"), planar);
         }
     }
     // Measured are 2 mA at once, 14 mA soon after.
-    let spindle = Limits { at_once: 0.005, soon: 0.024, changing: 0.02 };
+    let spindle = [0.005, 0.024, 0.02];
     for ((name, mut case), (_, noisy)) in Loop::ideal(3000.0).drives().into_iter().zip(Loop::study(3000.0).drives()) {
         // The axial force is greatest at the jump: where it changes its sign, it goes over from one magnet to the other.
         case.controller.reference.paths[2].frequency_hz = 61.25;
-        holds(&case, &noisy, &format!("spindle, {name} drive"), &spindle);
+        holds(&case, &noisy, &format!("spindle, {name} drive"), spindle);
     }
 }
 
