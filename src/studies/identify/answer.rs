@@ -147,7 +147,7 @@ impl Data {
 }
 
 /// The same with a delay of the positions of which nothing is stated, if the residuals ask for one or several readings of the currents are as likely (with a delay each), and
-/// the answer is valid then. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
+/// it fits much better. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
 fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Judged> {
     let is_open = !before.question.as_likely.is_empty();
     if before.refusal.is_none() && !is_open {
@@ -169,8 +169,12 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
     let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
     let mut delayed = judged(data, data.thinned.iter().chain([&other]), question);
-    let now = delayed.found.as_ref().filter(|_| delayed.refusal.is_none())?;
+    let now = delayed.found.as_ref().filter(|now| now.converged)?;
     let gain = Some(now.log_likelihood - found.log_likelihood).filter(|gain| *gain >= diagnosis::VERY_STRONG)?;
+    // An answer that fits worse than one that is refused is not valid either; of two refused ones the plainer is told.
+    if delayed.refusal.is_some() && before.refusal.is_some() {
+        return None;
+    }
     let late = words::acting_later(now.bench[first].estimate, delayed.question.stated.hold, gain);
     delayed.notes.push(late);
     Some(delayed)
