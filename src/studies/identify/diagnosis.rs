@@ -18,6 +18,8 @@ const TURNS: f64 = 5.0;
 /// The reading of the currents decides several per cent of λ: it is judged on so many times as many rows. On one stretch, a force that wanders made a
 /// current that is held look continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
+/// A gap that differs by less from the stated one, relative, is no other gap: that of a careful assembly.
+const SAME_GAP: f64 = 0.01;
 /// Probability that something is proposed for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
@@ -81,6 +83,7 @@ fn later(take: &mut Take) {
 
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
+const GAP: &str = "--estimate s";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 
 const ALTERNATIVES: &[Alternative] = &[
@@ -139,7 +142,7 @@ const ALTERNATIVES: &[Alternative] = &[
         |take| drift(&take.recording).into_iter().for_each(|[off, ..]| turn(take, 1.0 + off)),
         SPEED,
     ),
-    (0, "the gap is another", |take| free(take, "s"), "--estimate s"),
+    (0, "the gap is another", |take| free(take, "s"), GAP),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
@@ -267,12 +270,13 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
         let mut other = Take { bearing: *at, ..take.clone() };
         apply(&mut other);
         let (likelihood, gap, sound) = fit(&other)?;
-        if !sound || likelihood <= least {
+        let is_stated = *proposal == GAP && gap.is_some_and(|gap| gap.abs() < SAME_GAP);
+        if !sound || likelihood <= least || is_stated {
             return None;
         }
         let of = if *magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
         let mut words = format!("{name}{of}: {proposal}");
-        if let ("--estimate s", Some(gap)) = (*proposal, gap) {
+        if let (GAP, Some(gap)) = (*proposal, gap) {
             words += &format!("; about {} mm", significant(1e3 * take.options.parts[0].body.gap_m() * (1.0 + gap), 3));
         }
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&take.recording)) {

@@ -14,6 +14,8 @@ use crate::studies::identify::units::significant;
 /// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated
 /// deviations.
 const SUSPECTED: f64 = 3.0;
+/// Relative standard deviation of a λ that no longer recording would mend: to 5 % it would have to be a hundred times as long.
+const NOT_KNOWN: f64 = 0.5;
 /// Autocorrelation of the innovations at lag one beyond which the model does not describe the motion, unless chance explains it.
 const COLOURED: f64 = 0.15;
 /// Position noise below that of any sensor, m: a simulation without noise, whose residuals are rounding.
@@ -80,11 +82,14 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value.abs();
     let worst = (0..found.lambda.len()).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
     if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
+        let wanted = match relative(worst) < NOT_KNOWN {
+            true => "a longer recording, a larger path, or better knowledge of the bench is wanted",
+            false => "the model does not describe these data, or hardly anything excites the rotor",
+        };
+        let percent = significant(100.0 * relative(worst), 2);
         return Some(format!(
-            "{} is known to {} % only, the limit is {} %: a longer recording, a larger path, or better knowledge of the bench is \
-             wanted",
+            "{} is known to {percent} % only, the limit is {} %: {wanted}",
             names[worst],
-            significant(100.0 * relative(worst), 2),
             100.0 * STD_LIMIT
         ));
     }
