@@ -231,6 +231,24 @@ fn wrong_columns_and_options_are_named() {
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
 }
 
+/// Fails if an answer is valid that fits much worse than the same with a delay, which is refused: 24 deviations off in a recording of 1 s.
+#[test]
+fn an_iron_path_is_named() {
+    let folder = folder("machines-identified/iron");
+    let recording = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/iron_path.csv.gz");
+    let arguments = format!("{recording} --machine planar4 --set m=8.09991868 --set s=0.487679096mm");
+    let (output, _) = ends(3, &folder, &words(&format!("identify {arguments}")));
+    says(
+        &output,
+        &["Not valid: the residuals ask for gap.iron (length of the iron path as a gap), and with it λ1 would"],
+    );
+    let document = identified(&folder, &words(&format!("{arguments} --estimate gap.iron")));
+    for (k, truth) in [2.4608e-6, 2.3173e-6, 1.7012e-6, 1.9751e-6].into_iter().enumerate() {
+        let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|name| number(&document[name][k]));
+        below(&format!("λ{}: error/±", k + 1), (hat - truth).abs() / std, MOST_STD);
+    }
+}
+
 /// Currents of a shaft that follow their commands at once have no lag, neither across the shaft nor along it.
 #[test]
 fn commands_of_a_shaft_have_no_lag() {
