@@ -1,7 +1,7 @@
-//! Four magnets in opposed pairs: how a force is shared, and the textbook's linear law.
+//! Four magnets in opposed pairs: how a force is shared, and the textbook's linear law (Schweitzer and Maslen, section 4.2).
 
 use crate::support::{Random, below};
-use magnetic_bearing::bearing::magnet::{Magnets, currents, forces};
+use magnetic_bearing::bearing::magnet::{currents, forces};
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::machine::PLANAR4;
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
@@ -39,20 +39,6 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
         }
     }
     assert!((100..1900).contains(&alone), "{alone} pairs of 2000 at their ends");
-}
-
-/// In the centre, with equal force constants, `i_c = f/k_i` with `k_i = 4 λ i_0/s²` (Schweitzer and Maslen, section 4.2).
-#[test]
-fn in_the_centre_it_is_the_linear_law_of_the_field() {
-    let (lambda, bias_a): (f64, f64) = (2e-6, 2.0);
-    let k_i = 4.0 * lambda * bias_a / (GAP_M * GAP_M);
-    let axial = Magnets::new(GAP_M, &[]).expect("magnets");
-    for force_n in [-60.0, -1e-3, 0.0, 5.0, 100.0] {
-        let mut given = [0.0; 2];
-        axial.allocate_with_bias([force_n, 0.0], &[bias_a], &[lambda / (GAP_M * GAP_M); 2], &mut given);
-        let [one, other] = currents(given, [GAP_M; 2], [lambda; 2]);
-        below("i_c, A", (0.5 * (one - other) - force_n / k_i).abs(), 1e-12);
-    }
 }
 
 /// `k_i = 4 λ i_0/s²` and `k_s = 4 λ i_0²/s³` of a pair, by the plant's exact derivatives. Fails if a magnet of a pair pulls elsewhere.
