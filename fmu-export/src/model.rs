@@ -498,9 +498,8 @@ impl<S: SampledModel> Model for Sampled<S> {
         if clock.is_due(step.end_s()) {
             self.0.take_effect(state, values);
         }
-        let mut variables = inputs.table.variables.iter();
-        let repeats = is_first && clock.taken() > 1 && inputs.is_held();
-        if repeats && variables.any(|of| of.causality == Causality::Input) && log.wants(Topic::Warning) {
+        let has_inputs = || inputs.table.variables.iter().any(|of| of.causality == Causality::Input);
+        if is_first && clock.taken() > 1 && inputs.is_held() && has_inputs() && log.wants(Topic::Warning) {
             let (samples, length_s, period_s) =
                 (clock.taken(), Digits::<6>(step.length_s), Digits::<6>(self.0.period_s()));
             let message = format_args!(

@@ -77,8 +77,10 @@ impl Rotation {
         let first = turned(self.measured_rad[0], theta_rad);
         let part = (step_s / MEAN_TIME_S).min(1.0);
         let is_new = error.abs() > 1.0;
+        // The first angle of all has no difference.
+        let follows_new = self.samples == 1 && self.measured_rad[1] != 0.0;
         // New angles one after the other are none in rad.
-        if !is_new || (self.samples == 1 && self.measured_rad[1] != 0.0) {
+        if !is_new || follows_new {
             self.mean_rad_s[0] += (omega_rad_s - self.mean_rad_s[0]) * part;
             self.mean_rad_s[1] += (first / step_s - self.mean_rad_s[1]) * part;
         }

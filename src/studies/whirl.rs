@@ -180,7 +180,7 @@ impl Whirl {
 /// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
 ///
 /// # Errors
-/// What cannot be computed.
+/// If frequencies or response cannot be computed.
 pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Result<Table, String> {
     let head = ["rpm", "1 backward", "1 forward", "2 backward", "2 forward", "A, µm", "A, rad", "B, µm", "B, rad"];
     let row = |step: usize| {

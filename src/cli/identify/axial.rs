@@ -4,6 +4,7 @@ use std::path::Path;
 
 use serde_json::json;
 
+use super::machine::without_element;
 use super::{Arguments, Pairs, Result, refused};
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
@@ -41,8 +42,8 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
     if let Some((name, value)) = &arguments.at {
         bench.set_position(name, value, &mut wrong);
     }
-    let mut given =
-        arguments.changes.iter().map(|(name, _)| plain(name)).chain(scenario.identify.keys().map(String::as_str));
+    let changed = arguments.changes.iter().map(|(name, _)| without_element(name));
+    let mut given = changed.chain(scenario.identify.keys().map(String::as_str));
     if !given.any(|name| name == MASS) {
         wrong.push("m is missing: the mass of what levitates, --set m=…".into());
     }
@@ -67,7 +68,7 @@ impl Bench {
     }
 
     fn set(&mut self, name: &str, value: &str, from: &str, wrong: &mut Vec<String>) {
-        let name = plain(name);
+        let name = without_element(name);
         let positive = |result: std::result::Result<f64, String>| {
             result.and_then(|number| match number > 0.0 {
                 true => Ok(number),
@@ -111,11 +112,6 @@ impl Bench {
             Err(why) => wrong.push(format!("--at {why}")),
         }
     }
-}
-
-/// A name without the element that it may stand behind.
-fn plain(name: &str) -> &str {
-    name.strip_prefix("estimator.").unwrap_or(name)
 }
 
 fn parameter(name: &str) -> Option<usize> {

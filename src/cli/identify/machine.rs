@@ -19,6 +19,11 @@ const OPTIONS: [(&str, &str); 7] = [
     ("sensor.currentNoise", "--current-noise"),
 ];
 
+/// The name of a variable of the estimator, before which its element may stand.
+pub(super) fn without_element(path: &str) -> &str {
+    path.strip_prefix("estimator.").unwrap_or(path)
+}
+
 impl Arguments {
     /// The machine, by the option or by the scenario.
     pub(super) fn machine(&self) -> &'static Machine {
@@ -79,7 +84,7 @@ impl Arguments {
         }
         let estimator = find(machine.models[2].0).expect("a model of this project");
         for (path, _) in &changes {
-            let name = path.strip_prefix("estimator.").unwrap_or(path);
+            let name = without_element(path);
             if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
                 return Err(refused(format!("--set {path}: identify takes it from {option}")));
             }
