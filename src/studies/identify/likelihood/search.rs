@@ -530,17 +530,45 @@ pub(super) fn fit<'a>(
     }
 }
 
+/// A change that keeps the search over all rows from a solution: where a half has one, the change shows from there. Leaves out its smaller side.
+fn change_from_a_half(recordings: &[Recording], masks: &mut [Vec<bool>], kind: &Kind<'_>) -> Option<Contradiction> {
+    let from = |second: bool| {
+        let of = |mask: &Vec<bool>| (0..mask.len()).map(|row| mask[row] && (2 * row >= mask.len()) == second).collect();
+        let half: Vec<Vec<bool>> = masks.iter().map(of).collect();
+        let mut held = Vec::new();
+        let own = fit(recordings, &half, kind, &mut held).ok().filter(Finished::is_solution)?;
+        let mut search = start(recordings, masks, kind, &held).ok()?;
+        search.start_at(own.search.found());
+        search.smooth();
+        search.refill();
+        let finished = finish(search).ok()?;
+        let change = changes::change(&finished)?;
+        Some((finished, change))
+    };
+    let halves = [false, true].into_iter().filter_map(from);
+    let (finished, change) = halves.max_by(|(_, a), (_, b)| a.chi_square.total_cmp(&b.chi_square))?;
+    changes::leave_out(recordings, masks, &finished, &change)
+}
+
 pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bool) -> Result<Identification, Failed> {
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
-    let mut finished = fit(recordings, &masks, kind, &mut held)?;
+    let mut first = fit(recordings, &masks, kind, &mut held);
+    if leaves_out
+        && !first.as_ref().is_ok_and(Finished::is_solution)
+        && let Some(side) = change_from_a_half(recordings, &mut masks, kind)
+    {
+        contradictions.push(side);
+        held.clear();
+        first = fit(recordings, &masks, kind, &mut held);
+    }
+    let mut finished = first?;
     let mut gain = None;
     // Each round leaves out what contradicts most.
     for _ in 0..ROUNDS {
-        // Away from the solution, or where a magnet would push, everything contradicts everything.
-        let pushes = (0..kind.layout.magnets).any(|k| finished.estimate(k).is_negative());
-        if !finished.search.converged || pushes {
+        // Away from a solution everything contradicts everything.
+        if !finished.is_solution() {
             break;
         }
         let disturbed = changes::disturbed(&finished);

@@ -52,6 +52,11 @@ impl Finished<'_> {
         Estimate { value: self.search.x[unknown], noise_std: std(&self.noise), total_std: std(&self.total) }
     }
 
+    /// Whether the search has converged, where all magnets pull.
+    pub fn is_solution(&self) -> bool {
+        self.search.converged && !(0..self.search.kind.layout.magnets).any(|k| self.estimate(k).is_negative())
+    }
+
     /// The blocks of recording `r`.
     pub fn blocks(&self, r: usize) -> impl Iterator<Item = &Block> {
         self.blocks.iter().filter(move |(of, _)| *of == r).flat_map(|(_, blocks)| blocks)
