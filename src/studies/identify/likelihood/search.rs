@@ -554,35 +554,36 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
     let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
-    let mut first = fit(recordings, &masks, kind, &mut held);
-    if leaves_out
-        && !first.as_ref().is_ok_and(Finished::is_solution)
-        && let Some(side) = change_from_a_half(recordings, &mut masks, kind)
-    {
-        contradictions.push(side);
-        held.clear();
-        first = fit(recordings, &masks, kind, &mut held);
-    }
-    let mut finished = first?;
+    let mut found = fit(recordings, &masks, kind, &mut held);
+    let mut halves_are_left = leaves_out;
     let mut gain = None;
     // Each round leaves out what contradicts most.
     for _ in 0..ROUNDS {
         // Away from a solution everything contradicts everything.
-        if !finished.is_solution() {
-            break;
-        }
-        let disturbed = changes::disturbed(&finished);
+        let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
+            if !std::mem::take(&mut halves_are_left) {
+                break;
+            }
+            // What was left out before contradicted no solution.
+            let mut whole: Vec<_> = masks.iter().map(|mask| vec![true; mask.len()]).collect();
+            let Some(side) = change_from_a_half(recordings, &mut whole, kind) else { break };
+            (masks, contradictions) = (whole, vec![side]);
+            held.clear();
+            found = fit(recordings, &masks, kind, &mut held);
+            continue;
+        };
+        let disturbed = changes::disturbed(finished);
         // A few rows that are disturbed look like a change of what is before or after them.
         let is_short = |part: &Contradiction| part.rows.len() <= 2 * finished.search.cases[part.recording].block();
         let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
-        let change = changes::change(&finished).filter(|_| !brief);
+        let change = changes::change(finished).filter(|_| !brief);
         if !leaves_out && (change.is_some() || !disturbed.is_empty()) {
             return Err(Failed::Contradicted);
         }
         if let Some(change) = change {
             // A force that wanders looks like changes of the load, or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
-            let Some(side) = changes::leave_out(recordings, &mut masks, &finished, &change) else { break };
+            let Some(side) = changes::leave_out(recordings, &mut masks, finished, &change) else { break };
             contradictions.push(side);
         } else {
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
@@ -595,8 +596,9 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
                 contradictions.push(contradiction);
             }
         }
-        finished = fit(recordings, &masks, kind, &mut held)?;
+        found = fit(recordings, &masks, kind, &mut held);
     }
+    let mut finished = found?;
     let gain = match gain.filter(|_| !kind.slow_force) {
         Some(gain) => gain,
         None if finished.search.converged => finished.search.gain_by_slow_force(),
