@@ -8,6 +8,7 @@ use fmu_export::Instance;
 use fmu_export::Step;
 use fmu_export::log::Silent;
 use magnetic_bearing::simulation::scenario::Scenario;
+use magnetic_bearing::simulation::simulate;
 use support::named::Named;
 
 mod support;
@@ -67,21 +68,9 @@ impl Loop {
         for (path, value) in settings {
             scenario.assign(path, value).expect("a variable of the loop");
         }
-        let find = |[element, variable]: &[String; 2]| {
-            let at = scenario.elements.iter().position(|candidate| candidate.name == *element).expect("an element");
-            let variables = scenario.elements[at].model_type.variables();
-            (at, variables.iter().position(|candidate| candidate.name == *variable).expect("a variable"))
-        };
-        let wires = scenario.connections().iter().map(|wire| [find(&wire.from), find(&wire.to)]).collect();
-        let instances = scenario.elements.iter().map(|element| {
-            let mut instance = element.model_type.instantiate();
-            for setting in &element.settings {
-                instance.set(setting.index, setting.value.clone()).expect("a value of the scenario");
-            }
-            instance.start().expect("parameters that are in order");
-            instance
-        });
-        Self { instances: instances.collect(), wires, steps: 0 }
+        let started = |element| simulate::start(element).expect("parameters that are in order");
+        let instances = scenario.elements.iter().map(started).collect();
+        Self { instances, wires: simulate::wires(&scenario), steps: 0 }
     }
 
     /// Does one step of every instance; returns whether all succeeded.

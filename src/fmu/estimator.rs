@@ -3,25 +3,22 @@
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::Row;
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
 use crate::bearing::rotor::RotorConfig;
 use crate::estimation::{Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict};
 use crate::machine::Machine;
-use crate::variables::Variables;
+use crate::variables::{Saved, Variables};
 
 /// The values of all variables of an estimator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
-#[serde(bound(
-    serialize = "EstimatorConfigOf<G, K>: Serialize, EstimatorInputOf<N, K>: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
-    deserialize = "EstimatorConfigOf<G, K>: Deserialize<'de>, EstimatorInputOf<N, K>: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
-))]
+#[variables(context = Machine, default)]
+#[serde(bound = "EstimatorConfigOf<G, K>: Saved, EstimatorInputOf<N, K>: Saved, EstimatorOutputOf<N, K, P>: Saved")]
 pub struct Values<G, const N: usize, const K: usize, const P: usize>
 where
     G: Variables<Context = Machine> + Clone + 'static,
+    EstimatorConfigOf<G, K>: Default,
 {
     #[nested(prefix = "")]
     config: EstimatorConfigOf<G, K>,
@@ -29,16 +26,6 @@ where
     input: EstimatorInputOf<N, K>,
     #[nested(prefix = "")]
     output: EstimatorOutputOf<N, K, P>,
-}
-
-impl<G, const N: usize, const K: usize, const P: usize> Default for Values<G, N, K, P>
-where
-    G: Variables<Context = Machine> + Clone + 'static,
-    EstimatorConfigOf<G, K>: Default,
-{
-    fn default() -> Self {
-        Self { config: Default::default(), input: Default::default(), output: Default::default() }
-    }
 }
 
 /// Reports a verdict that has changed.
@@ -62,9 +49,10 @@ pub type Spindle<const N: usize, const B: usize, const K: usize> = EstimatorMode
 impl<G, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
+    EstimatorConfigOf<G, K>: Default,
     // True of every length that is used; serde does not know it of all.
-    Values<G, N, K, P>: Serialize + DeserializeOwned + Default,
-    StateOf<G, N, K, P>: Serialize + DeserializeOwned + Send + Sync + 'static,
+    Values<G, N, K, P>: Saved,
+    StateOf<G, N, K, P>: Saved + Send + Sync + 'static,
 {
     const INFO: Info = info(&G::MACHINE.models[2]);
     type Values = Values<G, N, K, P>;

@@ -13,9 +13,10 @@ use crate::studies::sensitivity::{Sensitivity, peak, zone};
 use crate::studies::statistics::{mean, range, rms};
 use crate::table::Table;
 
-/// Revolutions over which the figures are taken, and the same time in s where the rotor hardly turns.
-const REVOLUTIONS: f64 = 2.0;
-const WITHOUT_TURNING_S: f64 = 0.05;
+/// Revolutions over which the figures are taken, and positions are drawn beside their predictions; and the same time in s where the rotor
+/// hardly turns.
+pub(super) const REVOLUTIONS: f64 = 2.0;
+pub(super) const WITHOUT_TURNING_S: f64 = 0.05;
 /// Figures of two intervals are compared only if their speeds differ by no more than this fraction.
 const SAME_SPEED: f64 = 0.01;
 /// An interval of the run, by sample index.

@@ -215,13 +215,14 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         }
     };
     let report = Report {
+        title: &scenario.title,
+        time_s: &run.recording.time_s,
         description: &scenario.description,
         command,
         message: run.error.as_deref(),
         views: figures::views(&signals),
         tables,
         parameters: parameters(scenario),
-        ..Report::new(&scenario.title, &run.recording.time_s)
     };
     report.page(&answer, &figures::all(&signals))
 }

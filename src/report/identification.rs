@@ -7,6 +7,7 @@ use serde_json::Value as Json;
 
 use crate::estimation::{Method, Verdict};
 use crate::machine::{Bearing, Machine, Reading};
+use crate::report::evaluation::{REVOLUTIONS, WITHOUT_TURNING_S};
 use crate::report::figures::{Figure, time_unit, where_shown};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards};
@@ -14,9 +15,6 @@ use crate::simulation::scenario::Scenario;
 use crate::studies::identify::likelihood::{BenchEstimate, Change, Estimate, Identification};
 use crate::studies::identify::{Answer, Said, Samples, Track, Twin, axial};
 
-/// Revolutions over which positions are drawn beside their predictions, and the same in s where the rotor hardly turns.
-const REVOLUTIONS: f64 = 2.0;
-const WITHOUT_TURNING_S: f64 = 0.05;
 /// Names of the magnets in legends.
 const NAMES: [&str; 4] = ["λ₁", "λ₂", "λ₃", "λ₄"];
 /// Colours of the readings of positions.
@@ -78,7 +76,7 @@ pub fn page(title: &str, command: &str, results: &Results) -> String {
         figures.extend(run.on_line(tracks));
     }
     let tables = results.said.iter().flat_map(|said| said.tables.clone()).collect();
-    let report = Report { command, tables, ..Report::new(title, &run.time_s) };
+    let report = Report { title, command, tables, time_s: &run.time_s, ..Report::default() };
     report.page(&first(results), &figures)
 }
 

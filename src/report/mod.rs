@@ -17,7 +17,7 @@ mod tables;
 
 use figures::Figure;
 
-/// Content of a page besides its answer and figures. Start from [`Report::new`] and fill in the rest.
+/// Content of a page besides its answer and figures.
 #[derive(Default)]
 struct Report<'a> {
     /// Heading.
@@ -38,12 +38,7 @@ struct Report<'a> {
     parameters: Vec<(&'a str, Vec<[String; 3]>)>,
 }
 
-impl<'a> Report<'a> {
-    /// A report on a recording with nothing but a title.
-    fn new(title: &'a str, time_s: &'a [f64]) -> Report<'a> {
-        Report { title, time_s, ..Report::default() }
-    }
-
+impl Report<'_> {
     /// The page as one file that loads nothing.
     ///
     /// It contains the compressed script that draws the plots, so that it can be mailed.

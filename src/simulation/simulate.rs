@@ -10,7 +10,7 @@ use fmu_export::{Instance, Step};
 use crate::invalid::Short;
 use crate::progress::Progress;
 use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::{Connection, Element, Scenario, Setting};
+use crate::simulation::scenario::{Connection, Element, Scenario};
 
 /// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]
@@ -43,7 +43,7 @@ pub enum Stopped {
 const MOST_BYTES: f64 = 8e9;
 
 /// A variable, by the indices of its element and its own.
-type Place = (usize, usize);
+pub type Place = (usize, usize);
 
 struct Messages<'a> {
     name: &'a str,
@@ -161,9 +161,7 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
         // A profile's value at time 0 is set before the instance starts.
         for profile in &scenario.profiles {
             let (value, own) = (profile.at(0.0), profile.targets.iter().filter(|target| target.0 == at));
-            element
-                .settings
-                .extend(own.filter_map(|(_, index)| Some(Setting { index: *index, value: value.clone()? })));
+            element.settings.extend(own.filter_map(|(_, index)| Some((*index, value.clone()?))));
         }
         let name = scenario.elements[at].name.as_str();
         match start(&element) {
@@ -247,10 +245,10 @@ fn read(instances: &mut [Instance], (element, index): Place) -> Value {
 ///
 /// # Errors
 /// Every value that the model refuses.
-pub(crate) fn start(element: &Element) -> Result<Instance, Vec<String>> {
+pub fn start(element: &Element) -> Result<Instance, Vec<String>> {
     let mut instance = element.model_type.instantiate();
-    for setting in &element.settings {
-        instance.set(setting.index, setting.value.clone()).map_err(|error| vec![error.to_string()])?;
+    for (index, value) in &element.settings {
+        instance.set(*index, value.clone()).map_err(|error| vec![error.to_string()])?;
     }
     match instance.start() {
         Ok(()) => Ok(instance),
@@ -259,7 +257,10 @@ pub(crate) fn start(element: &Element) -> Result<Instance, Vec<String>> {
 }
 
 /// The connections: where to read the output, and where to set the input.
-fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
+///
+/// # Panics
+/// Never: the connections of a scenario are between its own variables.
+pub fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
     let place = |[element, variable]: [String; 2]| {
         let at = scenario.elements.iter().position(|candidate| candidate.name == element)?;
         Some((at, scenario.elements[at].index(&variable)?))

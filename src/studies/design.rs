@@ -33,25 +33,23 @@ pub struct Conditions {
     pub instant_s: f64,
 }
 
-/// Standard deviations of one excitation, relative to λ, at [`INSTANTS_S`] and at the requested instant.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Precision {
-    /// Instants, in s.
-    pub instants_s: Vec<f64>,
-    /// Relative standard deviations of all λ at the instants; those of magnets that are not used are missing.
-    pub std: Vec<Vec<f64>>,
-}
+/// Standard deviations of one excitation, relative to λ, at [`INSTANTS_S`] and at the requested instant; those of magnets that are not used are
+/// missing.
+pub type Precision = Vec<Vec<f64>>;
 
 /// The worst of some standard deviations; one that is not known is infinite.
-fn worst<'s>(std: impl Iterator<Item = &'s f64>) -> f64 {
-    std.map(|std| if std.is_nan() { f64::INFINITY } else { *std }).fold(0.0, f64::max)
+fn worst<'s>(std: impl IntoIterator<Item = &'s f64>) -> f64 {
+    std.into_iter().map(|std| if std.is_nan() { f64::INFINITY } else { *std }).fold(0.0, f64::max)
 }
 
-impl Precision {
-    /// The worst λ at the requested instant.
-    pub fn worst(&self) -> f64 {
-        self.std.last().map_or(f64::INFINITY, |std| worst(std.iter()))
-    }
+/// The worst λ at the requested instant.
+pub fn worst_in_the_end(precision: &Precision) -> f64 {
+    precision.last().map_or(f64::INFINITY, |std| worst(std))
+}
+
+/// The instants to compare, in s.
+fn instants_s(conditions: &Conditions) -> Vec<f64> {
+    [&INSTANTS_S[..], &[conditions.instant_s]].concat()
 }
 
 /// Results with the reference trajectory alone and with modulation, in this order.
@@ -71,8 +69,7 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
     if conditions.rpm == 0.0 {
         cases::at_rest(&mut scenario);
     }
-    let mut instants_s = INSTANTS_S.to_vec();
-    instants_s.push(conditions.instant_s);
+    let instants_s = instants_s(conditions);
     scenario.duration_s = instants_s.iter().copied().fold(0.0, f64::max);
     let precision = |modulation: f64| {
         let mut scenario = scenario.clone();
@@ -83,14 +80,14 @@ pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision
         }
         let std = bound(&scenario, &run.recording, &instants_s).unwrap_or_default();
         let of_used = |std: Vec<f64>| scenario.used().into_iter().map(|k| std[k]).collect();
-        Ok(Precision { instants_s: instants_s.clone(), std: std.into_iter().map(of_used).collect() })
+        Ok(std.into_iter().map(of_used).collect())
     };
     Ok([precision(0.0)?, precision(MODULATION.0)?])
 }
 
 /// Whether modulation is recommended.
 pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
-    alone.worst() > WORTH * modulated.worst()
+    worst_in_the_end(alone) > WORTH * worst_in_the_end(modulated)
 }
 
 /// The frequencies of the modulation: that of all magnets, or those of the scenario for several groups of magnets.
@@ -107,8 +104,8 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
     let [alone, modulated] = precisions;
     let recommended = is_modulation_recommended(precisions);
     let best = if recommended { modulated } else { alone };
-    let is_enough = best.worst() < STD_LIMIT;
-    let percent = |precision: &Precision| montecarlo::known(100.0 * precision.worst(), 2);
+    let is_enough = worst_in_the_end(best) < STD_LIMIT;
+    let percent = |precision: &Precision| montecarlo::known(100.0 * worst_in_the_end(precision), 2);
     let first = if recommended {
         let frequencies: Vec<_> =
             frequencies(scenario).iter().map(|(name, frequency)| format!("{name} = {frequency} Hz")).collect();
@@ -150,13 +147,12 @@ pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precisi
             .collect(),
     };
     let head = |modulated: &str| columns.iter().map(move |(name, _)| format!("{name}{modulated}")).collect::<Vec<_>>();
-    let rows = (0..precisions[0].std.len()).map(|at| {
+    let rows = instants_s(conditions).into_iter().zip(0..precisions[0].len()).map(|(instant_s, at)| {
         let std = |precision: &Precision| {
-            let worst = |magnets: &[usize]| worst(magnets.iter().map(|k| &precision.std[at][*k]));
+            let worst = |magnets: &[usize]| worst(magnets.iter().map(|k| &precision[at][*k]));
             columns.iter().map(|(_, magnets)| montecarlo::known(100.0 * worst(magnets), 2)).collect::<Vec<_>>()
         };
-        let instant = format!("{} s", precisions[0].instants_s[at]);
-        std::iter::once(instant).chain(precisions.iter().flat_map(std)).collect()
+        std::iter::once(format!("{instant_s} s")).chain(precisions.iter().flat_map(std)).collect()
     });
     let frequencies: Vec<_> = frequencies(scenario).iter().map(|(_, frequency)| frequency.to_string()).collect();
     Table {

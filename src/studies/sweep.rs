@@ -299,12 +299,11 @@ impl Sweep {
         let mut reader = csv::Reader::from_reader(&text[..whole]);
         let at = self.header().iter().position(|name| name == "fingerprint").unwrap_or_default();
         let mut done = HashSet::new();
-        for row in reader.records() {
-            let row = row.map_err(|error| refusal(path, error))?;
-            let number: usize = row[0].parse().unwrap_or(0);
-            let case = number.wrapping_sub(1);
+        for row in reader.deserialize() {
+            let row: Vec<String> = row.map_err(|error| refusal(path, error))?;
+            let case = number(&row).wrapping_sub(1);
             if case >= self.count() || row[at] != *self.fingerprint(case) {
-                return Err(foreign(format!("case {} in it is of another design or scenario", &row[0])));
+                return Err(foreign(format!("case {} in it is of another design or scenario", row[0])));
             }
             done.insert(case);
         }

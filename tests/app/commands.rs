@@ -1,14 +1,13 @@
 //! Commands on all machines.
 
-use std::fs;
 use std::path::Path;
 
-use crate::program::{cell, fresh, open, rows};
+use crate::program::{cell, folder, open, read, rows, write};
 use crate::support::{between, says};
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::studies::design::{self, Conditions, design};
-use magnetic_bearing::studies::montecarlo::{self, NOISE};
+use magnetic_bearing::studies::montecarlo::{self, NOISE, figures};
 use magnetic_bearing::studies::statistics::rms;
 use magnetic_bearing::studies::sweep::Sweep;
 
@@ -23,12 +22,11 @@ fn a_sweep_of_every_machine_tells_of_all_its_magnets() {
         let name = machine.name;
         let scenario = open(built_in(machine), &[]);
         let (magnets, load) = (machine.of_magnets("lambda"), machine.coordinates[0].load.0);
-        let design = fresh(&format!("{name}-design.csv"));
-        fs::write(&design, format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1])).expect("a design");
-        let sweep = Sweep::open(&design, Some(Path::new(built_in(machine)))).unwrap_or_else(|error| panic!("{error}"));
-        let out = fresh(&format!("{name}-rows.csv"));
-        sweep.run(&out).expect("rows");
-        let rows = rows(&fs::read_to_string(&out).expect("rows"));
+        let folder = folder(&format!("sweep/{name}"));
+        write(&folder, "design.csv", format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1]));
+        let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new(built_in(machine))));
+        sweep.unwrap_or_else(|error| panic!("{error}")).run(&folder.join("rows.csv")).expect("rows");
+        let rows = rows(&read(&folder, "rows.csv"));
         for (row, load_n, changed) in [(&rows[0], 5.0, Some(3e-6)), (&rows[1], -5.0, None)] {
             assert_eq!((row["status"].as_str(), cell(row, "valid")), ("ok", 1.0), "{name}");
             for (k, magnet) in magnets.iter().enumerate() {
@@ -72,7 +70,7 @@ fn many_seeds_of_every_machine_agree_with_what_is_stated() {
         }
         // Of 6 runs, in each of which the errors of all magnets are alike.
         between(&format!("{name}: error/std"), rms(figures.normalised.iter().copied()), 0.3, 2.0);
-        assert!(outcome.beyond() == 0, "{name}: {:?}", outcome.worst());
+        assert!(outcome.beyond() == 0, "{name}: {:?}", figures::worst(&outcome.trials));
         let table = montecarlo::table(&study, &outcome);
         let rows: Vec<&str> = table.rows.iter().map(|row| row[0].as_str()).collect();
         let own: Vec<_> = rows.iter().filter(|row| row.starts_with("rms error of") && row.contains('λ')).collect();
@@ -92,7 +90,7 @@ fn the_excitation_of_every_machine_can_be_designed() {
             let conditions = Conditions { rpm, step_s: Some(2e-4), noise: NOISE, instant_s: 0.3 };
             let precisions = design(&scenario, &conditions).unwrap_or_else(|error| panic!("{name}: {error}"));
 
-            let [alone, modulated] = precisions.each_ref().map(|precision| precision.std.last().expect("an instant"));
+            let [alone, modulated] = precisions.each_ref().map(|precision| precision.last().expect("an instant"));
             assert_eq!((alone.len(), modulated.len()), (machine.magnets(), machine.magnets()));
             let recommended = design::is_modulation_recommended(&precisions);
             // At rest constant forces do not tell force constants from loads.

@@ -96,15 +96,6 @@ impl Profile {
     }
 }
 
-/// A value that a scenario gives to a variable.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Setting {
-    /// Index of the variable in the table of its model.
-    pub index: usize,
-    /// The value, in the unit of the variable.
-    pub value: Value,
-}
-
 /// A component of a scenario.
 #[derive(Clone)]
 pub struct Element {
@@ -112,8 +103,8 @@ pub struct Element {
     pub name: String,
     /// Its model type.
     pub model_type: Arc<ModelType>,
-    /// Values that differ from the start values.
-    pub settings: Vec<Setting>,
+    /// Values that differ from the start values, each in the unit of its variable and with its index in the table of the model.
+    pub settings: Vec<(usize, Value)>,
 }
 
 impl Element {
@@ -125,19 +116,18 @@ impl Element {
     /// The start value of a variable.
     pub fn value(&self, variable: &str) -> Option<Value> {
         let index = self.index(variable)?;
-        let set = self.settings.iter().rev().find(|setting| setting.index == index);
-        Some(set.map_or_else(|| self.model_type.variables()[index].start(), |setting| setting.value.clone()))
+        let set = self.settings.iter().rev().find(|(set, _)| *set == index);
+        Some(set.map_or_else(|| self.model_type.variables()[index].start(), |(_, value)| value.clone()))
     }
 
     /// Gives a variable a value at the start; nothing happens if there is no such variable.
     pub fn set(&mut self, variable: &str, value: impl Into<Value>) {
-        self.settings.extend(self.index(variable).map(|index| Setting { index, value: value.into() }));
+        self.settings.extend(self.index(variable).map(|index| (index, value.into())));
     }
 
     /// Index and value of the settings, in the order of the variables; the last of several for one variable holds.
     pub fn values(&self) -> Vec<(usize, Value)> {
-        let last: BTreeMap<_, _> = self.settings.iter().map(|setting| (setting.index, &setting.value)).collect();
-        last.into_iter().map(|(index, value)| (index, value.clone())).collect()
+        self.settings.iter().cloned().collect::<BTreeMap<_, _>>().into_iter().collect()
     }
 }
 
@@ -367,7 +357,7 @@ impl Scenario {
         };
         let value = read::convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
         let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
-        self.elements[at].settings.push(Setting { index, value });
+        self.elements[at].settings.push((index, value));
         Ok(())
     }
 
@@ -403,7 +393,7 @@ impl Scenario {
     pub fn is_stated(&self, element: &str, variable: &str) -> bool {
         self.element(element).is_some_and(|element| {
             let index = element.index(variable);
-            element.settings.iter().any(|setting| Some(setting.index) == index)
+            element.settings.iter().any(|(set, _)| Some(*set) == index)
         })
     }
 

@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, ScenarioError, Setting, connected, foreign};
+use super::{Connection, Element, Profile, Scenario, ScenarioError, connected, foreign};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -293,7 +293,7 @@ impl Reading<'_> {
         for (index, value) in indices.into_iter().zip(values) {
             let variable = &model_type.variables()[index];
             match permitted(name, variable, &self.connected).and_then(|()| convert(&variable.data_type, value)) {
-                Ok(value) => settings.push(Setting { index, value }),
+                Ok(value) => settings.push((index, value)),
                 Err(why) => refuse(&variable.name, value, why),
             }
         }
@@ -344,7 +344,7 @@ impl Reading<'_> {
                 }
                 Ok(value) => {
                     let mut beside = Element { name: method.clone(), ..estimator.clone() };
-                    beside.settings.push(Setting { index, value: Value::Integer(value) });
+                    beside.settings.push((index, Value::Integer(value)));
                     self.elements.push(beside);
                 }
             }
@@ -416,7 +416,7 @@ impl Reading<'_> {
 }
 
 /// The settings of the controller for a contour file, named relative to the scenario.
-fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<Setting>, String> {
+fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<(usize, Value)>, String> {
     let path = folder.join(file);
     let Fit { contour, largest_m } = match BUILT_IN_CONTOUR {
         (name, text) if name == file && !path.exists() => contour::read(text)?,
@@ -435,10 +435,7 @@ fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result
         .into_iter()
         .map(|(name, value, _)| (name, Value::Real(value)))
         .chain([("reference.shape".to_owned(), Value::Integer(4))])
-        .map(|(name, value)| {
-            let index = position(controller, &name).ok_or("this machine follows no contours")?;
-            Ok(Setting { index, value })
-        })
+        .map(|(name, value)| Ok((position(controller, &name).ok_or("this machine follows no contours")?, value)))
         .collect()
 }
 

@@ -49,7 +49,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
         }
     } else {
         let variables = estimator.model_type.clone();
-        estimator.settings.retain(|of| !variables.variables()[of.index].name.starts_with("tolerance."));
+        estimator.settings.retain(|(at, _)| !variables.variables()[*at].name.starts_with("tolerance."));
         estimator.set("identify.unbalance", Value::Boolean(true));
     }
     let refused = |why: String| format!("the estimator cannot be started: {why}");

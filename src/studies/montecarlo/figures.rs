@@ -33,7 +33,7 @@ pub struct Sample {
     pub error: Vec<f64>,
     /// Standard deviation stated, of noise alone.
     pub std: Vec<f64>,
-    /// Standard deviation stated with all tolerances; the former where there is no such output.
+    /// Standard deviation stated with all tolerances.
     pub total: Vec<f64>,
     /// The bound; not finite without noise.
     pub bound: Vec<f64>,
@@ -96,9 +96,9 @@ pub fn worst(trials: &[Trial]) -> (u64, Worst) {
 struct Estimate {
     /// Its error.
     error: Vec<f64>,
-    /// Standard deviation stated, of noise alone.
+    /// Standard deviation stated, of noise alone; the following where it is not recorded.
     std: Vec<f64>,
-    /// With all tolerances; the former where there is no such output.
+    /// With all tolerances.
     total: Vec<f64>,
 }
 
@@ -132,7 +132,7 @@ fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>
         Some(Estimate {
             error: relative(get(hat)?).into_iter().map(|hat| hat - 1.0).collect(),
             std: relative(get(std).or(get(total))?),
-            total: relative(get(total).or(get(std))?),
+            total: relative(get(total)?),
         })
     };
     scenario.used().into_iter().map(of_magnet).collect()

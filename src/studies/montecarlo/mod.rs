@@ -25,7 +25,7 @@ use crate::studies::parallel::in_order;
 use crate::studies::statistics::rms;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
-use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, touched};
+use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, judge, touched, worst};
 use offline::Offline;
 
 /// Changes the study's scenario for a run, from the seed of the run and how often the rotor touched down with the former.
@@ -65,11 +65,6 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// The worst valid sample of all runs, and the seed of its run.
-    pub fn worst(&self) -> (u64, Worst) {
-        figures::worst(&self.trials)
-    }
-
     /// Runs with a valid sample beyond [`CONFIDENT`] of its standard deviations.
     pub fn beyond(&self) -> usize {
         self.trials.iter().filter(|trial| trial.is_beyond()).count()
@@ -369,7 +364,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
             if all.is_empty() { "–".into() } else { all.join(", ") }
         });
     }
-    let (seed, worst) = outcome.worst();
+    let (seed, worst) = worst(&outcome.trials);
     let last_seed = study.first_seed + study.runs as u64 - 1;
     let mut note = format!("{} runs, seeds {} to {last_seed}. ", study.runs, study.first_seed);
     note += &match worst.ratio {

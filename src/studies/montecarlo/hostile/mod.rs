@@ -13,6 +13,7 @@ use super::{NOISE, built_in, cases, drawn_again, known, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Stopped};
+use crate::studies::statistics::mean;
 use crate::table::Table;
 use altered::{Alter, Wires};
 use fmu_export::variable::Value;
@@ -160,15 +161,13 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         ["", "wrong", "worst", "error, %", "stated, %", "seed", "valid, %", "changes", "± at the end, %", "error/±"];
     let row = |(case, trials): (&Case, &Vec<Trial>)| {
         let (seed, worst) = figures::worst(trials);
-        let valid: Vec<f64> = trials.iter().map(|trial| trial.valid).filter(|valid| !valid.is_nan()).collect();
         let samples = trials.iter().filter_map(|trial| trial.samples.last()).filter(|sample| sample.valid);
         // Standard deviations and errors in these.
         let at_end: Vec<_> = samples
             .flat_map(|sample| sample.total.iter().zip(&sample.error))
             .map(|(std, error)| [*std, if *error == 0.0 { 0.0 } else { error / std }])
             .collect();
-        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
-        let rms = |which: usize| mean(&at_end.iter().map(|end| end[which] * end[which]).collect::<Vec<_>>()).sqrt();
+        let square = |which: usize| at_end.iter().map(|end| end[which] * end[which]).sum::<f64>() / at_end.len() as f64;
         let of_worst = |text: String| if worst.ratio > 0.0 { text } else { "–".into() };
         let mark = match case.course.asked {
             Asked::Valid => "",
@@ -185,10 +184,10 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
             of_worst(known(100.0 * worst.error, 2)),
             of_worst(known(100.0 * worst.std, 2)),
             of_worst(format!("{seed} at {:.3} s", worst.time_s)),
-            known(100.0 * mean(&valid), 0),
+            known(100.0 * mean(trials.iter().map(|trial| trial.valid)), 0),
             trials.iter().map(|trial| trial.changes).max().unwrap_or(0).to_string(),
-            known(100.0 * rms(0), 2),
-            known(rms(1), 2),
+            known(100.0 * square(0).sqrt(), 2),
+            known(square(1).sqrt(), 2),
         ]
     };
     let seeds = found.first().and_then(|trials| Some((trials.first()?.seed, trials.last()?.seed)));
