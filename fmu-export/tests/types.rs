@@ -86,14 +86,17 @@ use support::ffi::{Expect, Fmu, text};
 use support::ffi3::Fmu3;
 use support::random::Random;
 
-fn read(fmu: &Fmu, name: &str) -> String {
-    let (reference, mut value) = ([fmu.reference(name)], [null()]);
+fn get(fmu: &Fmu, name: &str, value: &mut fmi2String) -> fmi2Status {
+    let reference = [fmu.reference(name)];
     // SAFETY: the instance is live; both arrays have one element.
-    let status =
-        unsafe { call!(fmi2GetString: fmi2GetStringTYPE(fmu.component(), reference.as_ptr(), 1, value.as_mut_ptr())) };
-    status.ok(fmu);
+    unsafe { call!(fmi2GetString: fmi2GetStringTYPE(fmu.component(), reference.as_ptr(), 1, value)) }
+}
+
+fn read(fmu: &Fmu, name: &str) -> String {
+    let mut value = null();
+    get(fmu, name, &mut value).ok(fmu);
     // SAFETY: the text is valid until the next call on the instance.
-    unsafe { CStr::from_ptr(value[0]) }.to_str().expect("UTF-8").to_owned()
+    unsafe { CStr::from_ptr(value) }.to_str().expect("UTF-8").to_owned()
 }
 
 fn write(fmu: &Fmu, name: &str, value: &CStr) -> fmi2Status {
@@ -121,12 +124,14 @@ fn texts_and_arrays_are_read_and_written() {
     assert!(fmu.set("gain[1]", f64::NAN).error(&fmu).contains("gain[1] = NaN is refused: expected a finite number"));
 }
 
-/// Fails if bytes that are no UTF-8, a null pointer, or another type are taken for a text.
+/// Fails if bytes that are no UTF-8, a null pointer, or another type are taken for a text, or if a Real is read as one.
 #[test]
 fn what_is_no_text_is_refused() {
     let fmu = Fmu::started("Types", &[]);
     assert!(write(&fmu, "title", c"\xff").error(&fmu).contains("title: the string is refused: expected UTF-8"));
     assert!(write(&fmu, "gain[1]", c"1").error(&fmu).contains("gain[1]"));
+    let got = get(&fmu, "gain[1]", &mut null()).error(&fmu);
+    assert!(got.contains("fmi2GetString") && got.contains("gain[1] is not of type String but Real"), "{got}");
     let (reference, value) = ([fmu.reference("title")], [null()]);
     // SAFETY: the instance is live; both arrays have one element; null is what is tested.
     let status =

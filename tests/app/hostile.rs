@@ -4,7 +4,7 @@
 
 use std::f64::consts::TAU;
 
-use magnetic_bearing::simulation::recording::{Column, Recording};
+use crate::montecarlo::recorded;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::montecarlo::hostile::altered::{self, Alter, Missing, Readings};
 use magnetic_bearing::studies::montecarlo::hostile::{self, Asked, Case, Trial, VALID_FROM_S};
@@ -53,27 +53,16 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// λ of the rotor that all courses start from, in N·m²/A².
-const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
-
 /// The verdict on a recording of 1 s in which each λ is 0.1 % off by a deviation of 0.2 %, after a change of its signals; valid from
 /// the second sample on.
 fn judged(scenario: &Scenario, change: impl Fn(&str, &mut [f64])) -> Trial {
-    let time_s: Vec<f64> = (0..=10_000).map(|row| f64::from(row) * 1e-4).collect();
-    let signal = |name: String, value: &dyn Fn(usize) -> f64| {
-        let mut values: Vec<f64> = (0..time_s.len()).map(value).collect();
-        change(&name, &mut values);
-        Column { name, unit: String::new(), values }
-    };
-    let mut columns = vec![
-        signal("estimator.valid".into(), &|row| f64::from(u8::from(row > 0))),
-        signal("plant.touchdown.contact".into(), &|_| 0.0),
-    ];
-    for (k, truth) in TRUTH.into_iter().enumerate() {
-        columns.push(signal(format!("estimator.lambdaHat[{}]", k + 1), &|_| 1.001 * truth));
-        columns.push(signal(format!("estimator.lambdaStdTotal[{}]", k + 1), &|_| 0.002 * truth));
+    let mut rows = vec![(true, 0.001, 0.002); 10_001];
+    rows[0].0 = false;
+    let mut recording = recorded(&rows);
+    for column in &mut recording.columns {
+        change(&column.name, &mut column.values);
     }
-    hostile::judge(scenario, &Recording { time_s, columns }, FIRST_SEED, false).expect("all signals are there")
+    hostile::judge(scenario, &recording, FIRST_SEED, false).expect("all signals are there")
 }
 
 #[test]

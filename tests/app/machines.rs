@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::program::{column, error_m, fresh, of, row, rows};
+use crate::program::{column, error_m, folder, of, read, row, rows, write};
 use crate::support::says;
 
 use magnetic_bearing::report::experiment;
@@ -85,10 +85,11 @@ fn a_magnet_that_is_not_used_has_no_estimate() {
     for name in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "error"] {
         assert!(estimate[name][0].is_f64() && estimate[name][1].is_null(), "{name}: {estimate}");
     }
-    let (design, out) = (fresh("used.csv"), fresh("used-rows.csv"));
-    std::fs::write(&design, "controller.magnets.used,estimator.magnets.used\nfirst,first\n").expect("a file");
-    Sweep::open(&design, Some(Path::new("levitation"))).expect("a design").run(&out).expect("rows");
-    let row = rows(&std::fs::read_to_string(&out).expect("rows")).remove(0);
+    let folder = folder("sweep/used");
+    write(&folder, "design.csv", "controller.magnets.used,estimator.magnets.used\nfirst,first\n");
+    let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new("levitation"))).expect("a design");
+    sweep.run(&folder.join("rows.csv")).expect("rows");
+    let row = rows(&read(&folder, "rows.csv")).remove(0);
     for name in ["error", "lambdaHat", "lambdaStd"] {
         let is_empty =
             |k: &str| row.iter().any(|(head, cell)| head.starts_with(&format!("{name}[{k}]")) && cell.is_empty());

@@ -20,13 +20,6 @@ pub fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// A file for a test, which does not exist yet.
-pub fn fresh(name: &str) -> PathBuf {
-    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let _ = fs::remove_file(&path);
-    path
-}
-
 /// Writes a file of a folder.
 #[track_caller]
 pub fn write(folder: &Path, name: &str, content: impl AsRef<[u8]>) {
@@ -164,21 +157,12 @@ pub fn values_within(run: &Run, name: &str, from_s: f64, to_s: f64) -> Vec<f64> 
     pairs.filter(|(time_s, _)| (from_s..=to_s).contains(*time_s)).map(|(_, value)| *value).collect()
 }
 
-/// Tracking errors on an axis over an interval, in m.
-fn errors_m(run: &Run, axis: &str, from_s: f64, to_s: f64) -> Vec<f64> {
-    let (bearing, axis) = axis.split_at(axis.len() - 1);
-    let ought = values_within(run, &format!("controller.{bearing}reference.{axis}"), from_s, to_s);
-    let is = values_within(run, &format!("plant.{bearing}{axis}"), from_s, to_s);
-    is.into_iter().zip(ought).map(|(is, ought)| is - ought).collect()
-}
-
-/// Largest tracking error on an axis over an interval, in m.
-pub fn axis_error_m(run: &Run, axis: &str, from_s: f64, to_s: f64) -> f64 {
-    errors_m(run, axis, from_s, to_s).into_iter().fold(0.0, |most, error| most.max(error.abs()))
-}
-
 /// Largest radial tracking error in a bearing over an interval, in m.
 pub fn error_m(run: &Run, bearing: &str, from_s: f64, to_s: f64) -> f64 {
-    let [y, z] = ["Y", "Z"].map(|axis| errors_m(run, &format!("{bearing}{axis}"), from_s, to_s));
-    y.into_iter().zip(z).map(|(y, z)| y.hypot(z)).fold(0.0, f64::max)
+    let [y, z] = ["Y", "Z"].map(|axis| {
+        let ought = values_within(run, &format!("controller.{bearing}reference.{axis}"), from_s, to_s);
+        let is = values_within(run, &format!("plant.{bearing}{axis}"), from_s, to_s);
+        is.into_iter().zip(ought).map(|(is, ought)| is - ought)
+    });
+    y.zip(z).map(|(y, z)| y.hypot(z)).fold(0.0, f64::max)
 }

@@ -117,10 +117,8 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("", "[plant]\nxyzzy = 1", &["[plant]", "xyzzy", "known are", "lambda", "unbalance.magnitude"]),
         ("", "[plant]\nTs = 1e-4", &["[plant]", "Ts", "no variable of this name"]),
         ("", "[all]\nmass = 6.7", &["[all]", "mass", "no variable of this name"]),
-        ("", "[plant]\n'lambda[4]' = 1e-6", &["lambda[4]", "no variable of this name"]),
         // Unknown tables and keys of the head.
         ("", "[plnt]\nm = 6.7", &["plnt in line 5", "did you mean plant?"]),
-        ("stepp = 1", "", &["stepp", "step", "line"]),
         // Units.
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
         ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "not one of kg, g"]),
@@ -147,8 +145,6 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("", "[plant]\nY = 1e-5", &["Y = ", "it is computed"]),
         ("", "[estimator]\nlambdaHat = [1e-6, 1e-6, 1e-6]", &["lambdaHat[1]", "it is computed"]),
         // Times.
-        ("duration = 0", "", &["duration = 0", "above 0"]),
-        ("duration = -0.1", "", &["duration = -0.1", "above 0"]),
         ("duration = nan", "", &["duration = nan", "above 0"]),
         ("duration = inf", "", &["duration = inf", "above 0"]),
         ("duration = \"1 hour\"", "", &["duration = \"1 hour\"", "s, ms, µs"]),
@@ -161,8 +157,6 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("machine = \"pump\"", "", &["machine = \"pump\"", "planar, spindle, planar4, spindle4, axial"]),
         ("machine = \"planer4\"", "", &["did you mean planar4?"]),
         ("machine = \"planar4\"", "[estimator]\nmethod = 0.1", &["method", "there is no variable of this name"]),
-        ("machine = \"planar4\"", "[estimator]\nTf = 0.1", &["Tf", "there is no variable of this name"]),
-        ("machine = \"planar4\"", "[estimator]\nfilter.omega = 0.1", &["filter.omega", "no variable of this name"]),
         // Profiles and contours.
         ("", "[[profile]]\nof = [\"plant.omgea\"]\ntime = [0]\nvalue = [1]", &["no variable plant.omgea"]),
         ("", "[[profile]]\nof = [\"plant.u[1]\"]\ntime = [0]\nvalue = [1]", &["connected to controller.u[1]"]),
@@ -178,10 +172,8 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         // Comparisons.
         ("compare = [\"best\"]", "", &["compare = \"best\"", "one of paperLiteral (1)"]),
         ("compare = [\"paper\", \"paper\"]", "", &["compare = \"paper\"", "twice"]),
-        ("compare = 3", "", &["compare"]),
         // Values that a model refuses: `fmu::instances` has more of them.
         ("", "[plant]\nm = nan", &["[plant]", "m = NaN kg", "a finite number above 0"]),
-        ("", "[all]\nm = 0", &["[plant, controller, estimator] m = 0 kg", "above 0"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
         ("", "[all]\nalpha = [0.0, 0.0, 1.0]", &["[plant, controller] alpha", "[estimator] alpha"]),

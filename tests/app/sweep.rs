@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::Path;
 
-use crate::program::{cell, fresh, rows};
+use crate::program::{cell, folder, rows, write};
 use crate::support::{below, says};
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
@@ -14,7 +14,7 @@ fn opened(name: &str, scenario: Option<&str>) -> Sweep {
 
 #[test]
 fn a_failing_case_is_a_row_with_its_message() {
-    let out = fresh("failing.csv");
+    let out = folder("sweep/failing").join("rows.csv");
     opened("cases.csv", None).run(&out).expect("the sweep runs");
     let rows = rows(&fs::read_to_string(&out).expect("rows"));
     assert_eq!(rows.len(), 6);
@@ -34,13 +34,14 @@ fn a_failing_case_is_a_row_with_its_message() {
 #[test]
 fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
     let design = opened("cases.csv", None);
-    let whole = fresh("whole.csv");
+    let folder = folder("sweep/interrupted");
+    let whole = folder.join("whole.csv");
     design.run(&whole).expect("the sweep runs");
     let text = fs::read_to_string(&whole).expect("rows");
     let lines: Vec<&str> = text.lines().collect();
 
     // Rows 5 and 2 were done, in that order, and row 6 is incomplete.
-    let torn = fresh("torn.csv");
+    let torn = folder.join("torn.csv");
     let left = format!("{}\n{}\n{}\n{}", lines[0], lines[5], lines[2], &lines[6][..20]);
     fs::write(&torn, left).expect("a file can be written");
     let before = design.run(&torn).expect("the sweep resumes");
@@ -57,7 +58,7 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
 
 #[test]
 fn rows_of_another_design_or_scenario_are_not_mixed_in() {
-    let out = fresh("foreign.csv");
+    let out = folder("sweep/foreign").join("rows.csv");
     opened("cases.csv", None).run(&out).expect("the sweep runs");
     let before = fs::read_to_string(&out).expect("rows");
     // Nor into any other file, whose last line is not an incomplete row.
@@ -97,6 +98,7 @@ fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
 
 #[test]
 fn what_is_wrong_with_a_design_is_said_by_name() {
+    let folder = folder("sweep/wrong");
     let many = ["did you mean lambda[1]?", "plant.Y is refused", "connected to plant.Ym", "bearing.m"];
     let misspelt = "plant.B.lamda[1]\n1\n";
     for (text, scenario, words) in [
@@ -105,19 +107,17 @@ fn what_is_wrong_with_a_design_is_said_by_name() {
         (misspelt, Some("spindle"), &["did you mean B.lambda[1]?"]),
         (misspelt, Some("axial"), &["did you mean lambda[1]?"]),
     ] {
-        let wrong = fresh("wrong.csv");
-        fs::write(&wrong, text).expect("a file can be written");
-        let error = Sweep::open(&wrong, scenario.map(Path::new)).err().expect("nothing is right in it");
-        says(&error.to_string(), words);
+        write(&folder, "wrong.csv", text);
+        let error = Sweep::open(&folder.join("wrong.csv"), scenario.map(Path::new)).err();
+        says(&error.expect("nothing is right in it").to_string(), words);
     }
     for (cases, range, words) in [
         ("1000000000000", "{ from = 1, to = 2 }", "cases = 1000000000000 is refused: expected at most"),
         ("3", "{ from = 1, to = 2, unti = \"g\" }", "expected { from = …, to = … }"),
         ("3", "{ from = 1 }", "expected { from = …, to = … }"),
     ] {
-        let wrong = fresh("wrong.toml");
         let text = format!("cases = {cases}\nseed = 1\nsampling = \"monteCarlo\"\n[ranges]\nplant.m = {range}\n");
-        fs::write(&wrong, text).expect("a file can be written");
-        says(&Sweep::open(&wrong, None).err().expect(words).to_string(), &[words]);
+        write(&folder, "wrong.toml", text);
+        says(&Sweep::open(&folder.join("wrong.toml"), None).err().expect(words).to_string(), &[words]);
     }
 }

@@ -83,16 +83,13 @@ fn instances_are_made_only_of_sound_requests() {
     says(&refused(Request { guid: None, ..sound() }), &["fmuGUID is null"]);
     let said = refused(Request { guid: Some(text("{0}")), ..sound() });
     says(&said, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
-    // Not UTF-8, and a format string.
+    // Not UTF-8, a format string, long, without braces, in capitals.
     let bytes = std::ffi::CString::new([0xff, 0xfe]).expect("no zero byte");
     says(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
-    says(&refused(Request { guid: Some(text("%s%n%s")), ..sound() }), &["fmuGUID = %s%n%s"]);
-    let long = "{".repeat(1_000_000);
-    says(&refused(Request { guid: Some(text(&long)), ..sound() }), &["fmuGUID = {{{"]);
-    let without = guid(PLANT).replace(['{', '}'], "");
-    says(&refused(Request { guid: Some(text(&without)), ..sound() }), &["fmuGUID = "]);
-    let shouted = guid(PLANT).to_uppercase();
-    says(&refused(Request { guid: Some(text(&shouted)), ..sound() }), &["fmuGUID = "]);
+    let (long, own) = ("{".repeat(1_000_000), guid(PLANT));
+    for given in ["%s%n%s", &long, &own.replace(['{', '}'], ""), &own.to_uppercase()] {
+        says(&refused(Request { guid: Some(text(given)), ..sound() }), &[&format!("fmuGUID = {}", &given[..6])]);
+    }
     // Without callbacks there is no way to report it, which must be harmless.
     assert!(Request { callbacks: false, ..sound() }.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
     let silent = Request { logger: false, guid: None, ..sound() };
@@ -190,23 +187,6 @@ fn booleans_are_0_or_1() {
     }
     fmu.set_booleans(&reference, &[fmi2True]).ok(&fmu);
     assert_eq!(fmu.get("lambdaValid"), 1.0);
-}
-
-/// Fails if a Real is read or written as a text.
-#[test]
-fn no_variable_is_a_text() {
-    let fmu = Fmu::started(PLANT, &[]);
-    let reference = [0];
-    let mut value: [fmi2String; 1] = [null()];
-    let (c, first) = (fmu.component(), reference.as_ptr());
-    // SAFETY: the instance is live; both arrays have one element.
-    unsafe {
-        let got = call!(fmi2GetString: fmi2GetStringTYPE(c, first, 1, value.as_mut_ptr()));
-        says(&got.error(&fmu), &["fmi2GetString", "m is not of type String but Real"]);
-        value[0] = c"text".as_ptr();
-        let set = call!(fmi2SetString: fmi2SetStringTYPE(c, first, 1, value.as_ptr()));
-        says(&set.error(&fmu), &["fmi2SetString", "m"]);
-    }
 }
 
 /// Fails if null, or a length beyond memory, is believed: then this process ends.

@@ -15,18 +15,12 @@ use fmi_rs::model_description::DefaultExperiment;
 use fmi_rs::model_description::fmi2::{Causality, Variability, VariableType};
 use fmi_rs::model_description::fmi3::{self, Dimension};
 
-use project::{MODELS, folder, program, root, run};
+use project::{fmus, folder, program, root, run};
 
 mod project;
 
-/// Examples of fmu-export, and their FMUs.
-const EXAMPLES: [(&str, &str); 5] = [
-    ("van_der_pol", "VanDerPol"),
-    ("pi_controller", "PiController"),
-    ("bouncing_ball", "BouncingBall"),
-    ("thermostat", "Thermostat"),
-    ("heated_rod", "HeatedRod"),
-];
+/// Examples of fmu-export.
+const EXAMPLES: [&str; 5] = ["van_der_pol", "pi_controller", "bouncing_ball", "thermostat", "heated_rod"];
 const STEPS: u32 = 200;
 /// Serializes validation: fmi-rs checks names with a scanner that keeps its buffers in global variables, so that two threads crash it.
 static VALIDATION: Mutex<()> = Mutex::new(());
@@ -37,15 +31,17 @@ fn packaged(arrays: bool) -> Vec<[PathBuf; 2]> {
     let folder = folder(if arrays { "arrays" } else { "scalars" });
     let switch: &[&str] = if arrays { &["--arrays"] } else { &[] };
     run(program(&folder).args(["package", "--all", "--out", "target/fmu"]).args(switch));
-    for (example, _) in EXAMPLES {
+    for example in EXAMPLES {
         let mut cargo = Command::new("cargo");
         cargo.current_dir(&folder).args(["run", "--release", "--locked", "--quiet", "--manifest-path"]);
         cargo.arg(root().join("Cargo.toml")).args(["--package", "fmu-export", "--example", example, "--"]);
         run(cargo.args(switch));
     }
-    let names = MODELS.into_iter().chain(EXAMPLES.map(|(_, name)| name));
-    let places = names.map(|name| [".fmu", "_fmi3.fmu"].map(|end| folder.join(format!("target/fmu/{name}{end}"))));
-    places.collect()
+    let both = |two: PathBuf| {
+        let three = format!("{}_fmi3.fmu", two.with_extension("").display());
+        [two, three.into()]
+    };
+    fmus(&folder.join("target/fmu")).into_iter().map(both).collect()
 }
 
 /// The value of an input at a step: different for each, and near its start.

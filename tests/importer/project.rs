@@ -6,25 +6,6 @@ use std::process::Command;
 
 /// The FMUs of the planar machine.
 pub const PLANAR: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
-/// The FMUs of every machine.
-pub const MODELS: [&str; 15] = [
-    PLANAR[0],
-    PLANAR[1],
-    PLANAR[2],
-    "MagneticSpindle",
-    "SpindleController",
-    "SpindleEstimator",
-    "MagneticBearing4",
-    "FlatnessController4",
-    "AlgebraicEstimator4",
-    "MagneticSpindle4",
-    "SpindleController4",
-    "SpindleEstimator4",
-    "AxialBearing",
-    "AxialController",
-    "AxialEstimator",
-];
-
 /// The folder of the project.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
@@ -50,4 +31,12 @@ pub fn program(folder: &Path) -> Command {
 pub fn run(command: &mut Command) {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));
+}
+
+/// The FMUs for FMI 2.0 in a folder.
+pub fn fmus(folder: &Path) -> Vec<PathBuf> {
+    let mut fmus: Vec<_> = fs::read_dir(folder).expect("a folder").map(|file| file.expect("a file").path()).collect();
+    fmus.retain(|path| path.to_str().is_some_and(|name| name.ends_with(".fmu") && !name.ends_with("_fmi3.fmu")));
+    assert!(fmus.len() >= 15, "the FMUs of every machine: {fmus:?}");
+    fmus
 }

@@ -31,25 +31,13 @@ impl<const K: usize> Bearing<K> {
     }
 }
 
-fn paper() -> Bearing<3> {
-    Bearing::new(GAP_M, ALPHA_RAD).expect("the paper's geometry")
-}
-
 fn distance<const N: usize>(a: [f64; N], b: [f64; N]) -> f64 {
     a.into_iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// The closed form of method section 2, for the paper's angles.
-fn closed_form([f_y, f_z]: [f64; 2], f0: f64) -> [f64; 3] {
-    let side = f_y.abs() / 3f64.sqrt();
-    let f_1 = if f_z >= side { f0 } else { f0 + side - f_z };
-    let y = f_y / 3f64.sqrt();
-    [f_1, f_1 - y + f_z, f_1 + y + f_z]
-}
-
 #[test]
 fn gaps_and_forces_are_those_of_the_paper() {
-    let magnets = paper();
+    let magnets = Bearing::new(GAP_M, ALPHA_RAD).expect("the paper's geometry");
     // Magnet 1 is below, magnets 2 and 3 are above to the left and to the right.
     let gaps = magnets.1.gaps([1e-4, 2e-4]);
     let expected = [GAP_M + 2e-4, GAP_M + 1e-4 * (PI / 3.0).sin() - 1e-4, GAP_M - 1e-4 * (PI / 3.0).sin() - 1e-4];
@@ -63,22 +51,8 @@ fn gaps_and_forces_are_those_of_the_paper() {
     below("F_z in N", (f_z - (-7.0 + (3.0 + 5.0) / 2.0)).abs(), 7.0 * ROUNDING);
 }
 
-#[test]
-fn the_allocation_agrees_with_the_corrected_closed_form() {
-    let magnets = paper();
-    let [mut random] = Noise::channels::<1>(1);
-    for _ in 0..TRIALS {
-        let wanted = [100.0 * random.standard_normal(), 100.0 * random.standard_normal()];
-        for f0 in [0.0, 20.0] {
-            let forces = magnets.allocate(wanted, &[f0]);
-            let expected = closed_form(wanted, f0);
-            below(&format!("forces for {wanted:?} N"), distance(forces, expected), 1e3 * ROUNDING);
-        }
-    }
-}
-
-/// Of any number of magnets. A quarter of all random triples surrounds the rotor; near the limit of parallel magnets the inverse loses a square of
-/// the sine. Fails with `c` from the mean instead of the largest need.
+/// Of any number of magnets. Forces of three with that resultant, the least of which is `F0`, can only be those of the closed form. A quarter of all random
+/// triples surrounds the rotor; near the limit of parallel magnets the inverse loses a square of the sine. Fails with `c` from the mean instead of the largest need.
 #[test]
 fn the_allocation_is_exact_for_any_admissible_angles() {
     fn holds<const K: usize>(alpha_rad: [f64; K], random: &mut Noise, parts: [f64; 2]) -> bool {

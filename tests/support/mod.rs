@@ -27,8 +27,8 @@ pub use magnetic_bearing::fmu as library;
 pub use random::Random;
 
 /// The models of this project.
-pub const MODELS: [&str; 15] = {
-    let (mut names, mut at) = ([""; 15], 0);
+pub const MODELS: [&str; 3 * MACHINES.len()] = {
+    let (mut names, mut at) = ([""; 3 * MACHINES.len()], 0);
     while at < names.len() {
         names[at] = MACHINES[at / 3].models[at % 3].0;
         at += 1;

@@ -135,12 +135,6 @@ fn angle_and_speed_in_other_units() {
 }
 
 #[test]
-fn the_rotor_may_turn_backward() {
-    let rotor = Rotor { omega_rad_s: -100.0 * PI, ..noisy(1, 2001) };
-    assert!(assert_never_wrong("backward with noise", &rotor, &rotor.identify(config(&rotor))) > 1000);
-}
-
-#[test]
 fn a_balanced_rotor_needs_no_unbalance() {
     let rotor = Rotor { noise: NOISE, seed: 9, samples: 2001, ..Rotor::default() };
     let with = rotor.identify(config(&rotor));
