@@ -44,7 +44,7 @@ fn worst<'s>(std: impl IntoIterator<Item = &'s f64>) -> f64 {
 
 /// The worst λ at the requested instant.
 pub fn worst_in_the_end(precision: &Precision) -> f64 {
-    precision.last().map_or(f64::INFINITY, |std| worst(std))
+    precision.last().map_or(f64::INFINITY, worst)
 }
 
 /// The instants to compare, in s.

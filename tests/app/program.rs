@@ -145,10 +145,8 @@ pub fn row(run: &Run, at_s: f64) -> usize {
 
 /// Relative errors of λ̂ of an element at an instant in s, of a rotor between three magnets.
 pub fn lambda_errors(scenario: &Scenario, run: &Run, element: &str, at_s: f64) -> [f64; 3] {
-    [1, 2, 3].map(|k| {
-        let truth = scenario.value("plant", &format!("lambda[{k}]")).expect("a parameter").as_f64();
-        column(run, &format!("{element}.lambdaHat[{k}]"))[row(run, at_s)] / truth - 1.0
-    })
+    let (truth, row) = (scenario.truth(), row(run, at_s));
+    [0, 1, 2].map(|k| column(run, &format!("{element}.lambdaHat[{}]", k + 1))[row] / truth[k] - 1.0)
 }
 
 /// The values of a signal over an interval in s.

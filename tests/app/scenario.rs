@@ -17,11 +17,6 @@ fn parse(head: &str, tables: &str) -> Result<Scenario, String> {
     Scenario::parse("test.toml", &text).map_err(|error| error.to_string())
 }
 
-#[track_caller]
-fn accepted(tables: &str) -> Scenario {
-    parse("", tables).unwrap_or_else(|error| panic!("{tables}: {error}"))
-}
-
 /// The message for a scenario that cannot be read, or cannot begin.
 #[track_caller]
 fn refusal(head: &str, tables: &str) -> String {
@@ -49,12 +44,14 @@ fn the_scenarios_of_the_program_are_sound() {
 
 #[test]
 fn values_come_in_every_notation() {
-    let scenario = accepted(
+    let scenario = parse(
+        "",
         "[all]\nm = 7\nlambda0 = [1e-6, 2e-6, 3e-6]\n[plant]\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
          unbalance.phase = \"90 deg\"\nsensor.seed = -4\n'alpha[1]' = 3.0\n\
          [controller]\nupdate.mode = \"whenValid\"\n[controller.reference]\nrY = \"20 um\"\nlobes = 5\n\
          [estimator]\nm = 6.0\nenable = false\nTf = \"20 ms\"\n",
-    );
+    )
+    .expect("sound");
     let value = |element, name| scenario.value(element, name).unwrap_or_else(|| panic!("{element}.{name}"));
     for (element, name, wanted) in [
         ("plant", "m", 7.0),

@@ -13,9 +13,12 @@ use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi2::{CS, FMU2};
 use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
-use project::{PLANAR, fmus, folder, program, root, run};
+use project::{fmus, folder, program, root, run};
 
 mod project;
+
+/// The FMUs of the planar machine.
+const PLANAR: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 
 /// The folder with the archives of all machines, as the program packages them.
 static ARCHIVES: LazyLock<PathBuf> = LazyLock::new(|| {
@@ -26,7 +29,7 @@ static ARCHIVES: LazyLock<PathBuf> = LazyLock::new(|| {
 
 /// An FMU, unpacked.
 fn builder(path: &Path) -> FMU2Builder {
-    FMU2Builder::new(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
+    FMU2Builder::new(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
 /// The FMUs of these models, unpacked.
@@ -255,8 +258,7 @@ fn direct(folder: &Path, name: &str, duration: &str) {
 #[test]
 fn the_importer_is_told_why() {
     let log = folder("messages").join("log.txt");
-    let builder =
-        FMU2Builder { logFile: Some(log.clone()), ..builder(&ARCHIVES.join("MagneticBearing.fmu")) };
+    let builder = FMU2Builder { logFile: Some(log.clone()), ..builder(&ARCHIVES.join("MagneticBearing.fmu")) };
     let plant = Instance::new("plant", &builder);
     plant.set("m", -6.7);
     ok("setupExperiment", plant.fmu.setupExperiment(None, 0.0, None));

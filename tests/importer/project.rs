@@ -4,8 +4,6 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// The FMUs of the planar machine.
-pub const PLANAR: [&str; 3] = ["MagneticBearing", "FlatnessController", "AlgebraicEstimator"];
 /// The folder of the project.
 pub fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
