@@ -103,7 +103,8 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     let is_searched = question.stated.bench().any(|of| of.is_open() && !["m", DYNAMICS].contains(&plain(&of.name)));
     let read_as = |hold: &Hold| recordings.iter().map(|samples| recording(samples, &question.stated, *hold)).collect();
     let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(read_as).collect();
-    let beside = data.thinned.iter().filter(|_| is_searched).chain(&as_likely);
+    let thinned = data.thinned.iter().filter(|_| is_searched).map(|thinned| (thinned, false));
+    let beside = thinned.chain(as_likely.iter().map(|other| (other, true)));
     let judged = judged(&data, beside, question);
     let mut answer = worded(with_delay(recordings, &data, &judged).unwrap_or(judged), &data.all);
     for (samples, recording) in recordings.iter().zip(&data.all) {
@@ -168,9 +169,18 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
     let mut question = before.question.clone();
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
     let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
-    let mut delayed = judged(data, data.thinned.iter().chain([&other]), question);
+    let beside = data.thinned.iter().chain([&other]).map(|other| (other, false));
+    let mut delayed = judged(data, beside, question);
     let now = delayed.found.as_ref().filter(|now| now.converged)?;
-    let gain = Some(now.log_likelihood - found.log_likelihood).filter(|gain| *gain >= diagnosis::VERY_STRONG)?;
+    // Estimates by instruments are not at the maximum of the likelihood: a delay has to be as certain as it is likely, and all the more certain the less typical it is.
+    let evidence = |at: &usize| {
+        let (delay, typical) = (now.bench[*at].estimate, now.bench[*at].parameter.typical);
+        0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
+    };
+    let gain = (now.log_likelihood - found.log_likelihood).min(delays.iter().map(evidence).sum());
+    if gain < diagnosis::VERY_STRONG {
+        return None;
+    }
     // An answer that fits worse than one that is refused is not valid either; of two refused ones the plainer is told.
     if delayed.refusal.is_some() && before.refusal.is_some() {
         return None;
@@ -180,8 +190,8 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
     Some(delayed)
 }
 
-/// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation.
-fn judged<'a>(data: &Data, beside: impl IntoIterator<Item = &'a Vec<Recording>>, question: Question) -> Judged {
+/// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation; positions of some may be late.
+fn judged<'a>(data: &Data, beside: impl Iterator<Item = (&'a Vec<Recording>, bool)>, question: Question) -> Judged {
     let all = &data.all[..];
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options = Options { parts: question.stated.parts.clone(), slow_force, leaves_out: true };
@@ -191,8 +201,9 @@ fn judged<'a>(data: &Data, beside: impl IntoIterator<Item = &'a Vec<Recording>>,
     };
     let mut notes = Vec::new();
     if let Some(found) = identified.as_mut().ok().filter(|found| found.converged) {
-        for other in beside {
-            match likelihood::identify(other, &options) {
+        for (other, may_be_late) in beside {
+            let own = if may_be_late { options.clone().late() } else { options.clone() };
+            match likelihood::identify(other, &own) {
                 Ok(other) if other.converged => found.widen(&other),
                 _ => notes.push(ALONE.into()),
             }

@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::answer::{implausible, with_slow_force};
-use super::likelihood::{Change, DELAY, Estimate, Hold, Identification, Knowledge, LAG, Options, Origin, Recording};
+use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, Options, Origin, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -220,9 +220,7 @@ pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
     // One whole recording at a time: each may have millions of rows.
     let mut takes: [Take; N] = std::array::from_fn(|at| {
         let mut take = stretch(&take(at), HOLD_STRETCHES);
-        let parts = take.options.parts.iter_mut().filter(|part| !part.beside.lag);
-        let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| plain(&of.name) == DELAY);
-        delays.filter(|of| !of.is_open()).for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
+        take.options = take.options.late();
         // A force that is not known goes with every reading.
         let rows = take.recording.usable.iter_mut().zip(&take.recording.missing);
         rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));

@@ -94,11 +94,13 @@ fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     low.into_iter().chain(high).map(|end| (*end, rows(*end))).collect()
 }
 
-/// Rows in which all readings are those of the row before. Where most rows are, nothing moves and nothing is noisy.
+/// Rows in which all readings are those of the row before, and the first ones of runs in which all are 0. Where most rows are, nothing moves and nothing is noisy.
 fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
     let count = columns.first()?.1.len();
-    let is_repeated = |row: &usize| columns.iter().all(|(_, values)| values[*row] == values[*row - 1]);
-    let rows: Vec<usize> = (1..count).filter(is_repeated).collect();
+    let is_repeated = |row: usize| (1..count).contains(&row) && columns.iter().all(|(_, of)| of[row] == of[row - 1]);
+    let is_zero = |row: usize| columns.iter().all(|(_, values)| values[row] == 0.0);
+    let is_lost = |row: &usize| is_repeated(*row) || is_zero(*row) && is_repeated(*row + 1);
+    let rows: Vec<usize> = (0..count).filter(is_lost).collect();
     if rows.is_empty() || 2 * rows.len() > count {
         return None;
     }

@@ -189,6 +189,14 @@ impl Options {
     pub fn bench(&mut self) -> impl Iterator<Item = &mut BenchParameter> {
         self.parts.iter_mut().flat_map(|part| &mut part.parameters)
     }
+
+    /// The same with positions as late as in a typical bench, where nothing is stated of a delay or a lag.
+    pub(super) fn late(mut self) -> Self {
+        let parts = self.parts.iter_mut().filter(|part| !part.beside.lag);
+        let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| of.name.ends_with(DELAY) && !of.is_open());
+        delays.for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
+        self
+    }
 }
 
 /// Why nothing was identified.

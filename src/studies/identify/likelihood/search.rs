@@ -18,7 +18,7 @@ use super::missing;
 use super::outcome;
 use super::rotor::{Kind, Rotor};
 use super::solve::{Normal, inverse, part};
-use super::{Body, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
+use super::{Body, Change, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
 use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
 
@@ -599,10 +599,14 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
         found = fit(recordings, &masks, kind, &mut held);
     }
     let mut finished = found?;
-    let gain = match gain.filter(|_| !kind.slow_force) {
-        Some(gain) => gain,
-        None if finished.search.converged => finished.search.gain_by_slow_force(),
-        None => 0.0,
+    let gain = gain.filter(|_| !kind.slow_force);
+    // What one change of λ explains is no slow force.
+    let changes = contradictions.iter().filter(|of| !matches!(of.what, Change::Disturbed { .. }));
+    let is_one_change = changes.clone().count() == 1 && changes.clone().all(|of| matches!(of.what, Change::Lambda(_)));
+    let gain = match gain {
+        Some(gain) if !is_one_change => gain,
+        _ if finished.search.converged => finished.search.gain_by_slow_force().min(gain.unwrap_or(f64::INFINITY)),
+        _ => 0.0,
     };
     Ok(outcome::report(&finished, &held, contradictions, gain))
 }
