@@ -146,6 +146,7 @@ fn a_change_of_lambda_is_found_and_both_parts_are_told() {
     };
     assert!(rows.start.abs_diff(6000) <= 200 && rows.end == 10_001, "{rows:?}");
     is_right("before", &found, &bench);
+    below("what a slow force explains besides", found.gain_by_slow_force, 0.5 * f64::ln(2.0 * 10_001.0));
     for (after, truth) in lambda.iter().zip(bench.lambda) {
         is_near("after", after, 1.05 * truth, 4.0);
     }

@@ -601,8 +601,8 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
     let mut finished = found?;
     let gain = gain.filter(|_| !kind.slow_force);
     // What one change of λ explains is no slow force.
-    let changes = contradictions.iter().filter(|of| !matches!(of.what, Change::Disturbed { .. }));
-    let is_one_change = changes.clone().count() == 1 && changes.clone().all(|of| matches!(of.what, Change::Lambda(_)));
+    let changes = contradictions.iter().map(|of| &of.what).filter(|what| !matches!(what, Change::Disturbed { .. }));
+    let is_one_change = matches!(changes.collect::<Vec<_>>()[..], [Change::Lambda(_)]);
     let gain = match gain {
         Some(gain) if !is_one_change => gain,
         _ if finished.search.converged => finished.search.gain_by_slow_force().min(gain.unwrap_or(f64::INFINITY)),
