@@ -18,8 +18,10 @@ use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
 use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
 use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
-use magnetic_bearing::estimation::spindle::{SpindleEstimator, SpindleEstimatorConfig, SpindleEstimatorInput};
-use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method, Tolerance};
+use magnetic_bearing::estimation::spindle::SpindleEstimator;
+use magnetic_bearing::estimation::{
+    Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorState, Method, Tolerance,
+};
 use magnetic_bearing::package;
 use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 use magnetic_bearing::simulation::scenario::Scenario;
@@ -207,7 +209,7 @@ fn steps(record: &[EstimatorInput]) {
     }));
     for (name, noise) in [("noise given", [1e-7, 1e-2]), ("noise estimated", [0.0; 2])] {
         let [position_noise_m, current_noise_a] = noise;
-        let config = SpindleEstimatorConfig { position_noise_m, current_noise_a, ..SpindleEstimatorConfig::default() };
+        let config = EstimatorConfigOf { position_noise_m, current_noise_a, ..EstimatorConfigOf::default() };
         let estimator = SpindleEstimator::new(config).expect("valid parameters");
         let (mut state, record, mut at) = (estimator.start(), spindle_record(), 0);
         candidates.push(candidate(format!("estimator of the spindle, {name}"), 1000, move |times| {
@@ -222,20 +224,20 @@ fn steps(record: &[EstimatorInput]) {
 }
 
 /// Inputs of the spindle's estimator in the scenario `spindle` while nothing changes, over 0.1 s.
-fn spindle_record() -> Vec<SpindleEstimatorInput> {
+fn spindle_record() -> Vec<EstimatorInputOf<5, 8>> {
     let scenario = Scenario::open(Path::new("spindle")).expect("a scenario of the program");
     let run = simulate::run_for(&scenario, |name| name.starts_with("plant.")).expect("a run");
     let column = |name: String| run.recording.get(&format!("plant.{name}")).expect("an output of the plant").to_vec();
     let readings = ["A.Ym", "A.Zm", "B.Ym", "B.Zm", "Xm"].map(|name| column(name.into()));
     let currents: Vec<_> = scenario.machine.of_magnets("im").into_iter().map(column).collect();
     let theta = column("theta".into());
-    let input = |at: usize| SpindleEstimatorInput {
+    let input = |at: usize| EstimatorInputOf {
         position_m: readings.each_ref().map(|column| column[at]),
         current_a: std::array::from_fn(|k| currents[k][at]),
         theta_rad: theta[at],
         omega_rad_s: 100.0 * std::f64::consts::PI,
         enable: true,
-        ..SpindleEstimatorInput::default()
+        ..EstimatorInputOf::default()
     };
     (3000..4000).map(input).collect()
 }

@@ -16,7 +16,7 @@ impl fmt::Display for Short {
     }
 }
 
-/// Collects findings, so that a user sees all of them at once.
+/// Collects findings, so that a user sees all of them at once: [`Checks::all`].
 #[derive(Debug, Default)]
 pub struct Checks {
     found: Vec<Invalid>,
@@ -79,11 +79,13 @@ impl Checks {
         checked
     }
 
-    /// Ends the checks.
+    /// Makes something of parameters and checks them.
     ///
     /// # Errors
     /// All findings, in order.
-    pub fn finish(self) -> Result<(), Vec<Invalid>> {
-        if self.found.is_empty() { Ok(()) } else { Err(self.found) }
+    pub fn all<T>(make: impl FnOnce(&mut Self) -> T) -> Result<T, Vec<Invalid>> {
+        let mut checks = Self::default();
+        let made = make(&mut checks);
+        if checks.found.is_empty() { Ok(made) } else { Err(checks.found) }
     }
 }

@@ -29,17 +29,17 @@ const ROLES: [(&str, Role); 6] = [
 impl Role {
     /// Keys that may stand in its parentheses.
     fn keys(self) -> Vec<&'static str> {
-        let of_variable =
-            ["unit", "display_unit", "start", "min", "max", "nominal", "name", "names", "description", "count", "with"];
+        let of_variable = ["unit", "display_unit", "start", "value", "min", "max", "nominal"];
+        let named = ["name", "names", "description", "count", "with"];
         let own: &[&str] = match self {
             Role::Parameter => &["fixed", "tunable", "calculated"],
             Role::Input => &["discrete"],
             Role::Output => &["discrete", "exact", "state", "derivative_of", "depends_on", "starts_from"],
             Role::Local => &["discrete", "exact", "state", "derivative_of", "depends_on", "starts_from", "constant"],
             Role::Nested => return vec!["prefix", "prefixes", "count", "context"],
-            Role::Hidden => return Vec::new(),
+            Role::Hidden => return vec!["value"],
         };
-        of_variable.into_iter().chain(own.iter().copied()).collect()
+        of_variable.into_iter().chain(named).chain(own.iter().copied()).collect()
     }
 }
 

@@ -27,15 +27,18 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     }
     let context = context.map_or_else(|| quote!(()), |context| quote!(#context));
     let target = Target::new(input, &chosen);
-    let default = has_default.then(|| default(&target, &data.fields));
     let mut seen: Vec<String> = Vec::new();
-    let (mut members, mut rows) = (Vec::new(), Vec::new());
+    let (mut members, mut rows, mut defaults) = (Vec::new(), Vec::new(), Vec::new());
     for (at, field) in data.fields.iter().enumerate() {
         let attributes = Attributes::of(field)?;
+        let member = field.ident.clone().map_or_else(|| Member::Unnamed(at.into()), Member::Named);
+        if attributes.has("value") && !has_default {
+            return Err(Error::new(attributes.span("value"), "`value` is for `#[variables(default)]`"));
+        }
+        defaults.push(default(&member, field, &attributes));
         if attributes.role == Role::Hidden {
             continue;
         }
-        let member = field.ident.clone().map_or_else(|| Member::Unnamed(at.into()), Member::Named);
         let name = name_of(field, &attributes, at, &data.fields)?;
         if let Some(name) = &name {
             if seen.contains(&name.value()) {
@@ -71,6 +74,15 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     let aliases = chosen.iter().map(|(parameter, argument)| quote!(#[allow(dead_code)] type #parameter = #argument;));
     let (_, types, _) = input.generics.split_for_impl();
     let (bounds, _, conditions) = target.generics.split_for_impl();
+    let default = has_default.then(|| {
+        quote! {
+            impl #bounds ::core::default::Default for #ident #types #conditions {
+                fn default() -> Self {
+                    Self { #(#defaults,)* }
+                }
+            }
+        }
+    });
     Ok(quote! {
         #[automatically_derived]
         const _: () = {
@@ -105,45 +117,32 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-/// `Default` with the default of every field, also of arrays whose length is a parameter, for which Rust has none.
-fn default(target: &Target<'_>, fields: &Fields) -> TokenStream {
-    let values = fields.iter().enumerate().map(|(at, field)| {
-        let member = field.ident.clone().map_or_else(|| Member::Unnamed(at.into()), Member::Named);
-        match &field.ty {
-            Type::Array(array) => {
-                let length = &array.len;
-                quote!(#member: [::core::default::Default::default(); #length])
-            }
-            _ => quote!(#member: ::core::default::Default::default()),
+/// The value of a field in `Default`: that of its type unless one is given, also of arrays whose length is a parameter, for which Rust has none.
+fn default(member: &Member, field: &Field, attributes: &Attributes) -> TokenStream {
+    match (attributes.value("value"), &field.ty) {
+        (Some(value), _) => quote!(#member: #value),
+        (None, Type::Array(array)) => {
+            let length = &array.len;
+            quote!(#member: [::core::default::Default::default(); #length])
         }
-    });
-    let ident = &target.input.ident;
-    let (_, types, _) = target.input.generics.split_for_impl();
-    let (bounds, _, conditions) = target.generics.split_for_impl();
-    quote! {
-        impl #bounds ::core::default::Default for #ident #types #conditions {
-            fn default() -> Self {
-                Self { #(#values,)* }
-            }
-        }
+        (None, _) => quote!(#member: ::core::default::Default::default()),
     }
 }
 
 /// The structure, and what it stays generic over: the other type parameters become aliases of their arguments.
-struct Target<'i> {
-    input: &'i DeriveInput,
+struct Target {
     generics: Generics,
 }
 
-impl<'i> Target<'i> {
-    fn new(input: &'i DeriveInput, chosen: &[(Ident, Option<Expr>)]) -> Self {
+impl Target {
+    fn new(input: &DeriveInput, chosen: &[(Ident, Option<Expr>)]) -> Self {
         let mut generics = input.generics.clone();
         let is_chosen = |parameter: &GenericParam| match parameter {
             GenericParam::Type(parameter) => chosen.iter().any(|(chosen, _)| *chosen == parameter.ident),
             _ => false,
         };
         generics.params = generics.params.into_iter().filter(|parameter| !is_chosen(parameter)).collect();
-        Self { input, generics }
+        Self { generics }
     }
 
     /// Whether code depends on what the structure is generic over.
@@ -212,7 +211,7 @@ fn nested(member: &Member, of_type: &Type, attributes: &Attributes, name: Option
 
 /// A field that is a variable, or an array of them.
 fn variable(
-    target: &Target<'_>,
+    target: &Target,
     context: &TokenStream,
     member: &Member,
     field: &Field,

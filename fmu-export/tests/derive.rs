@@ -225,12 +225,15 @@ struct Bank<const N: usize> {
     /// Whether it charges
     #[parameter]
     charges: bool,
+    /// Capacity
+    #[parameter(value = 2.5, min = 0.0)]
+    capacity: f64,
     mast: Mast,
 }
 
-/// Fails if a field has another default than its own.
+/// Fails if a field has another default than that given, or else its own.
 #[test]
 fn defaults_of_arrays_of_any_length_are_derived() {
-    assert_eq!(Bank::default(), Bank { voltage: [0.0; 40], charges: false, mast: Mast::default() });
-    assert_eq!(Bank::<40>::rows().len(), 40 + 1 + 3);
+    assert_eq!(Bank::default(), Bank { voltage: [0.0; 40], charges: false, capacity: 2.5, mast: Mast::default() });
+    assert_eq!(Bank::<40>::rows().len(), 40 + 2 + 3);
 }

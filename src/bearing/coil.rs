@@ -49,30 +49,23 @@ pub struct Saturates(pub bool);
 
 /// The coils, equal except for λ.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Saturates)]
+#[variables(T = f64, context = Saturates, default)]
 pub struct CoilConfig<T = f64> {
     /// What drives the coils
     #[parameter]
     pub drive: Drive,
     /// Resistance of each coil, with drive = voltage
-    #[parameter(name = "coil.R", unit = OHM, min = 0.0)]
+    #[parameter(name = "coil.R", unit = OHM, min = 0.0, value = 1.0)]
     pub resistance_ohm: T,
     /// Leakage inductance of each coil, in addition to the 2 lambda/gap of its magnet, with drive = voltage
     #[parameter(name = "coil.Lleak", unit = HENRY, min = 0.0, nominal = 1e-3)]
     pub leakage_h: T,
     /// Voltage limit of the amplifiers, both signs, with drive = voltage
-    #[parameter(name = "coil.uMax", unit = VOLT, min = 0.0, nominal = 100.0)]
+    #[parameter(name = "coil.uMax", unit = VOLT, min = 0.0, nominal = 100.0, value = 100.0)]
     pub limit_v: T,
     /// Flux at which the iron takes as much current as the nominal gap; 0 for iron that does not saturate
     #[parameter(name = "coil.fluxSaturation", count = usize::from(context.0), unit = WEBER, min = 0.0, nominal = 1e-2)]
     pub saturation_wb: T,
-}
-
-impl Default for CoilConfig {
-    /// Current drive; 1 Ω and 100 V for voltage drive.
-    fn default() -> Self {
-        Self { drive: Drive::Current, resistance_ohm: 1.0, leakage_h: 0.0, limit_v: 100.0, saturation_wb: 0.0 }
-    }
 }
 
 impl CoilConfig {

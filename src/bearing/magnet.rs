@@ -178,10 +178,7 @@ impl Magnets {
     /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see
     /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
     pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let magnets = Self::checked(gap_m, alpha_rad, &mut checks);
-        checks.finish()?;
-        Ok(magnets)
+        Checks::all(|checks| Self::checked(gap_m, alpha_rad, checks))
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.

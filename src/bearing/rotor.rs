@@ -216,10 +216,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     /// Masses and moments of inertia that no body has, an empty shaft, positions beyond it, bearings or sensors at the same place, and of
     /// each bearing what [`Magnets::new`] refuses, by their names in the interface.
     pub fn new(config: RotorConfig<f64, B>) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let rotor = Self::checked(config, &mut checks);
-        checks.finish()?;
-        Ok(rotor)
+        Checks::all(|checks| Self::checked(config, checks))
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.

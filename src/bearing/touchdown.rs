@@ -24,14 +24,15 @@ use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, O
 /// Velocity, in m/s, above which friction slides; below, it rises linearly, so that standstill needs no special case.
 pub const SLIDING_M_S: f64 = 0.01;
 
-/// The ring.
+/// The ring; by default half the paper's gap, with a rotor of 6.7 kg a natural frequency of 435 Hz and 14 % of the critical damping, no
+/// friction.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Bearing)]
+#[variables(T = f64, context = Bearing, default)]
 pub struct TouchdownConfig<T = f64> {
     /// Distance from the centre at which the rotor touches, in m. If it exceeds the nominal gap, the rotor may reach a magnet
     /// first, which ends the run.
     #[parameter(
-        name = "touchdown.clearance", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm",
+        name = "touchdown.clearance", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4,
         description = format!(
             "Distance from the {} at which the rotor touches the {}",
             if context.is_radial() { "centre" } else { "middle" }, context.backup()
@@ -40,13 +41,13 @@ pub struct TouchdownConfig<T = f64> {
     pub clearance_m: T,
     /// Stiffness k, in N/m.
     #[parameter(
-        name = "touchdown.stiffness", unit = NEWTON_PER_METRE, min = 0.0, nominal = 1e7,
+        name = "touchdown.stiffness", unit = NEWTON_PER_METRE, min = 0.0, nominal = 1e7, value = 5e7,
         description = format!("Stiffness of the {}", context.backup())
     )]
     pub stiffness_n_m: T,
     /// Damping d, in N·s/m.
     #[parameter(
-        name = "touchdown.damping", unit = NEWTON_SECOND_PER_METRE, min = 0.0, nominal = 1e3,
+        name = "touchdown.damping", unit = NEWTON_SECOND_PER_METRE, min = 0.0, nominal = 1e3, value = 5e3,
         description = format!("Damping of the {}", context.backup())
     )]
     pub damping_ns_m: T,
@@ -59,17 +60,9 @@ pub struct TouchdownConfig<T = f64> {
     /// Radius of the rotor where it touches, in m.
     #[parameter(
         name = "touchdown.radius", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-2,
-        display_unit = "mm", description = format!("Radius of the rotor at the {}, used by friction", context.backup())
+        display_unit = "mm", value = 0.025, description = format!("Radius of the rotor at the {}, used by friction", context.backup())
     )]
     pub radius_m: T,
-}
-
-impl Default for TouchdownConfig {
-    /// Half the paper's gap; with a rotor of 6.7 kg a natural frequency of 435 Hz and 14 % of the critical damping; no
-    /// friction.
-    fn default() -> Self {
-        Self { clearance_m: 2.5e-4, stiffness_n_m: 5e7, damping_ns_m: 5e3, friction: 0.0, radius_m: 0.025 }
-    }
 }
 
 impl TouchdownConfig {

@@ -192,11 +192,13 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// Every parameter that is not finite or outside its range, by its name in the interface; the geometry as in
     /// [`Rotor::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfigOf<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
-        let (law, mut checks) = (&config.law, Checks::default());
-        let rotor = Rotor::checked(config.rotor, &mut checks);
-        law.check(&rotor, config.used, &mut checks);
-        let reference = Reference::checked(config.reference.clone(), law.step_s, &rotor, &mut checks);
-        checks.finish()?;
+        let law = &config.law;
+        let (rotor, reference) = Checks::all(|checks| {
+            let rotor = Rotor::checked(config.rotor, checks);
+            law.check(&rotor, config.used, checks);
+            let reference = Reference::checked(config.reference.clone(), law.step_s, &rotor, checks);
+            (rotor, reference)
+        })?;
         let groups = Rotor::<N, K, B>::MACHINE.groups();
         Ok(Self {
             inertia: config.rotor.shaft.inertia(),
@@ -228,10 +230,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
     /// former values then remain.
     pub fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
-        let mut checks = Checks::default();
         let law = TrackingConfig { modulation, modulation_hz, ..self.config.law.clone() };
-        excitation::check(&law, Rotor::<N, K, B>::MACHINE, &mut checks);
-        checks.finish()?;
+        Checks::all(|checks| excitation::check(&law, Rotor::<N, K, B>::MACHINE, checks))?;
         self.config.law = law;
         Ok(())
     }

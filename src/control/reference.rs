@@ -35,7 +35,7 @@ use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{Choice, Saved, Variables, numbers};
+use crate::variables::{Choice, OMEGA_RAD_S, Saved, Variables, numbers};
 
 /// The most lobes of a curve; no sample time in use resolves more.
 pub const MOST_LOBES: i32 = 1000;
@@ -158,7 +158,7 @@ impl PathConfig {
 
 /// The reference trajectory of a rotor in B bearings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
+#[variables(context = Machine, default)]
 #[serde(bound = "[PathConfig; B]: Saved")]
 pub struct ReferenceConfig<const B: usize = 1> {
     /// Shape of the reference trajectory
@@ -168,7 +168,7 @@ pub struct ReferenceConfig<const B: usize = 1> {
     #[nested(prefixes = context.of_bearings(""), context = context.bearings[index])]
     pub paths: [PathConfig; B],
     /// Number of lobes with shape = lobes
-    #[parameter(name = "reference.lobes", count = usize::from(context.is_planar()), min = 0, max = MOST_LOBES)]
+    #[parameter(name = "reference.lobes", count = usize::from(context.is_planar()), min = 0, max = MOST_LOBES, value = 3)]
     pub lobes: i32,
     /// Amplitude of the lobes with shape = lobes
     ///
@@ -188,11 +188,11 @@ pub struct ReferenceConfig<const B: usize = 1> {
     /// at 1000 rad/s, 10 kHz). Noise in the reference calls for a lower bandwidth.
     #[parameter(
         name = "bandwidth.reference", count = context.if_single(1), unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0,
-        display_unit = "Hz"
+        display_unit = "Hz", value = 4000.0
     )]
     pub bandwidth_rad_s: f64,
     /// Angular velocity on the curve, in rad/s; negative values run backwards.
-    #[hidden]
+    #[hidden(value = OMEGA_RAD_S)]
     pub omega_rad_s: f64,
 }
 
@@ -203,16 +203,7 @@ impl<const B: usize> ReferenceConfig<B> {
             true => PathConfig { r_y_m: 30e-6, r_z_m: 70e-6, ..PathConfig::default() },
             false => PathConfig { frequency_hz: 60.0, ..PathConfig::default() },
         };
-        Self {
-            shape: Shape::Ellipse,
-            paths: std::array::from_fn(path),
-            lobes: 3,
-            lobe_amplitude_m: 0.0,
-            contour: Contour::default(),
-            transition: Transition::default(),
-            omega_rad_s: 2.0 * PI * 50.0,
-            bandwidth_rad_s: 4000.0,
-        }
+        Self { paths: std::array::from_fn(path), ..Self::default() }
     }
 }
 
@@ -384,10 +375,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         step_s: f64,
         rotor: &Rotor<N, K, B>,
     ) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        let reference = Self::checked(config, step_s, rotor, &mut checks);
-        checks.finish()?;
-        Ok(reference)
+        Checks::all(|checks| Self::checked(config, step_s, rotor, checks))
     }
 
     /// Reports errors in `checks`; use the returned value only if there are none.

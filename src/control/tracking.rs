@@ -96,20 +96,20 @@ pub enum Allocation {
     BiasCurrent,
 }
 
-/// Configuration of the control law.
+/// Configuration of the control law; by default the paper's first guess, and poles for the planar rotor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
+#[variables(context = Machine, default)]
 #[serde(bound = "[f64; K]: Saved, [f64; G]: Saved")]
 pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Sample time; samples are taken at the start time plus whole multiples of it
-    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
+    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
     pub step_s: f64,
     /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
     /// does not saturate.
     #[nested(prefix = "", context = Saturates(false))]
     pub coil: CoilConfig,
     /// First guess of the force constant of {magnet}
-    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6, value = [4e-6; K])]
     pub lambda0_nm2_a2: [f64; K],
     /// How a force is shared among the magnets of a bearing
     #[parameter(count = usize::from(context.is_paired()))]
@@ -118,54 +118,45 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     ///
     /// Of each bearing, as the bias current; further elements are not used.
     #[parameter(
-        names = context.of_bearings("F0"), count = context.bearings.len(), unit = NEWTON, min = 0.0, nominal = 10.0
+        names = context.of_bearings("F0"), count = context.bearings.len(), unit = NEWTON, min = 0.0, nominal = 10.0,
+        value = [20.0; G]
     )]
     pub f0_n: [f64; G],
     /// Mean of the currents of each opposed pair{of bearing} with allocation = biasCurrent, without modulation
-    #[parameter(names = context.of_biases(), count = context.of_biases().len(), unit = AMPERE, min = 0.0)]
+    #[parameter(
+        names = context.of_biases(), count = context.of_biases().len(), unit = AMPERE, min = 0.0, value = [2.0; G]
+    )]
     pub bias_a: [f64; G],
     /// Amplitude of the modulation of the {smallest force}, as a fraction of F0
     #[parameter(name = "F0.modulation", tunable, unit = ONE, min = 0.0, max = 1.0)]
     pub modulation: f64,
     /// Frequency of the modulation{in group}, at most half the sample rate
-    #[parameter(names = context.of_groups("F0.modulationFrequency"), tunable, unit = HERTZ, min = 0.0, nominal = 100.0)]
+    #[parameter(
+        names = context.of_groups("F0.modulationFrequency"), tunable, unit = HERTZ, min = 0.0, nominal = 100.0,
+        value = std::array::from_fn(|g| 110.0 + 20.0 * g as f64)
+    )]
     pub modulation_hz: [f64; G],
     /// Poles of the tracking error
-    #[parameter(name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    #[parameter(
+        name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz", value = 1000.0
+    )]
     pub tracking_rad_s: f64,
     /// Poles of the perturbation observer
-    #[parameter(name = "bandwidth.observer", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    #[parameter(
+        name = "bandwidth.observer", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz", value = 4000.0
+    )]
     pub observer_rad_s: f64,
     /// Pole of the current error with drive = voltage
-    #[parameter(name = "bandwidth.current", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz")]
+    #[parameter(
+        name = "bandwidth.current", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz", value = 5000.0
+    )]
     pub current_rad_s: f64,
     /// When the estimated force constants are taken over
     #[parameter(name = "update.mode")]
     pub update: UpdateMode,
     /// Time of the update with update.mode = atTime: absolute simulation time, not time since the start
-    #[parameter(name = "update.time", unit = SECOND, display_unit = "ms")]
+    #[parameter(name = "update.time", unit = SECOND, display_unit = "ms", value = 0.2)]
     pub update_time_s: f64,
-}
-
-impl<const K: usize, const G: usize> Default for TrackingConfig<K, G> {
-    /// The paper's first guess, poles for the planar rotor.
-    fn default() -> Self {
-        Self {
-            step_s: 1e-4,
-            coil: CoilConfig::default(),
-            lambda0_nm2_a2: [4e-6; K],
-            allocation: Allocation::SmallestForce,
-            f0_n: [20.0; G],
-            bias_a: [2.0; G],
-            modulation: 0.0,
-            modulation_hz: std::array::from_fn(|g| 110.0 + 20.0 * g as f64),
-            tracking_rad_s: 1000.0,
-            observer_rad_s: 4000.0,
-            current_rad_s: 5000.0,
-            update: UpdateMode::AtTime,
-            update_time_s: 0.2,
-        }
-    }
 }
 
 /// The reference of each coordinate at a sample, at the next one, and at the one after that.

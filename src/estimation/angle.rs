@@ -25,7 +25,7 @@ const SETTLED: f64 = 6.0;
 const MEAN_TIME_S: f64 = 0.1;
 
 /// The rotation of the rotor.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rotation {
     /// Angle, rad.
     pub theta_rad: f64,
@@ -47,16 +47,7 @@ pub struct Rotation {
 impl Rotation {
     /// At a first sample.
     pub fn start(theta_rad: f64, omega_rad_s: f64) -> Self {
-        Self {
-            theta_rad,
-            omega_rad_s,
-            acceleration_rad_s2: 0.0,
-            variance: 0.0,
-            measured_rad: [theta_rad, 0.0, 0.0],
-            noise_rad2: 0.0,
-            mean_rad_s: [0.0; 2],
-            samples: 1,
-        }
+        Self { theta_rad, omega_rad_s, measured_rad: [theta_rad, 0.0, 0.0], samples: 1, ..Self::default() }
     }
 
     /// Goes on for a sample without a measurement.
@@ -143,12 +134,12 @@ impl Rotation {
         let omega_rad_s = self.omega_rad_s + part * (other.omega_rad_s - self.omega_rad_s);
         Self { theta_rad: self.theta_rad + part * turned(self.theta_rad, other.theta_rad), omega_rad_s, ..*other }
     }
+}
 
-    /// Cosine and sine of the angle.
-    pub fn turn(&self) -> [f64; 2] {
-        let (sin, cos) = sincos(self.theta_rad);
-        [cos, sin]
-    }
+/// Cosine and sine of an angle.
+pub fn turn(angle_rad: f64) -> [f64; 2] {
+    let (sin, cos) = sincos(angle_rad);
+    [cos, sin]
 }
 
 /// By how much an angle has grown, rad in [−π, π], the angles wrapped or not.

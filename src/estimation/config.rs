@@ -17,7 +17,7 @@ use crate::variables::unit::{
     AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
     SECOND,
 };
-use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Variables, numbers};
+use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables, numbers};
 
 /// The shortest window of the paper's methods, in sample times: the kernels need room for their three changes of sign.
 pub const MIN_INTERVALS: f64 = 8.0;
@@ -68,9 +68,9 @@ pub enum Hold {
     Linear,
 }
 
-/// Standard deviations of what the estimator takes as known; 0 means exactly known.
+/// Standard deviations of what the estimator takes as known; 0 means exactly known, as by default all but a backward force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
+#[variables(context = Names, default)]
 pub struct Tolerance {
     /// Standard deviation of m; 0 means exactly known
     #[parameter(name = "m", unit = KILOGRAM, min = 0.0, nominal = 0.1)]
@@ -94,24 +94,8 @@ pub struct Tolerance {
     #[parameter(name = "currentOffset", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_offset_a: f64,
     /// Standard deviation of a force of constant magnitude that turns against the rotor, estimated with the rest; 0 means there is none
-    #[parameter(name = "backwardForce", count = context.radial().min(1), unit = NEWTON, min = 0.0)]
+    #[parameter(name = "backwardForce", count = context.radial().min(1), unit = NEWTON, min = 0.0, value = 2.0)]
     pub backward_force_n: f64,
-}
-
-impl Default for Tolerance {
-    /// All is known exactly but a backward force.
-    fn default() -> Self {
-        Self {
-            m_kg: 0.0,
-            gap_m: 0.0,
-            alpha_rad: 0.0,
-            position_gain: 0.0,
-            position_offset_m: 0.0,
-            current_gain: 0.0,
-            current_offset_a: 0.0,
-            backward_force_n: 2.0,
-        }
-    }
 }
 
 impl Tolerance {
@@ -146,10 +130,7 @@ impl Tolerance {
 /// Parameters of the estimator of a machine with K magnets, before they are checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names)]
-#[serde(bound(
-    serialize = "G: Serialize, [f64; K]: Serialize",
-    deserialize = "G: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[serde(bound = "G: Saved, [f64; K]: Saved")]
 pub struct EstimatorConfigOf<G, const K: usize>
 where
     G: Variables<Context = Names> + Clone + 'static,
@@ -246,11 +227,8 @@ impl<const B: usize, const K: usize> Default for EstimatorConfigOf<RotorConfig<f
 
 /// One sample of the measurements, all of the same instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>"
-))]
+#[variables(context = Names, default)]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct EstimatorInputOf<const N: usize, const K: usize> {
     /// Measured position of the rotor {place}
     #[input(names = context.measured(), unit = METRE, nominal = 1e-5)]
@@ -281,21 +259,6 @@ pub struct EstimatorInputOf<const N: usize, const K: usize> {
 
 /// That of the planar rotor of the paper.
 pub type EstimatorInput = EstimatorInputOf<2, 3>;
-
-impl<const N: usize, const K: usize> Default for EstimatorInputOf<N, K> {
-    /// All 0 and false.
-    fn default() -> Self {
-        Self {
-            position_m: [0.0; N],
-            current_a: [0.0; K],
-            theta_rad: 0.0,
-            omega_rad_s: 0.0,
-            enable: false,
-            contact: false,
-            reset: false,
-        }
-    }
-}
 
 /// Why an estimate is valid or not
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
@@ -360,11 +323,8 @@ impl fmt::Display for Verdict {
 /// A shaft that tilts has two planes of unbalance and two backward forces, P = 2. With an axial bearing its motion has two parts with an estimate
 /// each: the radial one, and the axial one, which is independent of it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
-#[serde(bound(
-    serialize = "[f64; N]: Serialize, [f64; K]: Serialize, [f64; P]: Serialize",
-    deserialize = "[f64; N]: Deserialize<'de>, [f64; K]: Deserialize<'de>, [f64; P]: Deserialize<'de>"
-))]
+#[variables(context = Names, default)]
+#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved, [f64; P]: Saved")]
 pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// Estimated force constant of {magnet}
     ///
@@ -469,35 +429,6 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
 
 /// Those for the planar rotor of the paper.
 pub type EstimatorOutput = EstimatorOutputOf<2, 3, 1>;
-
-impl<const N: usize, const K: usize, const P: usize> Default for EstimatorOutputOf<N, K, P> {
-    /// All 0.
-    fn default() -> Self {
-        Self {
-            lambda_hat: [0.0; K],
-            lambda_raw: [0.0; K],
-            lambda_std: [0.0; K],
-            lambda_std_total: [0.0; K],
-            ki: [0.0; K],
-            ks: [0.0; K],
-            ki_std: [0.0; K],
-            ks_std: [0.0; K],
-            position_noise_m: [0.0; P],
-            current_noise_a: [0.0; P],
-            valid: false,
-            verdict: Verdict::default(),
-            axial_verdict: Verdict::default(),
-            condition: 0.0,
-            residual: 0.0,
-            load_n: [0.0; N],
-            unbalance_kg_m: [0.0; P],
-            unbalance_phase_rad: [0.0; P],
-            backward_force_n: [0.0; P],
-            backward_force_phase_rad: [0.0; P],
-            determinant: 0.0,
-        }
-    }
-}
 
 /// Standard deviations of ki or ks, which are as uncertain as λ; 0 before the first sample.
 pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f64; K], lambda: [f64; K]) -> [f64; K] {

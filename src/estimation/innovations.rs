@@ -21,12 +21,12 @@
 //!
 //! Sizes: N coordinates, K magnets, U unknowns, T tolerances.
 
-use libm::{sincos, sqrt};
+use libm::sqrt;
 use nalgebra::{RowSVector, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::Hold;
-use super::angle::{Rotation, turned};
+use super::angle::{Rotation, turn, turned};
 use super::motion::{Covariance, Motions, Square, Transition, add_product, product};
 use crate::bearing::magnet::Geometry;
 
@@ -98,21 +98,15 @@ pub struct Sample<const N: usize, const K: usize> {
 
 impl<const N: usize, const K: usize> Sample<N, K> {
     pub fn new(position_m: [f64; N], current_a: [f64; K], rotation: Rotation) -> Self {
-        let turn = rotation.turn();
+        let turn = turn(rotation.theta_rad);
         Self { position_m: position_m.into(), current_a: current_a.into(), rotation, turn, missing: 0 }
     }
 
     /// A sample between this one and another, at a part of the time.
     pub fn between(&self, other: &Self, part: f64) -> Self {
+        let current_a = self.current_a.lerp(&other.current_a, part);
         let rotation = self.rotation.between(&other.rotation, part);
-        let position_m = self.position_m.lerp(&other.position_m, part);
-        Self {
-            position_m,
-            current_a: self.current_a.lerp(&other.current_a, part),
-            rotation,
-            turn: rotation.turn(),
-            missing: 0,
-        }
+        Self::new(self.position_m.lerp(&other.position_m, part).into(), current_a.into(), rotation)
     }
 }
 
@@ -447,9 +441,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let (from, to) = (&last.rotation, &sample.rotation);
         let omega = 0.5 * (from.omega_rad_s + to.omega_rad_s);
         let acceleration = 0.5 * (from.acceleration_rad_s2 + to.acceleration_rad_s2);
-        let (sin, cos) = sincos(from.theta_rad + 0.5 * turned(from.theta_rad, to.theta_rad));
+        let middle = turn(from.theta_rad + 0.5 * turned(from.theta_rad, to.theta_rad));
         let [unbalance, backward] = [self.identify_unbalance, self.identify_backward].map(f64::from);
-        [last.turn, [cos, sin], sample.turn].map(|[c, s]| {
+        [last.turn, middle, sample.turn].map(|[c, s]| {
             let [along, across] = [omega * omega * unbalance, acceleration * unbalance];
             [[along * c + across * s, along * s - across * c], [backward * c, backward * s]]
         })

@@ -24,7 +24,6 @@ use std::fmt::Debug;
 use std::ops::Range;
 
 use libm::{atan2, sqrt};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use self::config::stiffness_std;
@@ -39,10 +38,11 @@ pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{PredictionError, PredictionErrorState};
 pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
+pub(crate) use self::validation::chi_square;
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
 use crate::machine::Machine as Names;
-use crate::variables::{Variables, is_finite};
+use crate::variables::{Saved, Variables, is_finite};
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
@@ -95,7 +95,7 @@ impl<const N: usize, const K: usize> Judged<'_, N, K> {
 /// A method of estimation.
 pub trait Estimation<const N: usize, const K: usize, const P: usize> {
     /// State between samples.
-    type State: Clone + Debug + PartialEq + Serialize + DeserializeOwned;
+    type State: Clone + Debug + PartialEq + Saved;
 
     /// A fresh state, with all the memory that stepping needs.
     fn start(&self) -> Self::State;
@@ -117,10 +117,7 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
 
 /// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound(
-    serialize = "S: Serialize, EstimatorOutputOf<N, K, P>: Serialize",
-    deserialize = "S: Deserialize<'de>, EstimatorOutputOf<N, K, P>: Deserialize<'de>"
-))]
+#[serde(bound = "S: Saved, EstimatorOutputOf<N, K, P>: Saved")]
 pub struct EstimatorState<S = one_bearing::PlanarState, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
     reset_was_high: bool,
     readings: Readings<N, K>,
@@ -156,10 +153,10 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     /// methods; with these also `Tf` less than 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than
     /// `Tf`.
     pub fn new(config: EstimatorConfigOf<G, K>) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        G::check(&config, &mut checks);
-        config.check(G::MACHINE, &mut checks);
-        checks.finish()?;
+        Checks::all(|checks| {
+            G::check(&config, checks);
+            config.check(G::MACHINE, checks);
+        })?;
         let method = G::method(&config)?;
         Ok(Self { config, method })
     }
@@ -181,8 +178,6 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
             lambda_std_total: lambda0,
             condition: CONDITION_CAP,
             residual: 1.0,
-            verdict: Verdict::Collecting,
-            axial_verdict: Verdict::Collecting,
             position_noise_m: [position_noise_m; P],
             current_noise_a: [current_noise_a; P],
             ..EstimatorOutputOf::default()

@@ -3,8 +3,6 @@
 //! A radial magnet does not pull along the shaft, and an axial one not across it: of a shaft in bearings of both kinds the axial motion is a part of
 //! its own. All other machines have one part.
 
-use serde::{Deserialize, Serialize};
-
 use super::one_bearing::Planar;
 use super::paper::Paper;
 use super::{
@@ -13,6 +11,7 @@ use super::{
 };
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
+use crate::variables::Saved;
 
 /// Implements the equations for the sizes of a machine: coordinates, magnets, places for results by part, plane or radial bearing.
 macro_rules! of_sizes {
@@ -58,7 +57,7 @@ pub type PartsState<const R: usize, const K: usize, const U: usize, const T: usi
 impl<const N: usize, const A: usize, const P: usize, const R: usize, const K: usize, const U: usize, const T: usize>
     Estimation<N, A, P> for Parts<R, K, U, T>
 where
-    PredictionErrorState<R, K, U, T>: Serialize + for<'de> Deserialize<'de>,
+    PredictionErrorState<R, K, U, T>: Saved,
 {
     type State = PartsState<R, K, U, T>;
 

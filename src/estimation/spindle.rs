@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
 use super::parts::Parts;
-use super::{Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, Machine, StateOf};
+use super::{Estimator, EstimatorConfigOf, Machine};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
@@ -21,15 +21,6 @@ use crate::variables::{Variables, numbers};
 
 /// The estimator of a spindle with three magnets in each radial bearing, and an axial one.
 pub type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
-
-/// Its state.
-pub type SpindleEstimatorState = StateOf<RotorConfig<f64, 3>, 5, 8, 2>;
-
-/// Its inputs.
-pub type SpindleEstimatorInput = EstimatorInputOf<5, 8>;
-
-/// Its outputs.
-pub type SpindleEstimatorOutput = EstimatorOutputOf<5, 8, 2>;
 
 /// Parameters of the radial machine with a tolerance, besides the angles: gap, J_t, J_p, positions of magnets, of sensors, of unbalance.
 const BESIDE_ANGLES: usize = 9;
@@ -53,9 +44,6 @@ pub struct ShaftTolerance {
     #[parameter(name = "unbalancePosition", unit = METRE, min = 0.0, nominal = 1e-3)]
     pub unbalance_position_m: f64,
 }
-
-/// Its parameters.
-pub type SpindleEstimatorConfig = EstimatorConfigOf<RotorConfig<f64, 3>, 8>;
 
 impl ShaftTolerance {
     fn check<const B: usize>(&self, geometry: &RotorConfig<f64, B>, checks: &mut Checks) {

@@ -5,10 +5,11 @@
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
-use libm::{exp, sincos, sqrt};
+use libm::{exp, sqrt};
 use nalgebra::{SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
+use super::angle;
 use super::config::Verdict;
 use super::innovations::Innovation;
 use super::motion::Square;
@@ -18,9 +19,8 @@ use super::sums::PredictionErrorSolution;
 /// Harmonics of the rotor angle that are tested.
 const HARMONICS: usize = 4;
 
-/// The value of χ² that is so many standard deviations of a normal distribution out (E. B. Wilson, M. M. Hilferty, 1931).
-fn chi_square(degrees: usize, deviations: f64) -> f64 {
-    let n = degrees as f64;
+/// The value of χ² with n degrees of freedom that is so many standard deviations of a normal distribution out (E. B. Wilson, M. M. Hilferty, 1931).
+pub(crate) fn chi_square(n: f64, deviations: f64) -> f64 {
     let root = 1.0 - 2.0 / (9.0 * n) + deviations * sqrt(2.0 / (9.0 * n));
     n * root * root * root
 }
@@ -214,10 +214,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
         self.turned = (self.turned + passed) % 4.0;
         let quarter = FRAC_PI_2 * self.turned;
-        let [first, step] = [self.first_order() * quarter, quarter].map(|angle| {
-            let (sin, cos) = sincos(angle);
-            [cos, sin]
-        });
+        let [first, step] = [self.first_order() * quarter, quarter].map(angle::turn);
         each(&mut self.orders, first, step);
     }
 
@@ -270,9 +267,11 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let [harmonic, order] = self.greatest;
         let order = order / (self.square / N as f64).max(1.0);
         // Innovations 1.6 times as strong as they should be.
-        if harmonic >= chi_square(2 * N, HARMONIC_LIMIT * line_ease) || self.nis > 2.5 * ease {
+        if harmonic >= chi_square((2 * N) as f64, HARMONIC_LIMIT * line_ease) || self.nis > 2.5 * ease {
             Verdict::Unexplained
-        } else if correlation.abs() >= WHITENESS_LIMIT * ease || order >= chi_square(2 * N, ORDER_LIMIT * line_ease) {
+        } else if correlation.abs() >= WHITENESS_LIMIT * ease
+            || order >= chi_square((2 * N) as f64, ORDER_LIMIT * line_ease)
+        {
             Verdict::Coloured
         } else {
             Verdict::Valid

@@ -1,7 +1,5 @@
 //! Parameters of the plant of any machine.
 
-use std::f64::consts::PI;
-
 use serde::{Deserialize, Serialize};
 
 use super::check_step;
@@ -14,32 +12,27 @@ use crate::bearing::touchdown::TouchdownConfig;
 use crate::invalid::{Checks, Short};
 use crate::machine::Machine;
 use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{KILOGRAM_METRE, LAMBDA, Saved, Variables};
+use crate::variables::{KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables};
 
 /// The largest number of planes with an unbalance.
 pub const PLANES: usize = 2;
 
-/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time.
+/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time; by default none, at 50 Hz.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Machine)]
+#[variables(T = f64, context = Machine, default)]
 #[serde(bound = "T: Saved, [T; N]: Saved")]
 pub struct Harmonic<T = f64, const N: usize = 2> {
     /// Amplitude of a harmonic perturbation force along {axis}
     #[parameter(names = context.of_resultant("amplitude"), tunable, unit = NEWTON)]
     pub amplitude_n: [T; N],
     /// Angular frequency of the harmonic perturbation force
-    #[parameter(name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz")]
+    #[parameter(
+        name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz", value = OMEGA_RAD_S
+    )]
     pub omega_rad_s: T,
     /// Phase at time 0 of the harmonic perturbation force along {axis}, which is a sine
     #[parameter(names = context.of_resultant("phase"), tunable, unit = RADIAN)]
     pub phase_rad: [T; N],
-}
-
-impl<const N: usize> Default for Harmonic<f64, N> {
-    /// None, at 50 Hz.
-    fn default() -> Self {
-        Self { amplitude_n: [0.0; N], omega_rad_s: 2.0 * PI * 50.0, phase_rad: [0.0; N] }
-    }
 }
 
 /// A rotor with N coordinates between the K magnets of its B bearings, its sensors, start and integration. Coordinates are in m, angles

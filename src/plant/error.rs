@@ -1,7 +1,5 @@
 //! Errors of a step.
 
-use std::fmt;
-
 use super::substeps::MOST_PARTS;
 use crate::invalid::Short;
 
@@ -10,7 +8,7 @@ use crate::invalid::Short;
 pub enum StepError {
     /// The rotor has left the gap of a magnet, or its motion is no longer finite. The state is the one before the sub-step in which this
     /// happened.
-    #[error("the rotor leaves the gap at {magnet} after t = {} s, starting at {}", Short(*time_s), List(position))]
+    #[error("the rotor leaves the gap at {magnet} after t = {} s, starting at {}", Short(*time_s), listed(position))]
     Contact {
         /// The nearest magnet, for instance `magnet 2 of bearing A`.
         magnet: String,
@@ -50,14 +48,8 @@ pub enum StepError {
 }
 
 /// Coordinates with their units: angles have Greek names.
-struct List<'a>(&'a [(&'static str, f64)]);
-
-impl fmt::Display for List<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (n, (name, value)) in self.0.iter().enumerate() {
-            let unit = if ["beta", "gamma"].contains(name) { "rad" } else { "m" };
-            write!(f, "{}{name} = {} {unit}", if n == 0 { "" } else { ", " }, Short(*value))?;
-        }
-        Ok(())
-    }
+fn listed(position: &[(&'static str, f64)]) -> String {
+    let unit = |name: &str| if ["beta", "gamma"].contains(&name) { "rad" } else { "m" };
+    let words = position.iter().map(|(name, value)| format!("{name} = {} {}", Short(*value), unit(name)));
+    words.collect::<Vec<_>>().join(", ")
 }

@@ -164,9 +164,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// Every parameter that is not finite or outside its range, by its name in the interface; gaps and angles as in
     /// [`Magnets::new`](crate::bearing::magnet::Magnets::new); the coordinate of a rotor that would start outside the gap.
     pub fn new(config: PlantConfigOf<f64, N, K, B>) -> Result<Self, Vec<Invalid>> {
-        let mut checks = Checks::default();
-        config.check(&mut checks);
-        checks.finish()?;
+        Checks::all(|checks| config.check(checks))?;
         Ok(Self { equations: Equations::new(config) })
     }
 
@@ -176,10 +174,10 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// As in [`Plant::new`]; nothing is changed then.
     pub fn retune(&mut self, to: &PlantConfigOf<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
         let config = self.equations.config.retuned(to);
-        let mut checks = Checks::default();
-        config.check_tunable(&mut checks);
-        config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, &mut checks);
-        checks.finish()?;
+        Checks::all(|checks| {
+            config.check_tunable(checks);
+            config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, checks);
+        })?;
         self.equations.config = config;
         Ok(())
     }
@@ -318,7 +316,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
             && (state.time_s - t_s).abs() <= beside_s
     }
 
-    /// The instant of the last sample, in s.
+    /// The instant of the last sample, in s: sample 0 is taken at the start, so there is one.
     pub fn sampled_s(&self, state: &PlantState<N, K, B>) -> f64 {
         state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
     }

@@ -18,9 +18,9 @@ use crate::variables::{Saved, Variables};
 /// The longest delay, in samples.
 pub const LONGEST_DELAY: usize = 16;
 
-/// The sensors of position and current.
+/// The sensors of position and current; by default without errors, at 10 kHz.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
+#[variables(context = Machine, default)]
 #[serde(default, bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
     /// Standard deviation of the noise on {positions}
@@ -51,30 +51,11 @@ pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
     #[parameter(name = "sensor.delay", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub delay_s: f64,
     /// Sample time of the sensors
-    #[parameter(name = "sensor.Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
+    #[parameter(name = "sensor.Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
     pub step_s: f64,
     /// Seed of the noise; equal seeds give equal noise
     #[parameter(name = "sensor.seed", start = 1)]
     pub seed: i32,
-}
-
-impl<const N: usize, const K: usize> Default for SensorConfig<N, K> {
-    /// Without errors, 10 kHz.
-    fn default() -> Self {
-        Self {
-            position_noise_m: 0.0,
-            current_noise_a: 0.0,
-            step_s: 1e-4,
-            seed: 0,
-            position_resolution_m: 0.0,
-            current_resolution_a: 0.0,
-            position_offset_m: [0.0; N],
-            current_offset_a: [0.0; K],
-            position_gain_error: [0.0; N],
-            current_gain_error: [0.0; K],
-            delay_s: 0.0,
-        }
-    }
 }
 
 impl<const N: usize, const K: usize> SensorConfig<N, K> {

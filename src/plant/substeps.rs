@@ -188,8 +188,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     fn without_rounding(&self, state: &PlantState<N, K, B>, from_s: f64, length_s: f64) -> (f64, f64) {
         let step_s = self.config().sensor.step_s;
         let rounding = ROUNDING_TOLERANCE * step_s;
-        // Sample 0 is taken at the start, so there is a last one.
-        let last_s = state.start_s + (state.samples.max(1) - 1) as f64 * step_s;
+        let last_s = self.sampled_s(state);
         (
             if (from_s - last_s).abs() <= rounding { last_s } else { from_s },
             if (length_s - step_s).abs() <= rounding { step_s } else { length_s },

@@ -32,14 +32,7 @@ impl<const N: usize, const K: usize> InputTrajectory<N, K> {
         let mut weight = 1.0;
         for (slope, order) in slopes.iter().zip(1..) {
             weight *= elapsed_s / f64::from(order);
-            let actuators = slope.current_a.into_iter().chain(slope.voltage_v);
-            for (value, slope) in input.current_a.iter_mut().chain(&mut input.voltage_v).zip(actuators) {
-                *value += weight * slope;
-            }
-            for (value, slope) in input.perturbation_n.iter_mut().zip(slope.perturbation_n) {
-                *value += weight * slope;
-            }
-            input.omega_rad_s += weight * slope.omega_rad_s;
+            input = input.with(slope, |value, slope| value + weight * slope);
         }
         input
     }
@@ -69,17 +62,12 @@ impl<const N: usize, const K: usize> InputTrajectory<N, K> {
 }
 
 fn check_input<const N: usize, const K: usize>(input: &PlantInput<f64, N, K>) -> Result<(), StepError> {
-    let refused = |name: String, value: f64| Err(StepError::Input { name, value });
-    for (name, values) in [("i", &input.current_a), ("u", &input.voltage_v)] {
-        if let Some(k) = values.iter().position(|value| !value.is_finite()) {
-            return refused(Machine::of::<N, K>().of_magnets(name).swap_remove(k), values[k]);
-        }
-    }
-    if let Some(n) = input.perturbation_n.iter().position(|value| !value.is_finite()) {
-        return refused(Machine::of::<N, K>().coordinates[n].load.0.into(), input.perturbation_n[n]);
-    }
-    match input.omega_rad_s {
-        omega_rad_s if omega_rad_s.is_finite() => Ok(()),
-        omega_rad_s => refused("omega".into(), omega_rad_s),
-    }
+    let PlantInput { current_a, voltage_v, perturbation_n, omega_rad_s } = input;
+    let mut values = current_a.iter().chain(voltage_v).chain(perturbation_n).chain([omega_rad_s]).enumerate();
+    let Some((at, value)) = values.find(|(_, value)| !value.is_finite()) else { return Ok(()) };
+    let machine = Machine::of::<N, K>();
+    let magnets = ["i", "u"].map(|name| machine.of_magnets(name)).concat();
+    let loads = machine.of_coordinates(|coordinate| coordinate.load);
+    let mut names = magnets.into_iter().chain(loads).chain(["omega".to_owned()]);
+    Err(StepError::Input { name: names.nth(at).unwrap_or_default(), value: *value })
 }

@@ -1,19 +1,24 @@
 //! The estimator of a spindle on data of a small simulator that shares no code with the program.
 
 use crate::five_axes::FiveAxes;
-use magnetic_bearing::estimation::spindle::{
-    SpindleEstimator, SpindleEstimatorConfig, SpindleEstimatorInput, SpindleEstimatorOutput, SpindleEstimatorState,
+use magnetic_bearing::bearing::rotor::RotorConfig;
+use magnetic_bearing::estimation::spindle::SpindleEstimator;
+use magnetic_bearing::estimation::{
+    EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Tolerance, Verdict,
 };
-use magnetic_bearing::estimation::{Tolerance, Verdict};
 use std::f64::consts::TAU;
 
-fn config(shaft: &FiveAxes, told: bool) -> SpindleEstimatorConfig {
+type Config = EstimatorConfigOf<RotorConfig<f64, 3>, 8>;
+type Input = EstimatorInputOf<5, 8>;
+type State = StateOf<RotorConfig<f64, 3>, 5, 8, 2>;
+
+fn config(shaft: &FiveAxes, told: bool) -> Config {
     let [position_noise_m, current_noise_a] = if told { [1e-7, 1e-2] } else { [0.0; 2] };
-    SpindleEstimatorConfig { lambda0_nm2_a2: shaft.guess, position_noise_m, current_noise_a, ..Default::default() }
+    Config { lambda0_nm2_a2: shaft.guess, position_noise_m, current_noise_a, ..Default::default() }
 }
 
-fn inputs(shaft: &FiveAxes) -> Vec<SpindleEstimatorInput> {
-    let input = |sample: &crate::five_axes::Sample| SpindleEstimatorInput {
+fn inputs(shaft: &FiveAxes) -> Vec<Input> {
+    let input = |sample: &crate::five_axes::Sample| Input {
         position_m: sample.reading_m,
         current_a: sample.current_a,
         theta_rad: sample.theta_rad,
@@ -24,10 +29,7 @@ fn inputs(shaft: &FiveAxes) -> Vec<SpindleEstimatorInput> {
     shaft.run().iter().map(input).collect()
 }
 
-fn run(
-    config: SpindleEstimatorConfig,
-    inputs: &[SpindleEstimatorInput],
-) -> (Vec<SpindleEstimatorOutput>, SpindleEstimatorState) {
+fn run(config: Config, inputs: &[Input]) -> (Vec<EstimatorOutputOf<5, 8, 2>>, State) {
     let estimator = SpindleEstimator::new(config).expect("a good configuration");
     let mut state = estimator.start();
     let outputs = inputs.iter().map(|input| estimator.sample(&mut state, input)).collect();
@@ -136,7 +138,7 @@ fn tolerances_enter_the_total_alone() {
     let wide = 2e-6;
     let shaft = FiveAxes { gap_m: [5e-4 + wide, 6e-4 + wide], samples: 2001, ..FiveAxes::guessing(5) };
     let tolerance = Tolerance { gap_m: wide, ..Tolerance::default() };
-    let (outputs, _) = run(SpindleEstimatorConfig { tolerance, ..config(&shaft, true) }, &inputs(&shaft));
+    let (outputs, _) = run(Config { tolerance, ..config(&shaft, true) }, &inputs(&shaft));
     let last = outputs.last().expect("samples");
     assert!(last.valid, "{:?}", last.verdict);
     for k in 0..8 {
@@ -190,7 +192,7 @@ fn samples_that_cannot_be_used_are_named() {
     assert_eq!(outputs[850].lambda_hat, shaft.guess);
 
     let bytes = postcard::to_stdvec(&state).expect("a state");
-    let back: SpindleEstimatorState = postcard::from_bytes(&bytes).expect("the state");
+    let back: State = postcard::from_bytes(&bytes).expect("the state");
     let estimator = SpindleEstimator::new(config(&shaft, true)).expect("a good configuration");
     assert!(estimator.accepts(&back) && back == state);
 }

@@ -3,6 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::units::significant;
+use crate::estimation::chi_square;
+
+/// χ² that chance exceeds with a probability of 10⁻⁴, as a normal deviate.
+const LIKELY: f64 = 3.719;
 
 /// Values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);
@@ -23,7 +27,7 @@ pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
         off.dot(&(&weights[at] * &off))
     };
     let total: f64 = (0..own.len()).map(chi).sum();
-    if total <= likely((count * (own.len() - 1)) as f64) {
+    if total <= chi_square((count * (own.len() - 1)) as f64, LIKELY) {
         return None;
     }
     let at = (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))?;
@@ -37,10 +41,4 @@ pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     let [by, std] =
         [score[k] / weight[(k, k)], weight[(k, k)].sqrt().recip()].map(|of| significant(100.0 * of / of_others[k], 2));
     Some(format!("the recordings differ: {} of recording {} by {by} % ± {std} %", names[k], at + 1))
-}
-
-/// χ² of so many degrees of freedom that chance exceeds with a probability of 10⁻⁴ (normal deviate 3.719; Wilson and Hilferty 1931).
-fn likely(freedom: f64) -> f64 {
-    let spread = 2.0 / (9.0 * freedom);
-    freedom * (1.0 - spread + 3.719 * spread.sqrt()).powi(3)
 }
