@@ -66,6 +66,11 @@ impl Used {
             Self::Second => Some(1),
         }
     }
+
+    /// The magnets that are used, counted from 0.
+    pub fn magnets(self) -> Vec<usize> {
+        self.only().map_or_else(|| vec![0, 1], |only| vec![only])
+    }
 }
 
 /// The angles, in rad, of three magnets as in the paper, or of four in opposed pairs, 1 and 3, 2 and 4; along an axis there are none.

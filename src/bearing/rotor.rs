@@ -167,14 +167,12 @@ impl<const B: usize> RotorConfig<f64, B> {
         let [begin_m, end_m] = self.extent_m;
         checks.finite("shaft.begin", begin_m, "m");
         checks.finite("shaft.end", end_m, "m");
-        if begin_m.is_finite() && end_m.is_finite() {
-            checks.require(
-                begin_m < end_m,
-                "shaft.end",
-                format_args!("{end_m} m"),
-                format!("a position beyond shaft.begin = {begin_m} m"),
-            );
-        }
+        checks.require(
+            begin_m < end_m || !(begin_m.is_finite() && end_m.is_finite()),
+            "shaft.end",
+            format_args!("{end_m} m"),
+            format!("a position beyond shaft.begin = {begin_m} m"),
+        );
         let [a, b, ..] = &self.bearings[..] else { return };
         for (prefix, bearing) in ["A.", "B."].into_iter().zip([a, b]) {
             self.check_position(format!("{prefix}position"), bearing.position_m, checks);

@@ -35,9 +35,6 @@ pub trait Scalar:
     /// Whether the value and all derivatives are 0, so that a term with it may be left out.
     fn is_zero(self) -> bool;
 
-    /// The sine of an angle in rad.
-    fn sine(self) -> Self;
-
     /// Sine and cosine of an angle in rad.
     fn sine_cosine(self) -> (Self, Self);
 
@@ -61,10 +58,6 @@ impl Scalar for f64 {
     #[inline]
     fn is_zero(self) -> bool {
         self == 0.0
-    }
-
-    fn sine(self) -> Self {
-        libm::sin(self)
     }
 
     fn sine_cosine(self) -> (Self, Self) {

@@ -231,12 +231,8 @@ impl Arguments {
         let same = |one: &Path, other: &Path| {
             one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
         };
-        let twice = self
-            .recordings
-            .iter()
-            .enumerate()
-            .find(|(n, one)| self.recordings[..*n].iter().any(|other| same(one, other)));
-        if let Some((_, path)) = twice {
+        let is_before = |n: &usize| self.recordings[..*n].iter().any(|other| same(&self.recordings[*n], other));
+        if let Some(path) = (0..self.recordings.len()).find(is_before).map(|n| &self.recordings[n]) {
             return Err(refused(format!("{}: this recording is given twice", path.display())));
         }
         match &self.csv {

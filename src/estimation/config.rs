@@ -443,9 +443,7 @@ where
     /// Checks what all machines have, under its name in the interface.
     pub(super) fn check(&self, machine: &Names, checks: &mut Checks) {
         checks.positive("Ts", self.step_s, "s");
-        for (name, lambda0) in machine.of_magnets("lambda0").into_iter().zip(self.lambda0_nm2_a2) {
-            checks.positive(name, lambda0, "N.m2/A2");
-        }
+        checks.each(Checks::positive, machine.of_magnets("lambda0"), &self.lambda0_nm2_a2, "N.m2/A2");
         checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
         checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
         for (name, value, unit) in self.tolerance.listed(machine) {

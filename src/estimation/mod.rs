@@ -40,7 +40,7 @@ pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
 pub(crate) use self::validation::chi_square;
 use crate::bearing::rotor::RotorConfig;
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::Invalid;
 use crate::machine::Machine as Names;
 use crate::variables::{Saved, Variables, is_finite};
 
@@ -57,13 +57,10 @@ pub trait Body<const N: usize, const K: usize, const P: usize>:
     /// Its method.
     type Method: Estimation<N, K, P> + Clone + Debug + PartialEq;
 
-    /// Reports invalid parameters that this machine alone has by their names in the interface.
-    fn check(config: &EstimatorConfigOf<Self, K>, checks: &mut Checks);
-
-    /// The method, for parameters that were checked.
+    /// The method.
     ///
     /// # Errors
-    /// Parameters that leave the motion open.
+    /// Invalid parameters, by their names in the interface.
     fn method(config: &EstimatorConfigOf<Self, K>) -> Result<Self::Method, Vec<Invalid>>;
 }
 
@@ -153,10 +150,6 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     /// methods; with these also `Tf` less than 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than
     /// `Tf`.
     pub fn new(config: EstimatorConfigOf<G, K>) -> Result<Self, Vec<Invalid>> {
-        Checks::all(|checks| {
-            G::check(&config, checks);
-            config.check(G::MACHINE, checks);
-        })?;
         let method = G::method(&config)?;
         Ok(Self { config, method })
     }

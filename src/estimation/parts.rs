@@ -21,11 +21,11 @@ macro_rules! of_sizes {
 
             type Method = $method;
 
-            fn check(config: &EstimatorConfigOf<Self, $k>, checks: &mut Checks) {
-                config.$check::<$n>(checks);
-            }
-
             fn method($config: &EstimatorConfigOf<Self, $k>) -> Result<$method, Vec<Invalid>> {
+                Checks::all(|checks| {
+                    $config.$check::<$n>(checks);
+                    $config.check(Names::of::<$n, $k>(), checks);
+                })?;
                 $make
             }
         }

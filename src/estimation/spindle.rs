@@ -114,11 +114,8 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
             geometry.shaft.polar_kgm2 += beside[1];
             for (at, bearing) in geometry.bearings[..2].iter_mut().enumerate() {
                 bearing.gap_m += change[0];
-                bearing
-                    .alpha_rad
-                    .iter_mut()
-                    .zip(&change[1 + K / 2 * at..1 + K / 2 * (at + 1)])
-                    .for_each(|(alpha, by)| *alpha += by);
+                let turned = &change[1 + K / 2 * at..][..K / 2];
+                bearing.alpha_rad.iter_mut().zip(turned).for_each(|(alpha, by)| *alpha += by);
                 bearing.position_m += beside[2 + at];
                 bearing.sensor_position_m += beside[4 + at];
                 planes_m[at] += beside[6 + at];
@@ -154,17 +151,14 @@ impl<const K: usize, const U: usize> Machine<4, K, U> {
         let turning = planes_m.into_iter().chain(bearings_m).flat_map(axes_at);
         let loads = Square::<4>::identity();
         let forces = directions.into_iter().chain(turning).chain(loads.column_iter().map(|x| x.into_owned()));
-        let mut accelerations = SMatrix::<f64, U, 4>::zeros();
-        for (j, force) in forces.enumerate() {
-            accelerations.set_row(j, &acceleration(force).transpose());
-        }
+        let accelerations: Vec<_> = forces.map(|force| acceleration(force).transpose()).collect();
         let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
             let rates: SVector<f64, 4> = back.column(c).into_owned();
             acceleration(spindle.shaft.gyroscopic(1.0, rates.into()).unwrap_or_default().into())
         });
         Some(Machine {
             geometry: Geometry { gap_m: geometry.gap_m, directions: directions.map(|d| back.tr_mul(&d).into()) },
-            accelerations,
+            accelerations: SMatrix::from_rows(&accelerations),
             backward: K + 2 * PLANES,
             gyroscopic: Some(Square::from_columns(&columns)),
         })

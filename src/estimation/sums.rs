@@ -306,11 +306,8 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         });
         let (difference, variance) = (w.dot(&right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
         let sensitivity = -by_tolerance.tr_mul(&w) - self.sensitivity.tr_mul(&l);
-        (difference.is_finite() && variance >= 0.0 && variance.is_finite()).then_some((
-            difference,
-            variance,
-            sensitivity,
-        ))
+        let is_sound = difference.is_finite() && variance >= 0.0 && variance.is_finite();
+        is_sound.then_some((difference, variance, sensitivity))
     }
 }
 

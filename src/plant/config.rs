@@ -214,22 +214,19 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         }
         checks.finite("theta0", self.theta_rad, "rad");
         let geometry = rotor.geometry();
-        for (k, gap) in geometry.gaps(position_m).into_iter().enumerate() {
-            // False for values that are not finite, which have been refused already.
-            if !(gap <= 0.0 && gap.is_finite() && geometry.gap_m[k] > 0.0) {
-                continue;
-            }
-            let share = |n: usize| position_m[n] * geometry.directions[k][n];
-            let worst = (0..N).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
-            let magnet = machine.of_magnets("gap").swap_remove(k);
-            checks.require(
-                false,
-                names[worst].clone(),
-                format_args!("{} {}", position_m[worst], machine.either(worst, "m", "rad")),
-                format!("a start inside the gap ({magnet} would be {} m)", Short(gap)),
-            );
-            return;
-        }
+        let gaps = geometry.gaps(position_m);
+        // Values that are not finite have been refused already.
+        let touches = |k: &usize| gaps[*k] <= 0.0 && gaps[*k].is_finite() && geometry.gap_m[*k] > 0.0;
+        let Some(k) = (0..K).find(touches) else { return };
+        let share = |n: usize| position_m[n] * geometry.directions[k][n];
+        let worst = (0..N).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
+        let magnet = machine.of_magnets("gap").swap_remove(k);
+        checks.require(
+            false,
+            names[worst].clone(),
+            format_args!("{} {}", position_m[worst], machine.either(worst, "m", "rad")),
+            format!("a start inside the gap ({magnet} would be {} m)", Short(gaps[k])),
+        );
     }
 
     /// The same with the tunable parameters of others.

@@ -3,7 +3,6 @@
 use serde::{Deserialize, Serialize};
 
 use super::config::PlantConfigOf;
-use super::integration::Vector;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
 use crate::bearing::scalar::{Scalar, joined};
@@ -26,19 +25,9 @@ pub struct Motion<T = f64, const N: usize = 2, const K: usize = 3> {
 
 impl<T: Copy, const N: usize, const K: usize> Motion<T, N, K> {
     /// Applies `f` to the states of this motion and of another.
+    #[inline]
     pub fn with<U: Copy, V>(&self, other: &Motion<U, N, K>, f: impl Fn(T, U) -> V) -> Motion<V, N, K> {
         joined!(self, other, f, Motion {; position_m, velocity_m_s, linkage_wb; })
-    }
-}
-
-impl<const N: usize, const K: usize> Vector for Motion<f64, N, K> {
-    #[inline]
-    fn combined<const M: usize>(all: [&Self; M], f: impl Fn([f64; M]) -> f64) -> Self {
-        Self {
-            position_m: Vector::combined(all.map(|x| &x.position_m), &f),
-            velocity_m_s: Vector::combined(all.map(|x| &x.velocity_m_s), &f),
-            linkage_wb: Vector::combined(all.map(|x| &x.linkage_wb), &f),
-        }
     }
 }
 
@@ -180,12 +169,6 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         &self.geometry
     }
 
-    /// Gaps of the magnets with the rotor at the given coordinates, in m.
-    #[inline]
-    pub fn gaps(&self, position_m: [T; N]) -> [T; K] {
-        self.geometry.gaps(position_m)
-    }
-
     /// The coil of magnet k, counted from 0.
     #[inline]
     pub fn coil(&self, k: usize) -> Coil<T> {
@@ -194,7 +177,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
 
     /// Whether the forces follow from P(4) with the currents of the input.
     #[inline]
-    pub(super) fn is_plain(&self) -> bool {
+    fn is_plain(&self) -> bool {
         self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
     }
 
@@ -228,18 +211,19 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         })
     }
 
-    /// The forces of the magnets alone, in N, as in [`Equations::coils`].
+    /// The forces of the magnets, in N, and the coils as in [`Equations::coils`] if the forces take more than P(4).
     pub(super) fn forces(
         &self,
         open: [bool; K],
         linkage_wb: [T; K],
         input: &PlantInput<T, N, K>,
         gap_m: [T; K],
-    ) -> [T; K] {
+    ) -> ([T; K], Option<[CoilPoint<T>; K]>) {
         if self.is_plain() {
-            return forces(self.config.lambda_nm2_a2, flowing(open, input.current_a), gap_m);
+            return (forces(self.config.lambda_nm2_a2, flowing(open, input.current_a), gap_m), None);
         }
-        self.coils(open, linkage_wb, input, gap_m).map(|coil| coil.force_n)
+        let coils = self.coils(open, linkage_wb, input, gap_m);
+        (coils.map(|coil| coil.force_n), Some(coils))
     }
 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
@@ -295,17 +279,14 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         conditions: Conditions<T, K, B>,
         perturbation_n: [T; N],
     ) -> Motion<T, N, K> {
-        let gap_m = self.gaps(x.position_m);
+        let gap_m = self.geometry.gaps(x.position_m);
         if !gap_m.iter().all(|gap| gap.value() > 0.0) {
             let nan = T::constant(f64::NAN);
             return Motion { position_m: [nan; N], velocity_m_s: [nan; N], linkage_wb: [nan; K] };
         }
-        let (force_n, induced_v) = if self.is_plain() {
-            (self.forces(conditions.open, x.linkage_wb, input, gap_m), [T::constant(0.0); K])
-        } else {
-            let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);
-            (coils.map(|coil| coil.force_n), self.induced_v(conditions.open, &coils, input))
-        };
+        let (force_n, coils) = self.forces(conditions.open, x.linkage_wb, input, gap_m);
+        let none = [T::constant(0.0); K];
+        let induced_v = coils.map_or(none, |coils| self.induced_v(conditions.open, &coils, input));
         let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
         let resultant_n = self.geometry.resultant(force_n);
         Motion {
@@ -322,7 +303,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         input: &PlantInput<T, N, K>,
         conditions: Conditions<T, K, B>,
     ) -> PlantOutput<T, N, K> {
-        let gap_m = self.gaps(x.position_m);
+        let gap_m = self.geometry.gaps(x.position_m);
         let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);
         let force_n = coils.map(|coil| coil.force_n);
         let resultant_n = self.geometry.resultant(force_n);

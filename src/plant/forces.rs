@@ -22,7 +22,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
             for ((p_a, amplitude), phase) in p.iter_mut().zip(amplitude_n).zip(phase_rad) {
                 // Skipped at amplitude 0, so that the common case needs no sine.
                 if !amplitude.is_zero() {
-                    *p_a = *p_a + *amplitude * (*omega_rad_s * time_s + *phase).sine();
+                    *p_a = *p_a + *amplitude * (*omega_rad_s * time_s + *phase).sine_cosine().0;
                 }
             }
         }

@@ -40,10 +40,6 @@ impl<const N: usize> Scalar for Taylor<N> {
         self.0.iter().all(|c| *c == 0.0)
     }
 
-    fn sine(self) -> Self {
-        self.sine_cosine().0
-    }
-
     // From s' = x' c, c' = −x' s.
     fn sine_cosine(self) -> (Self, Self) {
         let (sine, cosine) = libm::sincos(self.0[0]);

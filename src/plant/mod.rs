@@ -302,7 +302,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
         let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
-        let inside = self.equations.gaps(state.position_m).iter().all(|gap| *gap > 0.0);
+        let inside = self.equations.geometry().gaps(state.position_m).iter().all(|gap| *gap > 0.0);
         // Importers may begin a step slightly off the end of the last one.
         let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
@@ -341,7 +341,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let current_a = match self.config().coil.drive {
             Drive::Current => equations::flowing(state.open, input.current_a),
             Drive::Voltage => {
-                let gap_m = self.equations.gaps(state.position_m);
+                let gap_m = self.equations.geometry().gaps(state.position_m);
                 self.equations.coils(state.open, state.linkage_wb, input, gap_m).map(|coil| coil.current_a)
             }
         };

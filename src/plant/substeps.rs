@@ -6,7 +6,6 @@ use super::{
     Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S, StepError,
     UniformRotation,
 };
-use crate::bearing::coil::Drive;
 use crate::bearing::rotor::Rotor;
 use crate::plant::integration::{rk4, substeps};
 
@@ -110,18 +109,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                     latest.set(Some((t, theta_rad, perturbation_n)));
                     self.equations.derivative_under(x, &inputs.input, conditions, perturbation_n)
                 };
-                match self.config().coil.drive {
-                    Drive::Voltage => rk4(x, now_s, h_s, slope),
-                    Drive::Current => {
-                        // The fluxes are no states then.
-                        let moving =
-                            |[position_m, velocity_m_s]: [[f64; N]; 2]| Motion { position_m, velocity_m_s, ..x };
-                        moving(rk4([x.position_m, x.velocity_m_s], now_s, h_s, |t, x| {
-                            let Motion { position_m, velocity_m_s, .. } = slope(t, &moving(*x));
-                            [position_m, velocity_m_s]
-                        }))
-                    }
-                }
+                rk4(x, now_s, h_s, slope)
             };
             let touches = |x: &Motion<f64, N, K>| self.config().touches(&x.position_m, &x.velocity_m_s);
             let mut next = step(part_s);
@@ -138,22 +126,19 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                     }
                 }
             }
-            let inside = self.equations.gaps(next.position_m).iter().all(|gap| *gap > 0.0);
+            let inside = self.equations.geometry().gaps(next.position_m).iter().all(|gap| *gap > 0.0);
             let Motion { position_m, velocity_m_s, linkage_wb } = next;
             let mut numbers = position_m.iter().chain(&velocity_m_s).chain(&linkage_wb);
             if !(inside && numbers.all(|value| value.is_finite())) {
-                let gap_m = self.equations.gaps(state.position_m);
+                let gap_m = self.equations.geometry().gaps(state.position_m);
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
-                let position = Rotor::<N, K, B>::MACHINE
-                    .coordinates
-                    .iter()
-                    .map(|coordinate| coordinate.position.0)
-                    .zip(state.position_m);
+                let machine = Rotor::<N, K, B>::MACHINE;
+                let names = machine.coordinates.iter().map(|coordinate| coordinate.position.0);
                 return Err(StepError::Contact {
-                    magnet: Rotor::<N, K, B>::MACHINE.describe("{magnet}", nearest),
+                    magnet: machine.describe("{magnet}", nearest),
                     time_s: now_s,
-                    position: position.collect(),
+                    position: names.zip(state.position_m).collect(),
                 });
             }
             state.contact = touches(&next);
@@ -168,19 +153,11 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
 
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
     fn longest_step_s(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> f64 {
-        let gap_m = self.equations.gaps(state.position_m);
-        let mut rate: f64 = 0.0;
-        let force_n = if self.equations.is_plain() {
-            self.equations.forces(state.open, state.linkage_wb, input, gap_m)
-        } else {
-            let coils = self.equations.coils(state.open, state.linkage_wb, input, gap_m);
-            for coil in &coils {
-                rate = rate.max(self.config().coil.resistance_ohm * coil.current_by_linkage);
-            }
-            coils.map(|coil| coil.force_n)
-        };
-        rate = rate.max(self.config().rate(&state.motion(), state.contact, force_n, gap_m));
-        (SAFETY / rate).max(SHORTEST_STEP_S)
+        let gap_m = self.equations.geometry().gaps(state.position_m);
+        let (force_n, coils) = self.equations.forces(state.open, state.linkage_wb, input, gap_m);
+        let of_coils = coils.iter().flatten().map(|coil| self.config().coil.resistance_ohm * coil.current_by_linkage);
+        let rate = self.config().rate(&state.motion(), state.contact, force_n, gap_m);
+        (SAFETY / of_coils.fold(rate, f64::max)).max(SHORTEST_STEP_S)
     }
 
     /// Begin and length of a segment, with rounding removed: a begin at a sample instant becomes that instant, a length of one

@@ -151,7 +151,7 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     let plant = plant(config.clone());
     let [x, y, z, beta, gamma] = [2e-5, -3e-5, 4e-5, 1e-4, -2e-4];
     let alpha = [PI, -PI / 3.0, PI / 3.0];
-    let gaps = plant.equations().gaps([x, y, z, beta, gamma]);
+    let gaps = plant.equations().geometry().gaps([x, y, z, beta, gamma]);
     for k in 0..6 {
         let (xi, alpha) = ([-0.12, 0.15][k / 3], alpha[k % 3]);
         let gap = 5e-4 - alpha.sin() * (y + xi * gamma) - alpha.cos() * (z - xi * beta);

@@ -6,11 +6,13 @@ use serde_json::json;
 
 use super::machine::without_element;
 use super::{Arguments, Pairs, Result, refused};
+use crate::bearing::magnet::Used;
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
 use crate::simulation::scenario::{Scenario, suggestion, text};
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Said, Samples, quantity};
+use crate::variables::Choice;
 
 /// Names of the parameters that are always known: the mass of what levitates, and which magnets are used.
 const MASS: &str = "m";
@@ -77,10 +79,9 @@ impl Bench {
         };
         let result = match name {
             MASS => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
-            USED => [("first", vec![0]), ("second", vec![1]), ("both", vec![0, 1])]
-                .into_iter()
-                .find(|(known, _)| *known == value)
-                .map(|(_, used)| self.axis.used = used)
+            USED => Used::all()
+                .find(|used| used.name() == value)
+                .map(|used| self.axis.used = used.magnets())
                 .ok_or_else(|| format!("magnets.used={value}: first, second or both is wanted")),
             _ => match parameter(name) {
                 Some(at) => {

@@ -102,11 +102,8 @@ impl Arguments {
         let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));
         let scenario = Scenario::open_parameters(path, &changes)?;
         if scenario.machine != machine {
-            let (given, other) = (machine.name, scenario.machine.name);
-            return Err(refused(format!(
-                "--machine {given}: the scenario {} describes the machine {other}",
-                path.display()
-            )));
+            let (given, other, path) = (machine.name, scenario.machine.name, path.display());
+            return Err(refused(format!("--machine {given}: the scenario {path} describes the machine {other}")));
         }
         Ok(scenario)
     }

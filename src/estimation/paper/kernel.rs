@@ -46,12 +46,6 @@ pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
     (2..n).fold(cut(from_start) * b * cut(from_end), |product, _| product * a)
 }
 
-/// `(n, factor)` of row `i` = 0, 1, 2: the paper's `g_u,i+1` is `factor · ψ_n'`.
-pub(super) fn exponent_and_factor(row: usize) -> (usize, f64) {
-    let sign = if row % 2 == 1 { -1.0 } else { 1.0 };
-    (row + 3, sign / 6.0)
-}
-
 /// Weights of one test function for the samples of a window; every vector has a weight for each of the N + 1
 /// nodes, oldest first. Dimensionless.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -88,19 +82,12 @@ impl Weights {
     /// Weights of row `row` = 0, 1, 2 of P(18), the discrete counterpart of the paper's kernels i = 1, 2, 3.
     #[must_use]
     pub fn paper(row: usize, intervals: usize) -> Self {
-        let (n, factor) = exponent_and_factor(row);
+        // The paper's g_u,i is `factor · ψ_n'`.
+        let (n, factor) = (row + 3, if row % 2 == 1 { -1.0 } else { 1.0 } / 6.0);
         let between = |j: usize| psi_between_nodes(n, j, intervals);
-        let phi: Vec<f64> =
-            (0..=intervals)
-                .map(|j| {
-                    if j == 0 || j == intervals {
-                        0.0
-                    } else {
-                        factor * intervals as f64 * (between(j) - between(j - 1))
-                    }
-                })
-                .collect();
-        Self::new(&phi)
+        let inside = |j: usize| factor * intervals as f64 * (between(j) - between(j - 1));
+        let phi = (0..=intervals).map(|j| if (1..intervals).contains(&j) { inside(j) } else { 0.0 });
+        Self::new(&phi.collect::<Vec<_>>())
     }
 
     /// Weights that keep a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.

@@ -11,8 +11,6 @@ mod filter;
 mod search;
 mod twin;
 
-use std::ops::Range;
-
 pub use self::answer::{Answer, Check, agreement, answer};
 use self::feedback::feedback;
 use self::filter::Readings;
@@ -243,18 +241,11 @@ struct Effect {
 struct Found {
     axis: Axis,
     fit: Fit,
-    rows: Range<usize>,
+    /// NaN where there is none; those count that follow the law.
+    readings: Readings,
     effects: Vec<Effect>,
     /// The delay that fits best with its gain in log-likelihood and the fit.
     delayed: Option<Fit>,
-    /// The first sample and the sample time, s.
-    start_s: f64,
-    step_s: f64,
-    /// Readings, NaN where there is none.
-    x_m: Vec<f64>,
-    current_a: Vec<Vec<f64>>,
-    /// The part of the currents by which the controller answers, see [`feedback()`].
-    feedback_a: Vec<Vec<f64>>,
 }
 
 /// Values of the unknowns where the bench does not have the effect.
@@ -276,36 +267,31 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
     let count = x_m.len();
-    let half = Readings {
-        step_s: recording.step_s,
-        x_m: &x_m,
-        current_a: &current_a,
-        feedback_a: &[],
-        rows: count / 2..count,
-    };
+    let Samples { start_s, step_s, .. } = *recording;
+    let mut readings = Readings { start_s, step_s, x_m, current_a, feedback_a: Vec::new(), rows: count / 2..count };
     if axis.at_m.is_none() {
-        axis.at_m = Some(mean(half.rows.clone().map(|row| x_m[row])));
+        axis.at_m = Some(mean(readings.rows.clone().map(|row| readings.x_m[row])));
     }
-    let start = first_guess(&axis, &half)?;
+    let start = first_guess(&axis, &readings)?;
     let mut free = free(&axis);
     // There is no response yet.
     let has_feedback = free.pop_if(|at| *at == FEEDBACK).is_some();
     let failed = "the search fails: the readings do not follow the law of this machine at all";
-    let rough = fit(&axis, &half, &start, &free, ROUGH).ok_or(failed)?;
-    let begin = begin(&axis, &half.of(0..count), &rough.point).ok_or(
+    let rough = fit(&axis, &readings, &start, &free, ROUGH).ok_or(failed)?;
+    readings.rows = 0..count;
+    let begin = begin(&axis, &readings, &rough.point).ok_or(
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
     )?;
-    let part = half.of(begin..count);
-    let feedback_a = feedback(&part);
-    let part = Readings { feedback_a: &feedback_a, ..part };
-    if has_feedback && feedback_a.iter().flatten().any(|change_a| *change_a != 0.0) {
+    readings.rows = begin..count;
+    readings.feedback_a = feedback(&readings);
+    if has_feedback && readings.feedback_a.iter().flatten().any(|change_a| *change_a != 0.0) {
         free.push(FEEDBACK);
     }
     let mut start = rough.point;
     if axis.told[CURRENT_NOISE].is_none() {
-        start[CURRENT_NOISE] = libm::log(current_noise(&part));
+        start[CURRENT_NOISE] = libm::log(current_noise(&readings));
     }
-    let mut best = fit(&axis, &part, &start, &free, usize::MAX).ok_or(failed)?;
+    let mut best = fit(&axis, &readings, &start, &free, usize::MAX).ok_or(failed)?;
     let mut effects = Vec::new();
     let mut without_feedback = None;
     let tried = [SLOPE, FEEDBACK, EXPONENT, DYNAMICS, SLOW];
@@ -313,7 +299,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         let fewer: Vec<usize> = free.iter().copied().filter(|other| *other != at).collect();
         let mut point = best.point;
         point[at] = without(at);
-        let simpler = fit(&axis, &part, &point, &fewer, usize::MAX);
+        let simpler = fit(&axis, &readings, &point, &fewer, usize::MAX);
         let gain = simpler.as_ref().map_or(f64::INFINITY, |simpler| best.log_likelihood - simpler.log_likelihood);
         // Schwarz 1978: half of ln N per parameter.
         let is_significant = axis.estimated[at] || gain > 0.5 * libm::log(best.readings as f64);
@@ -333,29 +319,18 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let is_worth_it = |gain: f64| gain > 0.5 * libm::log(best.readings as f64);
     let delayed = (!free.contains(&DELAY)).then(|| {
         let more = [free.as_slice(), &[DELAY]].concat();
-        fit(&axis, &part, &best.point, &more, usize::MAX)
+        fit(&axis, &readings, &best.point, &more, usize::MAX)
     });
     let delayed = delayed.flatten().filter(|of| is_worth_it(of.log_likelihood - best.log_likelihood));
-    let Samples { start_s, step_s, .. } = *recording;
-    Ok(Found { axis, fit: best, rows: begin..count, effects, delayed, start_s, step_s, x_m, current_a, feedback_a })
+    Ok(Found { axis, fit: best, readings, effects, delayed })
 }
 
 impl Found {
     /// The least and the greatest position of the rows, m, and in words.
     fn reach(&self) -> ([f64; 2], String) {
-        let reach = range(self.x_m[self.rows.clone()].iter().copied());
+        let reach = range(self.readings.x_m[self.readings.rows.clone()].iter().copied());
         let [low, high] = reach.map(|of_m| significant(1e3 * of_m, 4));
         (reach, format!("from {low} to {high} mm"))
-    }
-
-    fn readings(&self) -> Readings<'_> {
-        Readings {
-            step_s: self.step_s,
-            x_m: &self.x_m,
-            current_a: &self.current_a,
-            feedback_a: &self.feedback_a,
-            rows: self.rows.clone(),
-        }
     }
 }
 
@@ -384,7 +359,7 @@ fn noise_of_walk(values: &[f64]) -> f64 {
 }
 
 /// Noise of the currents without the response of the controller, A.
-fn current_noise(readings: &Readings<'_>) -> f64 {
+fn current_noise(readings: &Readings) -> f64 {
     let noise = |(k, current): (usize, &Vec<f64>)| {
         let mut sum_a = 0.0;
         let rest = readings.rows.clone().map(|row| {
@@ -398,7 +373,7 @@ fn current_noise(readings: &Readings<'_>) -> f64 {
 
 /// First guess: statics where one magnet carries a load that is known, and otherwise the most likely of force constants that differ
 /// by factors of two.
-fn first_guess(axis: &Axis, readings: &Readings<'_>) -> Result<Point, String> {
+fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     let rows = &readings.rows;
     let mut point = [0.0; UNKNOWNS];
     point[DYNAMICS] = 1.0;
@@ -421,7 +396,7 @@ fn first_guess(axis: &Axis, readings: &Readings<'_>) -> Result<Point, String> {
             known.len()
         ));
     }
-    for (k, current) in axis.used.iter().zip(readings.current_a).filter(|(k, _)| axis.told[**k].is_none()) {
+    for (k, current) in axis.used.iter().zip(&readings.current_a).filter(|(k, _)| axis.told[**k].is_none()) {
         if known.iter().all(|row| current[*row] == 0.0) {
             let n = k + 1;
             return Err(format!(
@@ -484,14 +459,14 @@ fn first_guess(axis: &Axis, readings: &Readings<'_>) -> Result<Point, String> {
     most_likely(axis, readings, guesses)
 }
 
-fn most_likely(axis: &Axis, readings: &Readings<'_>, guesses: impl Iterator<Item = Point>) -> Result<Point, String> {
+fn most_likely(axis: &Axis, readings: &Readings, guesses: impl Iterator<Item = Point>) -> Result<Point, String> {
     let weighed = guesses.map(|guess| (log_likelihood(axis, readings, &guess), guess));
     let best = weighed.filter(|(likelihood, _)| likelihood.is_finite()).max_by(|a, b| a.0.total_cmp(&b.0));
     best.map(|(_, guess)| guess).ok_or_else(|| "no force constant explains the motion at all".into())
 }
 
 /// The row from which on the readings follow the law.
-fn begin(axis: &Axis, readings: &Readings<'_>, point: &Point) -> Option<usize> {
+fn begin(axis: &Axis, readings: &Readings, point: &Point) -> Option<usize> {
     let count = readings.x_m.len();
     let window = ((WINDOW_S / readings.step_s).round() as usize).max(1);
     let (mut nis, mut slow_n) = (Vec::with_capacity(count), Vec::with_capacity(count));

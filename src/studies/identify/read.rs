@@ -148,9 +148,8 @@ impl Samples {
             let mut named: Vec<_> = names.zip(&mut columns).filter(|(_, values)| !values.is_empty()).collect();
             self.notes.extend(faults::leave_out(&mut named, |row| time(self.start_s + row as f64 * self.step_s)));
         }
-        for (at, values) in
-            columns.iter_mut().enumerate().filter(|(_, values)| values.iter().any(|value| value.is_nan()))
-        {
+        let has_gaps = |(_, values): &(usize, &mut Vec<f64>)| values.iter().any(|value| value.is_nan());
+        for (at, values) in columns.iter_mut().enumerate().filter(has_gaps) {
             self.missing.resize(count, 0);
             for (missing, value) in self.missing.iter_mut().zip(values.iter()) {
                 *missing |= u32::from(value.is_nan()) << at;

@@ -43,27 +43,26 @@ pub(in crate::studies::identify) fn implausible(
             return Some(format!("{} would be negative: its magnet would push", machine.symbols("λ")[k]));
         }
         if greatest > RATIO * least {
+            let factor = significant(greatest / least, 2);
             return Some(format!(
-                "the force constants would differ by a factor of {}, as those of one bearing do not",
-                significant(greatest / least, 2)
+                "the force constants would differ by a factor of {factor}, as those of one bearing do not"
             ));
         }
     }
     for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(parts)) {
         let [current_rms, motion_rms] = recording.sizes(part);
         if conditions.current_noise_a > CURRENT_NOISE * current_rms {
+            let noise_a = conditions.current_noise_a;
+            let [noise, percent] = [noise_a, 100.0 * noise_a / current_rms].map(|of| significant(of, 2));
             return Some(format!(
-                "the forces would be off by as much as noise of {} A on the currents makes, {} % of their rms: they do not belong \
-                 to the motion",
-                significant(conditions.current_noise_a, 2),
-                significant(100.0 * conditions.current_noise_a / current_rms, 2)
+                "the forces would be off by as much as noise of {noise} A on the currents makes, {percent} % of their rms: they do not \
+                 belong to the motion"
             ));
         }
         if motion_rms > 2e-6 && conditions.position_noise_m > 0.3 * motion_rms {
+            let [noise, motion] = [conditions.position_noise_m, motion_rms].map(|of_m| significant(1e6 * of_m, 2));
             return Some(format!(
-                "the positions would have noise of {} µm where the rotor moves by {} µm rms",
-                significant(1e6 * conditions.position_noise_m, 2),
-                significant(1e6 * motion_rms, 2)
+                "the positions would have noise of {noise} µm where the rotor moves by {motion} µm rms"
             ));
         }
     }
@@ -86,12 +85,8 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             true => "a longer recording, a larger path, or better knowledge of the bench is wanted",
             false => "the model does not describe these data, or hardly anything excites the rotor",
         };
-        let percent = significant(100.0 * relative(worst), 2);
-        return Some(format!(
-            "{} is known to {percent} % only, the limit is {} %: {wanted}",
-            names[worst],
-            100.0 * STD_LIMIT
-        ));
+        let (name, percent, limit) = (&names[worst], significant(100.0 * relative(worst), 2), 100.0 * STD_LIMIT);
+        return Some(format!("{name} is known to {percent} % only, the limit is {limit} %: {wanted}"));
     }
     if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, &stated.parts)) {
         return Some(why);

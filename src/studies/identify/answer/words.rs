@@ -75,19 +75,14 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
         let rows = format!("{} to {} of recording {}{of}", at(part.rows.start), at(part.rows.end), part.recording + 1);
         match &part.what {
             Change::Disturbed { ratio } => {
-                format!(
-                    "From {rows} something disturbs the rotor (residuals {} times as large); left out.",
-                    significant(*ratio, 2)
-                )
+                let ratio = significant(*ratio, 2);
+                format!("From {rows} something disturbs the rotor (residuals {ratio} times as large); left out.")
             }
-            Change::Lambda(lambda) => format!(
-                "From {rows} the force constants are others, {} · 10⁻⁶ N·m²/A²; left out.",
-                lambda
-                    .iter()
-                    .map(|l| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std))
-                    .collect::<Vec<_>>()
-                    .join(", ")
-            ),
+            Change::Lambda(lambda) => {
+                let each = |l: &Estimate| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std);
+                let lambda = lambda.iter().map(each).collect::<Vec<_>>().join(", ");
+                format!("From {rows} the force constants are others, {lambda} · 10⁻⁶ N·m²/A²; left out.")
+            }
             Change::Load { chi_square } => {
                 format!("From {rows} the load is another (χ² {}); left out.", significant(*chi_square, 3))
             }

@@ -89,7 +89,7 @@ impl Check {
 }
 
 /// rms of the errors of predictions over so many rows, m.
-fn prediction_rms(axis: &Axis, readings: &Readings<'_>, point: &Point, ahead: usize) -> f64 {
+fn prediction_rms(axis: &Axis, readings: &Readings, point: &Point, ahead: usize) -> f64 {
     let (mut squares, mut row) = (Vec::new(), readings.rows.start);
     follow(axis, readings, point, |filter, _| {
         if let Some(x_m) = readings.x_m[..readings.rows.end].get(row + ahead) {
@@ -123,7 +123,8 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let found = find(axis, recording)?;
     let fit = &found.fit;
     let (axis, point) = (&found.axis, &fit.point);
-    let mean_a: Vec<f64> = found.current_a.iter().map(|of| mean(of[found.rows.clone()].iter().copied())).collect();
+    let Readings { current_a, rows, .. } = &found.readings;
+    let mean_a: Vec<f64> = current_a.iter().map(|of| mean(of[rows.clone()].iter().copied())).collect();
     let five = |point: &Point| operating(axis, point, &mean_a);
     let values = five(point);
     let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
@@ -192,19 +193,17 @@ impl Answer {
         self.valid = refusal.is_none();
         self.verdict = match refusal {
             Some(why) => format!("Not valid: {why}."),
-            None => format!(
-                "Valid: ki and ks at x = {} mm are known within {} %, {} % of any bench included.",
-                significant(1e3 * self.at_m, 4),
-                percent(worst),
-                100.0 * FLOOR
-            ),
+            None => {
+                let (at, worst, floor) = (significant(1e3 * self.at_m, 4), percent(worst), 100.0 * FLOOR);
+                format!("Valid: ki and ks at x = {at} mm are known within {worst} %, {floor} % of any bench included.")
+            }
         };
     }
 
     /// Rows that were left out, a position that was not recorded, and the effects that the bench has; those that are not significant are not mentioned,
     /// nor what an answer that is not valid says of the dynamics.
     fn remarks(&self, is_valid: bool) -> Vec<String> {
-        let Found { fit, rows, effects, start_s, step_s, .. } = &self.found;
+        let Found { fit, readings: Readings { rows, start_s, step_s, .. }, effects, .. } = &self.found;
         let from = time(start_s + rows.start as f64 * step_s);
         let left_out = format!("Readings before {from} do not follow the law (a start at rest?) and were left out.");
         let effect = |effect: &Effect| {
@@ -339,13 +338,10 @@ impl Answer {
         let [current, ki, ks, ki_dynamic, ks_dynamic] = &self.operating;
         let magnets: serde_json::Map<String, Json> =
             self.lambda.iter().map(|(k, lambda)| (format!("lambda[{}]", k + 1), lambda.json())).collect();
-        let effects: serde_json::Map<String, Json> = self
-            .found
-            .effects
-            .iter()
-            .map(|of| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken})))
-            .collect();
-        let Found { rows, start_s, step_s, .. } = &self.found;
+        let effect =
+            |of: &Effect| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken}));
+        let effects: serde_json::Map<String, Json> = self.found.effects.iter().map(effect).collect();
+        let Readings { rows, start_s, step_s, .. } = &self.found.readings;
         let point = &self.found.fit.point;
         json!({
             "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
@@ -370,9 +366,9 @@ impl Answer {
     /// Signals for figures.
     #[must_use]
     pub fn traces(&self) -> Traces {
-        let (found, from) = (&self.found, self.found.rows.start);
+        let (found, from) = (&self.found, self.found.readings.rows.start);
         let mut traces = Traces { slow_n: vec![[f64::NAN; 2]; from], error_m: vec![f64::NAN; from], from };
-        follow(&found.axis, &found.readings(), &found.fit.point, |filter, [error, variance]| {
+        follow(&found.axis, &found.readings, &found.fit.point, |filter, [error, variance]| {
             traces.slow_n.push(filter.slow_n());
             traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
         });
@@ -382,36 +378,28 @@ impl Answer {
     /// Judges another recording, whose own answer stands beside it, with this estimate.
     #[must_use]
     pub fn check(&self, own: &Self) -> Check {
-        let found = &own.found;
-        let readings = found.readings();
+        let Found { axis, fit, readings, .. } = &own.found;
         // Noises, slow force and delay are of the recording, force constants and gap of the bench.
-        let mut point = found.fit.point;
+        let mut point = fit.point;
         let bench = [0, 1, GAP, DYNAMICS];
         bench.iter().for_each(|at| point[*at] = self.found.fit.point[*at]);
-        let horizons = [1, ((AHEAD_S / found.step_s).round() as usize).max(2)];
-        let errors: Vec<[f64; 3]> = horizons
-            .iter()
-            .map(|ahead| {
-                let [foreign, fitted] =
-                    [&point, &found.fit.point].map(|point| prediction_rms(&found.axis, &readings, point, *ahead));
-                [*ahead as f64 * found.step_s, foreign, fitted]
-            })
-            .collect();
+        let horizons = [1, ((AHEAD_S / readings.step_s).round() as usize).max(2)];
+        let errors = horizons.map(|ahead| {
+            let [foreign, fitted] = [&point, &fit.point].map(|point| prediction_rms(axis, readings, point, ahead));
+            [ahead as f64 * readings.step_s, foreign, fitted]
+        });
         let differ = agreement([self, own]);
-        let words: Vec<String> = errors
-            .iter()
-            .map(|[ahead_s, foreign, fitted]| {
-                let [foreign_um, own_um] = [foreign, fitted].map(|rms| significant(1e6 * rms, 3));
-                format!("{} ahead {foreign_um} µm, by a fit of its own {own_um} µm", time(*ahead_s))
-            })
-            .collect();
+        let words = errors.map(|[ahead_s, foreign, fitted]| {
+            let [foreign_um, own_um] = [foreign, fitted].map(|rms| significant(1e6 * rms, 3));
+            format!("{} ahead {foreign_um} µm, by a fit of its own {own_um} µm", time(ahead_s))
+        });
         let agrees = differ.is_none();
         let verdict = format!(
             "{} Predictions with the first estimate are off by (rms): {}.",
             differ.unwrap_or_else(|| "The recordings agree.".into()),
             words.join("; ")
         );
-        Check { agrees, verdict, errors }
+        Check { agrees, verdict, errors: errors.to_vec() }
     }
 }
 

@@ -15,8 +15,8 @@ const LONGEST_S: f64 = 0.064;
 const HIGH_PASS_S: f64 = 0.016;
 
 /// Changes of the currents since the row before by which the controller answers the positions, A; the response is that of the rows that count.
-pub(super) fn feedback(readings: &Readings<'_>) -> Vec<Vec<f64>> {
-    let x_m = held(readings.x_m);
+pub(super) fn feedback(readings: &Readings) -> Vec<Vec<f64>> {
+    let x_m = held(&readings.x_m);
     let part = |current: &Vec<f64>| {
         let edges = edges(LONGEST_S / readings.step_s);
         let bins: Vec<[usize; 2]> = edges.windows(2).map(|pair| [pair[0], pair[1]]).collect();
@@ -37,7 +37,7 @@ fn edges(longest: f64) -> Vec<usize> {
 }
 
 /// Gains of the bins, A/m, by least squares on the rows that count.
-fn response(readings: &Readings<'_>, x_m: &[f64], current_a: &[f64], bins: &[[usize; 2]]) -> Option<DVector<f64>> {
+fn response(readings: &Readings, x_m: &[f64], current_a: &[f64], bins: &[[usize; 2]]) -> Option<DVector<f64>> {
     let [moved, driven] = [x_m, current_a].map(|of| quick(of, readings.step_s));
     let longest = bins.last()?[1];
     let (mut normal, mut right) = (DMatrix::zeros(bins.len(), bins.len()), DVector::zeros(bins.len()));

@@ -26,25 +26,21 @@ const LOST: f64 = 0.3;
 
 /// Input of the filter: readings at a uniform sample time, NaN where there is none.
 #[derive(Clone, Debug)]
-pub(super) struct Readings<'a> {
-    /// Sample time, s.
+pub(super) struct Readings {
+    /// The first sample and the sample time, s.
+    pub start_s: f64,
     pub step_s: f64,
     /// Positions, m.
-    pub x_m: &'a [f64],
+    pub x_m: Vec<f64>,
     /// Currents of the magnets that are used, A.
-    pub current_a: &'a [Vec<f64>],
-    /// Their changes since the row before by the controller, A; none at first.
-    pub feedback_a: &'a [Vec<f64>],
+    pub current_a: Vec<Vec<f64>>,
+    /// Their changes since the row before by the controller, A, see [`feedback`](super::feedback::feedback); none at first.
+    pub feedback_a: Vec<Vec<f64>>,
     /// The rows that count.
     pub rows: Range<usize>,
 }
 
-impl Readings<'_> {
-    /// The same, of which other rows count.
-    pub(super) fn of(&self, rows: Range<usize>) -> Self {
-        Self { rows, ..*self }
-    }
-
+impl Readings {
     /// Whether a row has all readings.
     pub(super) fn are_known(&self, row: usize) -> bool {
         self.x_m[row].is_finite() && self.current_a.iter().all(|current| current[row].is_finite())
@@ -72,7 +68,7 @@ pub(super) struct Filter {
 
 impl Filter {
     /// Starts at the first row with all readings.
-    pub(super) fn new(axis: &Axis, law: Law, readings: &Readings<'_>) -> Option<Self> {
+    pub(super) fn new(axis: &Axis, law: Law, readings: &Readings) -> Option<Self> {
         let row = readings.rows.clone().find(|row| readings.are_known(*row))?;
         let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row };
         filter.x[0] = readings.x_m[row];
@@ -104,7 +100,7 @@ impl Filter {
     }
 
     /// Filters the next row and returns its innovations; rows before the first reading have none.
-    pub(super) fn step(&mut self, axis: &Axis, readings: &Readings<'_>, row: usize) -> Row {
+    pub(super) fn step(&mut self, axis: &Axis, readings: &Readings, row: usize) -> Row {
         if row < self.row {
             return Row::default();
         }
@@ -184,7 +180,7 @@ impl Filter {
         }
     }
 
-    fn correct(&mut self, readings: &Readings<'_>, row: usize) -> Row {
+    fn correct(&mut self, readings: &Readings, row: usize) -> Row {
         let mut innovations = Row::default();
         for k in 0..=POSITION {
             let is_position = k == POSITION;
@@ -217,7 +213,7 @@ impl Filter {
     }
 
     /// Position after the readings of so many rows are known for the currents, but not for the position, m.
-    pub(super) fn ahead(&self, axis: &Axis, readings: &Readings<'_>, rows: usize) -> f64 {
+    pub(super) fn ahead(&self, axis: &Axis, readings: &Readings, rows: usize) -> f64 {
         let mut open = self.clone();
         for row in self.row + 1..=self.row + rows {
             for (k, current) in readings.current_a.iter().enumerate() {

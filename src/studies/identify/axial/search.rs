@@ -46,7 +46,7 @@ struct Sums {
 }
 
 /// Filters readings and calls `each` with the filter after every row, and the innovation of its position with its variance.
-pub(super) fn follow(axis: &Axis, readings: &Readings<'_>, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+pub(super) fn follow(axis: &Axis, readings: &Readings, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
     let Some(mut filter) = Filter::new(axis, axis.law(point), readings) else { return };
     for row in readings.rows.clone() {
         let innovations = filter.step(axis, readings, row);
@@ -54,12 +54,12 @@ pub(super) fn follow(axis: &Axis, readings: &Readings<'_>, point: &Point, mut ea
     }
 }
 
-pub(super) fn log_likelihood(axis: &Axis, readings: &Readings<'_>, point: &Point) -> f64 {
+pub(super) fn log_likelihood(axis: &Axis, readings: &Readings, point: &Point) -> f64 {
     pass(axis, readings, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
 }
 
 /// The most likely point, from a start along the unknowns that are free, in `most` iterations at most.
-pub(super) fn fit(axis: &Axis, readings: &Readings<'_>, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
+pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
     let mut point = *start;
     let mut damping = 1e-4;
     let mut converged = false;
@@ -122,7 +122,7 @@ pub(super) fn fit(axis: &Axis, readings: &Readings<'_>, start: &Point, free: &[u
 /// One pass of the filters at a point and, by central differences, at its neighbours along the unknowns.
 ///
 /// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
-fn pass(axis: &Axis, readings: &Readings<'_>, point: &Point, free: &[usize]) -> Option<Sums> {
+fn pass(axis: &Axis, readings: &Readings, point: &Point, free: &[usize]) -> Option<Sums> {
     let rows = &readings.rows;
     let points = std::iter::once(*point).chain(free.iter().flat_map(|at| axis.beside(*at, point)));
     let filters = points.map(|point| Filter::new(axis, axis.law(&point), readings));

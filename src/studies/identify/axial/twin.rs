@@ -11,14 +11,18 @@ use fmu_export::variable::Value;
 
 use super::answer::Answer;
 use super::{CURRENT_NOISE, DELAY, EXPONENT, GAP, LOAD, PARAMETERS, POSITION_NOISE, SLOW, UNKNOWNS, values};
+use crate::bearing::magnet::Used;
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::twin::Twin;
+use crate::variables::Choice;
 
 /// Effects of a bench that the FMUs do not have.
 const WITHOUT: [usize; 3] = [EXPONENT, SLOW, DELAY];
-/// Names of the magnets in use, as `magnets.used` has them.
-const BOTH: &str = "both";
-const ONE: [&str; 2] = ["first", "second"];
+
+/// What `magnets.used` calls these magnets.
+fn used(magnets: &[usize]) -> Used {
+    Used::all().find(|used| used.magnets() == magnets).unwrap_or_default()
+}
 
 impl Answer {
     /// The machine with the stated and the identified values. `base` is the scenario of the bench.
@@ -31,7 +35,7 @@ impl Answer {
         }
         let (axis, point) = (&self.found.axis, &self.found.fit.point);
         let law = axis.law(point);
-        let mut twin = Twin::of(base, self.found.step_s, &self.verdict);
+        let mut twin = Twin::of(base, self.found.readings.step_s, &self.verdict);
         let gap_m = if let [_] = axis.used.as_slice() { law.reference_m } else { point[GAP] };
         for element in ["plant", "controller", "estimator"] {
             twin.put(element, "m", self.dynamics.value * axis.m_kg);
@@ -41,10 +45,11 @@ impl Answer {
         for (k, lambda) in &self.lambda {
             twin.put_lambda(&format!("lambda[{}]", k + 1), lambda.value);
         }
-        if let [k] = *axis.used.as_slice() {
+        let used = used(&axis.used);
+        if let Some(k) = used.only() {
             // Tools that ignore enumerations take both magnets for used: without a smallest force the other one then has nothing to do.
             for element in ["controller", "estimator"] {
-                twin.put(element, "magnets.used", Value::Integer(k as i32 + 2));
+                twin.put(element, "magnets.used", Value::Integer(used.number()));
             }
             twin.put("plant", &format!("coil.open[{}]", 2 - k), Value::Boolean(true));
             twin.put_unless_stated("controller", "F0", 0.0);
@@ -66,13 +71,12 @@ impl Answer {
     /// The bench as `identify` reads it, with the estimate as what is known.
     fn bench(&self) -> toml::Table {
         let (axis, point) = (&self.found.axis, &self.found.fit.point);
-        let used = if let [k] = *axis.used.as_slice() { ONE[k] } else { BOTH };
         let value = values(point);
         let is_there = |at: &usize| (*at >= GAP || axis.used.contains(at)) && point[*at] != f64::NEG_INFINITY;
         let known = (0..UNKNOWNS).filter(is_there).map(|at| (PARAMETERS[at].0.to_owned(), value[at].into()));
         let mut bench: toml::Table = known.collect();
         bench.insert("m".into(), axis.m_kg.into());
-        bench.insert("magnets.used".into(), used.into());
+        bench.insert("magnets.used".into(), used(&axis.used).name().into());
         bench.insert("at".into(), self.at_m.into());
         bench
     }

@@ -144,10 +144,8 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
     };
     let position = columns(&recording.position_m, part.positions, part.body.coordinates());
     let current = columns(&recording.current_a, part.magnets, part.body.magnets());
-    let segments = segments(
-        (0..rows)
-            .map(|row| recording.usable.get(row).copied().unwrap_or(true) && usable.get(row).copied().unwrap_or(true)),
-    );
+    let is_usable = |of: &[bool], row: usize| of.get(row).copied().unwrap_or(true);
+    let segments = segments((0..rows).map(|row| is_usable(&recording.usable, row) && is_usable(usable, row)));
     if segments.is_empty() {
         return None;
     }
@@ -253,9 +251,9 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
     case.current_noise = case.current_noise.clamp(1e-6, 0.39 * rms.max(1e-5));
     // A level that hardly matters has not to converge: weigh its change by its information.
     let weight = (-bend.min(0.0)).sqrt().min(1.0);
-    libm::log(case.position_noise / before_position)
-        .abs()
-        .max(libm::log(case.current_noise / before_current).abs() * weight)
+    let changes = [case.position_noise / before_position, case.current_noise / before_current];
+    let [position, current] = changes.map(|change| libm::log(change).abs());
+    position.max(current * weight)
 }
 
 /// Level of the slow force from the likelihood at three levels; the change of its logarithm, weighed by its information.

@@ -332,8 +332,8 @@ fn each_row<const N: usize, const K: usize>(
 
 /// State of the smoother for a row.
 struct Kept<const N: usize, const S: usize> {
-    stiffness: [[f64; N]; N],
-    gyroscopic: [[f64; N]; N],
+    /// From the row before; none at the first one.
+    transition: Option<Transition<N>>,
     predicted: Kalman<S>,
     innovation: Innovation<N, S>,
 }
@@ -345,14 +345,13 @@ fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64
     let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(start));
     let mut kept = Vec::with_capacity(piece.filtered.len());
     each_row(of, piece.filtered.clone(), |row, _, interval, residual| {
-        let (mut stiffness, mut gyroscopic) = ([[0.0; N]; N], [[0.0; N]; N]);
         if let Some((interval, transition)) = interval {
             kalman.predict(transition, interval, &SAME.currents, of.slow(1));
-            (stiffness, gyroscopic) = (interval.stiffness, interval.gyroscopic);
         }
+        let transition = interval.map(|(_, transition)| *transition);
         let predicted = kalman.clone();
         let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
-        kept.push(Kept { stiffness, gyroscopic, predicted, innovation });
+        kept.push(Kept { transition, predicted, innovation });
     });
     let (m, d) = (&rotor.sensor, rotor.delay);
     let mut r = [0.0; S];
@@ -377,7 +376,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64
                 to[i] = before + keep.predicted.x[i] + change;
             }
         }
-        r = Transition::of(rotor.h, &keep.stiffness, &keep.gyroscopic).apply_transposed(&r);
+        r = keep.transition.map_or(r, |transition| transition.apply_transposed(&r));
     }
     smoothed
 }

@@ -71,6 +71,7 @@ impl<const N: usize> Factor<N> {
 }
 
 /// The transition of one interval, without the identity: stiffness K and gyroscope G act to the third order of its length.
+#[derive(Clone, Copy)]
 pub(super) struct Transition<const N: usize> {
     /// Of coordinates by coordinates and by rates, of rates by both.
     pub blocks: [[[f64; N]; N]; 4],

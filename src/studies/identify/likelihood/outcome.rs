@@ -47,9 +47,8 @@ fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
     let [i, l] = [at, at + 1].map(|at| finished.at(at).expect("every unbalance is estimated"));
     let (along, across) = ([c / size, s / size], [-s / size, c / size]);
     let std = |matrix: &DMatrix<f64>, d: [f64; 2]| {
-        (d[0] * d[0] * matrix[(i, i)] + 2.0 * d[0] * d[1] * matrix[(i, l)] + d[1] * d[1] * matrix[(l, l)])
-            .max(0.0)
-            .sqrt()
+        let mixed = 2.0 * d[0] * d[1] * matrix[(i, l)];
+        (d[0] * d[0] * matrix[(i, i)] + mixed + d[1] * d[1] * matrix[(l, l)]).max(0.0).sqrt()
     };
     let of = |value: f64, d: [f64; 2], per: f64| Estimate {
         value,

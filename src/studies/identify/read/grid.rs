@@ -54,11 +54,9 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     let freedom = pace.vague.as_ref().map_or(CLOCKS, |(known, _)| *known);
     if !is_same(pace.step_s, step_s, freedom) {
+        let ([stated, found], percent) = ([step_s, pace.step_s].map(time), significant(100.0 * freedom, 2));
         return Err(format!(
-            "the stated rate has samples {} apart, the time stamps {}; they must agree within {} %",
-            time(step_s),
-            time(pace.step_s),
-            significant(100.0 * freedom, 2)
+            "the stated rate has samples {stated} apart, the time stamps {found}; they must agree within {percent} %"
         ));
     }
     let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
