@@ -148,7 +148,7 @@ const ALTERNATIVES: &[Alternative] = &[
 const SPEED: &str = "--speed, or a column of the angle";
 
 /// By which part of itself the speed of the motion differs from that told, with its standard deviation and the angle in rad that this makes over the
-/// recording: the slope of the phase of the forward component over the angle, turn by turn.
+/// recording: the line through the phases of the forward component, turn by turn.
 pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let Recording { theta_rad, position_m, .. } = recording;
     let (first, last) = (*theta_rad.first()?, *theta_rad.last()?);
@@ -164,15 +164,29 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     }
     // The last turn is not a whole one.
     turns.pop();
-    let phase = |pair: &[[f64; 2]]| {
+    let step = |pair: &[[f64; 2]]| {
         let [[a, b], [c, d]] = [pair[0], pair[1]];
-        libm::atan2(a * d - b * c, a * c + b * d) / TAU.copysign(last - first)
+        libm::atan2(a * d - b * c, a * c + b * d)
     };
-    let steps: Vec<f64> = turns.windows(2).map(phase).collect();
-    let count = steps.len() as f64;
-    let mean = steps.iter().sum::<f64>() / count;
-    let square = steps.iter().map(|step| (step - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    (steps.len() >= 2).then(|| [mean, (square / count).sqrt(), mean * (last - first).abs()])
+    let phases = turns.windows(2).scan(0.0, |phase, pair| {
+        *phase += step(pair);
+        Some(*phase)
+    });
+    let phases: Vec<f64> = [0.0].into_iter().chain(phases).collect();
+    let count = phases.len() as f64;
+    let middle = 0.5 * (count - 1.0);
+    let square = count * (count * count - 1.0) / 12.0;
+    let at = |turn: usize| turn as f64 - middle;
+    let slope = phases.iter().enumerate().map(|(turn, phase)| at(turn) * phase).sum::<f64>() / square;
+    let mean = phases.iter().sum::<f64>() / count;
+    let rest: Vec<f64> = phases.iter().enumerate().map(|(turn, phase)| phase - mean - slope * at(turn)).collect();
+    let power: f64 = rest.iter().map(|rest| rest * rest).sum();
+    // What else moves the rotor beats with the turns: the rest is correlated from turn to turn.
+    let correlation = (rest.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / power).max(0.0);
+    let variance = power / (count - 2.0) / square * (1.0 + correlation) / (1.0 - correlation);
+    let [off, std] = [slope, variance.sqrt()].map(|of| of / TAU);
+    let off = off.copysign(slope * (last - first));
+    (phases.len() >= 4).then(|| [off, std, off * (last - first).abs()])
 }
 
 /// Angle and speed, times a factor.

@@ -199,4 +199,5 @@ fn a_speed_that_is_unknown_or_wrong_is_said() {
     assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
     is_right("3000 rpm", &of(Some(100.0 * std::f64::consts::PI)));
     is_refused(&of(Some(100.4 * std::f64::consts::PI)), "turns by -0.4");
+    is_refused(&of(Some(99.75 * std::f64::consts::PI)), "turns by 0.");
 }
