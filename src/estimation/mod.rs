@@ -38,7 +38,7 @@ pub use self::prediction_error::STD_LIMIT;
 use self::prediction_error::{PredictionError, PredictionErrorState};
 pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
-pub(crate) use self::validation::chi_square;
+pub use self::validation::chi_square;
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::Invalid;
 use crate::machine::Machine as Names;

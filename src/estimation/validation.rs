@@ -20,7 +20,8 @@ use super::sums::PredictionErrorSolution;
 const HARMONICS: usize = 4;
 
 /// The value of χ² with n degrees of freedom that is so many standard deviations of a normal distribution out (E. B. Wilson, M. M. Hilferty, 1931).
-pub(crate) fn chi_square(n: f64, deviations: f64) -> f64 {
+#[must_use]
+pub fn chi_square(n: f64, deviations: f64) -> f64 {
     let root = 1.0 - 2.0 / (9.0 * n) + deviations * sqrt(2.0 / (9.0 * n));
     n * root * root * root
 }
