@@ -60,7 +60,8 @@ pub struct TouchdownConfig<T = f64> {
     /// Radius of the rotor where it touches, in m.
     #[parameter(
         name = "touchdown.radius", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-2,
-        display_unit = "mm", value = 0.025, description = format!("Radius of the rotor at the {}, used by friction", context.backup())
+        display_unit = "mm", value = 0.025,
+        description = format!("Radius of the rotor at the {}, used by friction", context.backup())
     )]
     pub radius_m: T,
 }

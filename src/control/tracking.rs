@@ -138,17 +138,20 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     pub modulation_hz: [f64; G],
     /// Poles of the tracking error
     #[parameter(
-        name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz", value = 1000.0
+        name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz",
+        value = 1000.0
     )]
     pub tracking_rad_s: f64,
     /// Poles of the perturbation observer
     #[parameter(
-        name = "bandwidth.observer", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz", value = 4000.0
+        name = "bandwidth.observer", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz",
+        value = 4000.0
     )]
     pub observer_rad_s: f64,
     /// Pole of the current error with drive = voltage
     #[parameter(
-        name = "bandwidth.current", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz", value = 5000.0
+        name = "bandwidth.current", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz",
+        value = 5000.0
     )]
     pub current_rad_s: f64,
     /// When the estimated force constants are taken over

@@ -27,7 +27,8 @@ pub struct Harmonic<T = f64, const N: usize = 2> {
     pub amplitude_n: [T; N],
     /// Angular frequency of the harmonic perturbation force
     #[parameter(
-        name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz", value = OMEGA_RAD_S
+        name = "omega", tunable, unit = RADIAN_PER_SECOND, min = 0.0, nominal = 100.0, display_unit = "Hz",
+        value = OMEGA_RAD_S
     )]
     pub omega_rad_s: T,
     /// Phase at time 0 of the harmonic perturbation force along {axis}, which is a sine

@@ -259,7 +259,7 @@ pub fn start(element: &Element) -> Result<Instance, Vec<String>> {
 /// The connections: where to read the output, and where to set the input.
 ///
 /// # Panics
-/// Never: the connections of a scenario are between its own variables.
+/// If a connection is not between variables of the scenario, as those that were read are.
 pub fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
     let place = |[element, variable]: [String; 2]| {
         let at = scenario.elements.iter().position(|candidate| candidate.name == element)?;

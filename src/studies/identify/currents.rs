@@ -38,7 +38,8 @@ const READINGS: [Currents; 5] = [
     Currents { hold: Hold::HeldAfter, lag: true },
 ];
 
-/// By so much a parameter raises the log-likelihood by chance (Akaike 1974). A lag of 50 µs that was worth 2.7 to 3.3 on the stretch moved λ by 5 to 26 of its deviations over the whole recording.
+/// By so much a parameter raises the log-likelihood by chance (Akaike 1974). A lag of 50 µs that was worth 2.7 to 3.3 on the stretch moved λ by 5 to 26 of
+/// its deviations over the whole recording.
 const BY_CHANCE: f64 = 1.0;
 
 /// Those of a sensor, that stand for the time before the sample.
@@ -95,13 +96,14 @@ impl Holds {
         self.ranked().first().copied()
     }
 
-    /// That of measured currents, unless another one is clearly more likely; else the most likely one without a lag, unless one with a lag explains more than chance.
+    /// That of measured currents, unless another one is clearly more likely; else the most likely one without a lag, unless one with a lag explains more than
+    /// chance.
     #[must_use]
     pub fn most_likely(&self) -> Currents {
-        let plain = [(Some(MEASURED), VERY_STRONG), (self.without_lag().next(), BY_CHANCE)];
-        let is_as_good = |of: &Currents, least: f64| self.less(*of).is_some_and(|less| less < least);
-        let chosen = plain.into_iter().find_map(|(of, least)| of.filter(|of| is_as_good(of, least)));
-        chosen.or(self.best()).unwrap_or(MEASURED)
+        let is_within = |of: &Currents, most: f64| self.less(*of).is_some_and(|less| less < most);
+        let measured = Some(MEASURED).filter(|of| is_within(of, VERY_STRONG));
+        let plain = self.without_lag().next().filter(|of| is_within(of, BY_CHANCE));
+        measured.or(plain).or(self.best()).unwrap_or(MEASURED)
     }
 
     /// The objection to a stated reading, if another one is clearly more likely.

@@ -181,12 +181,11 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let mean = phases.iter().sum::<f64>() / count;
     let rest: Vec<f64> = phases.iter().enumerate().map(|(turn, phase)| phase - mean - slope * at(turn)).collect();
     let power: f64 = rest.iter().map(|rest| rest * rest).sum();
-    // What else moves the rotor beats with the turns: the rest is correlated from turn to turn.
+    // Other motions beat with the turns: the rest is correlated from turn to turn.
     let correlation = (rest.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / power).max(0.0);
     let variance = power / (count - 2.0) / square * (1.0 + correlation) / (1.0 - correlation);
-    let [off, std] = [slope, variance.sqrt()].map(|of| of / TAU);
-    let off = off.copysign(slope * (last - first));
-    (phases.len() >= 4).then(|| [off, std, off * (last - first).abs()])
+    let off = slope / TAU.copysign(last - first);
+    (phases.len() >= 4).then(|| [off, variance.sqrt() / TAU, off * (last - first).abs()])
 }
 
 /// Angle and speed, times a factor.

@@ -56,6 +56,7 @@ pub use self::body::Body;
 pub use self::filter::HARMONICS;
 pub use crate::estimation::Hold;
 use crate::machine::Bearing;
+use crate::studies::identify::tolerance::plain;
 use crate::studies::identify::units::significant;
 
 /// One recording, sampled at equal distances.
@@ -193,8 +194,8 @@ impl Options {
     /// The same with positions as late as in a typical bench, where nothing is stated of a delay or a lag.
     pub(super) fn late(mut self) -> Self {
         let parts = self.parts.iter_mut().filter(|part| !part.beside.lag);
-        let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| of.name.ends_with(DELAY) && !of.is_open());
-        delays.for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
+        let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| plain(&of.name) == DELAY);
+        delays.filter(|of| !of.is_open()).for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
         self
     }
 }

@@ -19,7 +19,7 @@ use crate::variables::Choice;
 /// Effects of a bench that the FMUs do not have.
 const WITHOUT: [usize; 3] = [EXPONENT, SLOW, DELAY];
 
-/// What `magnets.used` calls these magnets.
+/// The value of `magnets.used` for these magnets.
 fn used(magnets: &[usize]) -> Used {
     Used::all().find(|used| used.magnets() == magnets).unwrap_or_default()
 }

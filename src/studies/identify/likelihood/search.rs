@@ -343,12 +343,14 @@ impl Search<'_> {
         (self.x.clone(), self.cases.iter().map(noise).collect())
     }
 
-    /// Starts where a search over some of the rows ended.
+    /// Starts where a search over some of the rows ended, about the trajectory of all.
     fn start_at(&mut self, (x, noise): Point) {
         self.x = x;
         for (case, noise) in self.cases.iter_mut().zip(noise) {
             [case.position_noise, case.current_noise, case.slow_force, case.exponent] = noise;
         }
+        self.smooth();
+        self.refill();
     }
 
     /// λ, unbalance and load first, then the lag of the currents, then all: far from the solution, bench parameters would take up what λ has to explain, and a delay
@@ -512,8 +514,6 @@ pub(super) fn fit<'a>(
     match near {
         Some(near) => {
             search.start_at(near);
-            search.smooth();
-            search.refill();
             search.expect();
             search.iterate(UNSMOOTHED, CONVERGED)?;
         }
@@ -530,28 +530,33 @@ pub(super) fn fit<'a>(
     }
 }
 
-/// A change that keeps the search over all rows from a solution: where a half has one, the change shows from there. Leaves out its smaller side.
-fn change_from_a_half(recordings: &[Recording], masks: &mut [Vec<bool>], kind: &Kind<'_>) -> Option<Contradiction> {
+/// Which rows are used: all.
+fn all_rows(recordings: &[Recording]) -> Vec<Vec<bool>> {
+    recordings.iter().map(|recording| vec![true; recording.rows()]).collect()
+}
+
+/// A change that keeps the search over all rows from a solution: where a half has one, the change shows from there. Returns the smaller side, and which rows
+/// are used without it.
+fn change_from_a_half(recordings: &[Recording], kind: &Kind<'_>) -> Option<(Contradiction, Vec<Vec<bool>>)> {
+    let mut masks = all_rows(recordings);
     let from = |second: bool| {
-        let of = |mask: &Vec<bool>| (0..mask.len()).map(|row| mask[row] && (2 * row >= mask.len()) == second).collect();
+        let of = |mask: &Vec<bool>| (0..mask.len()).map(|row| (2 * row >= mask.len()) == second).collect();
         let half: Vec<Vec<bool>> = masks.iter().map(of).collect();
         let mut held = Vec::new();
         let own = fit(recordings, &half, kind, &mut held).ok().filter(Finished::is_solution)?;
-        let mut search = start(recordings, masks, kind, &held).ok()?;
+        let mut search = start(recordings, &masks, kind, &held).ok()?;
         search.start_at(own.search.found());
-        search.smooth();
-        search.refill();
         let finished = finish(search).ok()?;
         let change = changes::change(&finished)?;
         Some((finished, change))
     };
     let halves = [false, true].into_iter().filter_map(from);
     let (finished, change) = halves.max_by(|(_, a), (_, b)| a.chi_square.total_cmp(&b.chi_square))?;
-    changes::leave_out(recordings, masks, &finished, &change)
+    Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
 pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bool) -> Result<Identification, Failed> {
-    let mut masks: Vec<Vec<bool>> = recordings.iter().map(|recording| vec![true; recording.rows()]).collect();
+    let mut masks = all_rows(recordings);
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
     let mut found = fit(recordings, &masks, kind, &mut held);
@@ -564,10 +569,9 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
             if !std::mem::take(&mut halves_are_left) {
                 break;
             }
-            // What was left out before contradicted no solution.
-            let mut whole: Vec<_> = masks.iter().map(|mask| vec![true; mask.len()]).collect();
-            let Some(side) = change_from_a_half(recordings, &mut whole, kind) else { break };
-            (masks, contradictions) = (whole, vec![side]);
+            // Rows that were left out before contradicted no solution.
+            let Some((side, without)) = change_from_a_half(recordings, kind) else { break };
+            (masks, contradictions) = (without, vec![side]);
             held.clear();
             found = fit(recordings, &masks, kind, &mut held);
             continue;
@@ -600,7 +604,7 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
     }
     let mut finished = found?;
     let gain = gain.filter(|_| !kind.slow_force);
-    // What one change of λ explains is no slow force.
+    // A single change of λ looks like a slow force, of which nothing is left in the rest.
     let changes = contradictions.iter().map(|of| &of.what).filter(|what| !matches!(what, Change::Disturbed { .. }));
     let is_one_change = matches!(changes.collect::<Vec<_>>()[..], [Change::Lambda(_)]);
     let gain = match gain {
