@@ -256,6 +256,7 @@ FAULTS = [
     following("lag of 50 µs after 25 µs", (2.5e-5, 5e-5, 0)),
     following("lags of 100 and 50 µs", (0, 1e-4, 5e-5)),
     Fault("stuck sensor", stuck, cause=SENSORS + "(stuck|clipped)"),
+    Fault("stuck sensor, tolerances", stuck, cause=SENSORS + "(stuck|clipped)", options=lambda _: TOLERANCES),
     Fault("clipped currents", clipped, cause=SENSORS + "clipped"),
     Fault("0.1 % of outliers", outliers, cause=SENSORS + ".*outlier"),
     Fault("λ2 +5 % in the middle", cause="force constants are others", world=(("step_of_lambda", 0.05),)),

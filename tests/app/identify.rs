@@ -168,6 +168,20 @@ fn a_lag_counts_where_it_explains_more_than_chance() {
     assert_eq!(readings(0.0, 0.3).most_likely(), of(Hold::HeldAfter, false));
 }
 
+/// Where the lag that suits best is negative, as by chance in half of the recordings of currents without one, a lag explains nothing.
+#[test]
+fn no_current_leads_what_it_follows() {
+    let (mut scenario, _) = run(montecarlo::NOISE, 0.1);
+    let leading = (101..107).filter(|seed| {
+        scenario.set("plant", "sensor.seed", Value::Integer(*seed));
+        let samples = simulated(&scenario);
+        let [.., (currents, less), _] = Holds::of(&samples, &stated(&config(&samples))).0;
+        assert!(currents.lag && currents.hold == Hold::HeldBefore);
+        less.is_infinite()
+    });
+    between("recordings in which a lag is negative", leading.count() as f64, 1.0, 5.0);
+}
+
 /// Fails if ± does not hold by how much λ differs with a reading of the currents that is as likely, or holds what a delay makes of it.
 #[test]
 fn readings_that_are_as_likely_are_in_the_deviation() {

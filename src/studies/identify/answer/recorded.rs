@@ -35,7 +35,11 @@ pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     }
 }
 
-/// Samples that were not recorded. A current that is missing for long, by itself, gets a straight line: the motion goes on without its force being known.
+/// Time over which the force of a magnet may be unknown, s: about that in which an unstable rotor multiplies its errors, √(m/ks). With bench parameters, searches crept along
+/// longer ones, where the trajectory follows its own linearisation.
+const LONGEST_S: f64 = 0.01;
+
+/// Samples that were not recorded. A current that is missing for a while, by itself, gets a straight line: the motion goes on without its force being known.
 fn missing(samples: &Samples, current_a: &mut [Vec<f64>]) -> Vec<Missing> {
     let (positions, magnets) = (samples.position_m.len(), current_a.len());
     let lacks = |row: usize, signal: usize| samples.missing[row] >> signal & 1 != 0;
@@ -49,7 +53,8 @@ fn missing(samples: &Samples, current_a: &mut [Vec<f64>]) -> Vec<Missing> {
     }
     for (k, current_a) in current_a.iter_mut().enumerate() {
         let known: Vec<usize> = (0..missing.len()).filter(|row| missing[*row].current[k] != Origin::Unknown).collect();
-        for (from, to) in known.iter().zip(&known[1.min(known.len())..]) {
+        let gaps = known.iter().zip(&known[1.min(known.len())..]);
+        for (from, to) in gaps.filter(|(from, to)| (*to - *from) as f64 * samples.step_s <= LONGEST_S) {
             let [first, last] = [from, to].map(|row| current_a[*row]);
             for (at, current_a) in current_a[*from..*to].iter_mut().enumerate().skip(1) {
                 *current_a = first + (last - first) * at as f64 / (to - from) as f64;
