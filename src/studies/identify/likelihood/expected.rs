@@ -3,6 +3,7 @@
 use nalgebra::DMatrix;
 
 use super::data::On;
+use super::rotor::ByMagnet;
 
 /// Harmonics of the shaft angle.
 const HARMONICS: usize = 12;
@@ -139,22 +140,46 @@ pub(super) fn expected(on: On<'_>, innovations: &[f64]) -> (Vec<f32>, Vec<[f32; 
 
     // Innovations that were not recorded explain nothing: an interval that would follow from it by more than by all else is not known at all.
     let lacks = |row: usize, lag: usize| row < lag || case.is_missing(row - lag);
-    let (mut usual, mut whole) = (vec![0.0; magnets], 0.0_f64);
-    for (row, _) in rows().filter(|(row, _)| !(1..=LONG_PAST).any(|lag| lacks(*row, lag))) {
+    // What is left of a current is that of its neighbours where it changes smoothly, as by references and modulations that do not turn with the shaft.
+    let mut is_known = vec![false; all];
+    rows().for_each(|(row, _)| is_known[row] = true);
+    let has_neighbours = |row: usize| is_known[row - 1] && is_known.get(row + 1) == Some(&true);
+    let left = |row: usize| -> ByMagnet {
+        let mut own = vec![0.0; count_of];
         signals(row, &mut own);
-        let off = own.iter().zip(&values[count_of * row..]).map(|(own, value)| own - f64::from(*value));
-        usual.iter_mut().zip(off).for_each(|(sum, off)| *sum += off * off);
+        let off = own[..magnets].iter().zip(&values[count_of * row..]).map(|(own, value)| own - f64::from(*value));
+        let mut left = ByMagnet::default();
+        left.iter_mut().zip(off).for_each(|(left, off)| *left = off);
+        left
+    };
+    let between = |row: usize| -> ByMagnet {
+        let [before, after] = [row - 1, row + 1].map(left);
+        std::array::from_fn(|k| 0.5 * (before[k] + after[k]))
+    };
+    let (mut usual, mut smooth, mut whole): (ByMagnet, ByMagnet, f64) = Default::default();
+    let is_whole = |row: usize| has_neighbours(row) && !(1..=LONG_PAST).any(|lag| lacks(row, lag));
+    for (row, _) in rows().filter(|(row, _)| is_whole(*row)) {
+        let (left, between) = (left(row), between(row));
+        for k in 0..magnets {
+            usual[k] += left[k] * left[k];
+            smooth[k] += (left[k] - between[k]).powi(2);
+        }
         whole += 1.0;
     }
+    let [usual, smooth] = [usual, smooth].map(|sums| sums.map(|sum| sum / whole.max(1.0)));
     let mut predicted = vec![[0.0; 2]; magnets * all];
     for (row, _) in all_rows().filter(|(row, _)| case.is_adrift(*row)) {
         let [gaps, _] = (on.rotor.passes.driven)(on, row);
+        let between = has_neighbours(row).then(|| between(row));
         for k in 0..magnets {
             let answers = answers[row / length].chunks_exact(size).zip(&of_past);
             let missing = answers.filter(|(_, [lag, ..])| lacks(row, *lag)).map(|(of, _)| of[1 + k] * of[1 + k]);
-            let (usual, missing) = (usual[k] / whole.max(1.0), missing.sum::<f64>());
-            let variance = usual + if missing > usual { NOTHING * missing } else { missing };
+            let missing = missing.sum::<f64>();
             let value = f64::from(values[count_of * row + k]);
+            let (value, variance) = match between.filter(|_| smooth[k] < usual[k]) {
+                Some(between) => (value + between[k], smooth[k] + missing),
+                None => (value, usual[k] + if missing > usual[k] { NOTHING * missing } else { missing }),
+            };
             predicted[magnets * row + k] = [value, variance.sqrt()].map(|of| (of * gaps[k] * gaps[k]) as f32);
         }
     }
