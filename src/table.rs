@@ -12,3 +12,16 @@ pub struct Table {
     /// Rows, each as long as `head`; the first cell names the row.
     pub rows: Vec<Vec<String>>,
 }
+
+impl Table {
+    /// A table with a title, a note that may be empty, names of the columns, and rows.
+    pub fn new(
+        title: impl Into<String>,
+        note: impl Into<String>,
+        head: impl IntoIterator<Item: Into<String>>,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Self {
+        let head = head.into_iter().map(Into::into).collect();
+        Self { title: title.into(), note: note.into(), head, rows: rows.into_iter().collect() }
+    }
+}

@@ -178,16 +178,12 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
     }
     rows.extend(peaks(scenario, sensitivities));
     let names = stretches.iter().map(|stretch| stretch.name);
-    Some(Table {
-        title: "Figures of the bearing".into(),
-        note: format!(
-            "Over the last {}; where there was an update, and the speed is the same, also over those before it. Zones of ISO 14839-3: A below \
-             3, B below 4, C below 5.",
-            interval(&run.recording, &stretches)
-        ),
-        head: [""].into_iter().chain(names).chain(["unit"]).map(String::from).collect(),
-        rows,
-    })
+    let note = format!(
+        "Over the last {}; where there was an update, and the speed is the same, also over those before it. Zones of ISO 14839-3: A below \
+         3, B below 4, C below 5.",
+        interval(&run.recording, &stretches)
+    );
+    Some(Table::new("Figures of the bearing", note, [""].into_iter().chain(names).chain(["unit"]), rows))
 }
 
 /// Clearance of the backup bearing at a bearing, in m.

@@ -50,12 +50,8 @@ fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
         }
     }
     let head = [vec![String::new()], of_magnets("λ"), of_magnets("error "), vec!["valid".to_owned()]];
-    Table {
-        title: "Estimated force constants, 10⁻⁶ N·m²/A², and their errors".into(),
-        note: [coherence_note(scenario, run), literal_note(scenario, run, &truth)].concat(),
-        head: head.concat(),
-        rows,
-    }
+    let note = coherence_note(scenario, run) + &literal_note(scenario, run, &truth);
+    Table::new("Estimated force constants, 10⁻⁶ N·m²/A², and their errors", note, head.concat(), rows)
 }
 
 /// How large the estimates of the literal P(20) become, if it was run.
@@ -107,14 +103,12 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
         ]
     };
     let valid = if last(run, "estimator.valid") == 1.0 { "Valid" } else { "Not valid" };
-    Table {
-        title: "Estimated force constants, 10⁻⁶ N·m²/A²".into(),
-        note: format!(
-            "{valid} at the end of the run. ± is one standard deviation; ki in N/A and ks in N/m at the operating point."
-        ),
-        head: ["", "truth", "estimate", "error", "±", "ki", "ks"].map(String::from).into(),
-        rows: scenario.truth().into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)).map(row).collect(),
-    }
+    let note = format!(
+        "{valid} at the end of the run. ± is one standard deviation; ki in N/A and ks in N/m at the operating point."
+    );
+    let head = ["", "truth", "estimate", "error", "±", "ki", "ks"];
+    let rows = scenario.truth().into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)).map(row);
+    Table::new("Estimated force constants, 10⁻⁶ N·m²/A²", note, head, rows)
 }
 
 /// The last value of a column.
@@ -144,12 +138,9 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
     };
     let rows: Vec<_> = (0..machine.planes).map_while(row).collect();
     let before = scenario.balance_s.map(|balance_s| format!(", before the correction masses at {balance_s} s"));
-    (!rows.is_empty()).then(|| Table {
-        title: (if machine.planes > 1 { "Unbalance in two planes" } else { "Unbalance" }).into(),
-        note: format!("Magnitude in g·mm, angle on the rotor in rad{}.", before.unwrap_or_default()),
-        head: ["", "truth", "estimate", "angle", "estimate"].map(String::from).into(),
-        rows,
-    })
+    let title = if machine.planes > 1 { "Unbalance in two planes" } else { "Unbalance" };
+    let note = format!("Magnitude in g·mm, angle on the rotor in rad{}.", before.unwrap_or_default());
+    (!rows.is_empty()).then(|| Table::new(title, note, ["", "truth", "estimate", "angle", "estimate"], rows))
 }
 
 /// Forces before and after correction masses.
@@ -165,14 +156,11 @@ pub fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
         let removed = if before > 0.0 { format!("{:.1} %", 100.0 * (1.0 - after / before)) } else { "–".into() };
         vec![name.into(), format!("{before:.3}"), format!("{after:.3}"), removed]
     };
-    Some(Table {
-        title: "Synchronous force of the magnets, N".into(),
-        note: format!(
-            "Amplitude at the frequency of the rotor, over {INTERVAL_S} s before the correction masses and at the end."
-        ),
-        head: ["", "before", "after", "removed"].map(String::from).into(),
-        rows: rows.map(row).collect(),
-    })
+    let note = format!(
+        "Amplitude at the frequency of the rotor, over {INTERVAL_S} s before the correction masses and at the end."
+    );
+    let head = ["", "before", "after", "removed"];
+    Some(Table::new("Synchronous force of the magnets, N", note, head, rows.map(row)))
 }
 
 /// Tracking errors and peak-to-peak values of the perturbation estimates, before and after the update or at the end of the run.
@@ -207,11 +195,8 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         }
     }
     let names = stretches.iter().map(|stretch| stretch.name);
-    let mut head: Vec<_> = [""].into_iter().chain(names).chain(["unit"]).map(String::from).collect();
-    if is_update {
-        head.push("before : after".into());
-        head.extend(is_paper.then(|| "paper".into()));
-    }
+    let compared = [Some("before : after"), is_paper.then_some("paper")].into_iter().flatten().filter(|_| is_update);
+    let head = [""].into_iter().chain(names).chain(["unit"]).chain(compared);
     let update_s = evaluation::update(&run.recording).map_or(0.0, |update| run.recording.time_s[update - 1]);
     let interval = evaluation::interval(&run.recording, &stretches);
     let (title, note) = match is_update {
@@ -223,5 +208,5 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         ),
         false => ("Tracking at the end of the run", format!("Over the last {interval}.")),
     };
-    (!stretches.is_empty()).then(|| Table { title: title.into(), note, head, rows })
+    (!stretches.is_empty()).then(|| Table::new(title, note, head, rows))
 }

@@ -155,20 +155,17 @@ pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precisi
         std::iter::once(format!("{instant_s} s")).chain(precisions.iter().flat_map(std)).collect()
     });
     let frequencies: Vec<_> = frequencies(scenario).iter().map(|(_, frequency)| frequency.to_string()).collect();
-    Table {
-        title: format!(
-            "Standard deviation of λ in %, at {} rpm with noise of {} µm and {} mA",
-            conditions.rpm,
-            (conditions.noise[0] * 1e9).round() / 1e3,
-            (conditions.noise[1] * 1e6).round() / 1e3,
-        ),
-        note: format!(
-            "Cramér–Rao bound{} with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",
-            if several { " of the worst λ of each bearing" } else { "" },
-            100.0 * MODULATION.0,
-            frequencies.join(", ")
-        ),
-        head: [vec!["after".to_owned()], head(""), head(" modulated")].concat(),
-        rows: rows.collect(),
-    }
+    let title = format!(
+        "Standard deviation of λ in %, at {} rpm with noise of {} µm and {} mA",
+        conditions.rpm,
+        (conditions.noise[0] * 1e9).round() / 1e3,
+        (conditions.noise[1] * 1e6).round() / 1e3,
+    );
+    let note = format!(
+        "Cramér–Rao bound{} with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",
+        if several { " of the worst λ of each bearing" } else { "" },
+        100.0 * MODULATION.0,
+        frequencies.join(", ")
+    );
+    Table::new(title, note, [vec!["after".to_owned()], head(""), head(" modulated")].concat(), rows)
 }

@@ -203,11 +203,7 @@ pub fn table(scenario: &Scenario) -> (Table, Vec<String>) {
         });
         [reading.name.to_owned()].into_iter().chain(cells).collect()
     };
-    let table = Table {
-        title: "Peak of the sensitivity function".into(),
-        note,
-        head: ["", "first guess", "Hz", "zone", "true λ", "Hz", "zone"].map(String::from).into(),
-        rows: machine.readings.iter().enumerate().map(row).collect(),
-    };
-    (table, missing.collect())
+    let head = ["", "first guess", "Hz", "zone", "true λ", "Hz", "zone"];
+    let rows = machine.readings.iter().enumerate().map(row);
+    (Table::new("Peak of the sensitivity function", note, head, rows), missing.collect())
 }

@@ -202,16 +202,12 @@ pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Result<Table, St
         let cells = [frequencies, response].concat().into_iter().map(|number| format!("{number:.4}"));
         Ok([format!("{rpm:.0}")].into_iter().chain(cells).collect())
     };
-    let rows = (0..=steps).map(row).collect::<Result<_, _>>()?;
-    Ok(Table {
-        title: "Whirl over the speed".into(),
-        note: format!(
-            "{} Natural frequencies in Hz of the two modes, each whirling against the rotor and with it, and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
-            whirl.critical_in_words(greatest_rpm),
-            whirl.stiffness_n_m,
-            whirl.damping_ns_m
-        ),
-        head: head.map(String::from).into(),
-        rows,
-    })
+    let rows = (0..=steps).map(row).collect::<Result<Vec<_>, _>>()?;
+    let note = format!(
+        "{} Natural frequencies in Hz of the two modes, each whirling against the rotor and with it, and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
+        whirl.critical_in_words(greatest_rpm),
+        whirl.stiffness_n_m,
+        whirl.damping_ns_m
+    );
+    Ok(Table::new("Whirl over the speed", note, head, rows))
 }

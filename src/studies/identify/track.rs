@@ -225,12 +225,8 @@ impl Track {
             });
             let names = self.machine.symbols("λ")[magnets.clone()].to_vec();
             let head = ["", "time, s"].map(String::from).into_iter().chain(names).chain(["valid".to_owned()]);
-            Table {
-                title: "On-line estimator over time, 10⁻⁶ N·m²/A²".into(),
-                note: if magnets.start > 0 { "" } else { DRIFT }.into(),
-                head: head.collect(),
-                rows: rows.collect(),
-            }
+            let note = if magnets.start > 0 { "" } else { DRIFT };
+            Table::new("On-line estimator over time, 10⁻⁶ N·m²/A²", note, head, rows)
         };
         self.machine.magnets_of_bearings().into_iter().map(of_bearing).collect()
     }
@@ -252,7 +248,6 @@ impl Track {
 
 /// Estimates in numbers, one column per method.
 fn table(tracks: &[Track]) -> Table {
-    let head = std::iter::once(String::new()).chain(tracks.iter().map(|track| track.name().to_owned())).collect();
     let row = |name: String, of: &dyn Fn(&Track, usize) -> Option<String>| -> Vec<String> {
         let cell = |track: &Track| track.last_valid().and_then(|last| of(track, last)).unwrap_or_else(|| "–".into());
         std::iter::once(name).chain(tracks.iter().map(cell)).collect()
@@ -289,12 +284,9 @@ fn table(tracks: &[Track]) -> Table {
         (_, false) => "not at the end",
     };
     rows.push(std::iter::once("valid").chain(tracks.iter().map(valid)).map(String::from).collect());
-    Table {
-        title: "Force constants, 10⁻⁶ N·m²/A², with their standard deviations".into(),
-        note: "The last valid estimates.".into(),
-        head,
-        rows,
-    }
+    let head = [""].into_iter().chain(tracks.iter().map(Track::name));
+    let title = "Force constants, 10⁻⁶ N·m²/A², with their standard deviations";
+    Table::new(title, "The last valid estimates.", head, rows)
 }
 
 /// The estimates over time, with columns named `method.variable`.

@@ -405,8 +405,6 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
             1e3 * last
         );
     }
-    let head = std::iter::once(String::new())
-        .chain(study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3)))
-        .collect();
-    Table { title: study.title.clone(), note, head, rows }
+    let instants = study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3));
+    Table::new(&study.title, note, [String::new()].into_iter().chain(instants), rows)
 }

@@ -127,14 +127,10 @@ impl Answer {
                 }
             }
         }
-        Table {
-            title: "Maximum likelihood over the whole recording".into(),
-            note: "± is one standard deviation: of noise alone; in all, with the stated tolerances; and with those of a typical \
-                   bench where none is stated (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %)."
-                .into(),
-            head: ["", "value", "± of noise", "± in all", "± typical bench", ""].map(String::from).into(),
-            rows,
-        }
+        let note = "± is one standard deviation: of noise alone; in all, with the stated tolerances; and with those of a typical \
+                    bench where none is stated (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %).";
+        let head = ["", "value", "± of noise", "± in all", "± typical bench", ""];
+        Table::new("Maximum likelihood over the whole recording", note, head, rows)
     }
 
     /// The answer as one JSON document, SI units; without estimates where they are not valid.
@@ -217,12 +213,7 @@ fn bench(found: &Identification) -> Table {
             parameter.description.clone(),
         ]
     });
-    Table {
-        title: "The bench, estimated with the rest".into(),
-        note: String::new(),
-        head: ["", "value", "± in all", "", ""].map(String::from).into(),
-        rows: rows.collect(),
-    }
+    Table::new("The bench, estimated with the rest", "", ["", "value", "± in all", "", ""], rows)
 }
 
 /// Contributions to the magnets of a bearing.
@@ -242,11 +233,9 @@ fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> T
     let numbers = || 1..=magnets.len();
     let lambda = numbers().map(|k| format!("{}λ{k}", bearing.prefix));
     let sensitivities = numbers().map(|k| if k == 1 { "sens. 1".to_owned() } else { k.to_string() });
-    let columns = lambda.chain(sensitivities).chain([String::new()]);
-    Table {
-        title: "Budget: what each parameter of the bench contributes to ± of λ, in %".into(),
-        note: if magnets.start > 0 { "" } else { SENSITIVITIES }.into(),
-        head: ["", "tolerance", ""].map(String::from).into_iter().chain(columns).collect(),
-        rows: found.budget_of(bearing, &magnets).map(row).collect(),
-    }
+    let head =
+        ["", "tolerance", ""].map(String::from).into_iter().chain(lambda).chain(sensitivities).chain([String::new()]);
+    let title = "Budget: what each parameter of the bench contributes to ± of λ, in %";
+    let note = if magnets.start > 0 { "" } else { SENSITIVITIES };
+    Table::new(title, note, head, found.budget_of(bearing, &magnets).map(row))
 }

@@ -322,15 +322,10 @@ impl Answer {
         rows.push(noise("noise of the position", POSITION_NOISE, 1e-6, "µm"));
         rows.push(noise("noise of the currents", CURRENT_NOISE, 1e-3, "mA"));
         rows.push(noise("slow force", SLOW, 1e-3, "mN/√s"));
-        Table {
-            title: format!("Axis at x = {} mm", significant(1e3 * self.at_m, 4)),
-            note: format!(
-                "± is one standard deviation: of noise and slow force; and with {} % that any bench hides.",
-                100.0 * FLOOR
-            ),
-            head: ["", "value", "± of noise", "± in all", ""].map(String::from).into(),
-            rows,
-        }
+        let (title, floor) = (format!("Axis at x = {} mm", significant(1e3 * self.at_m, 4)), 100.0 * FLOOR);
+        let note =
+            format!("± is one standard deviation: of noise and slow force; and with {floor} % that any bench hides.");
+        Table::new(title, note, ["", "value", "± of noise", "± in all", ""], rows)
     }
 
     /// The answer as JSON, in SI units.

@@ -205,10 +205,5 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         share(true),
         share(false),
     );
-    Table {
-        title: "Hostile courses".into(),
-        note,
-        head: head.map(String::from).into(),
-        rows: cases.iter().zip(found).map(row).collect(),
-    }
+    Table::new("Hostile courses", note, head, cases.iter().zip(found).map(row))
 }
