@@ -8,21 +8,27 @@ use std::ops::Range;
 /// Name and description.
 type Called = (&'static str, &'static str);
 
-/// A coordinate, and what belongs to it.
+/// A coordinate, by the names of what belongs to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinate {
     /// The coordinate itself.
-    pub position: Called,
+    pub position: &'static str,
     /// Its rate.
-    pub rate: Called,
+    pub rate: &'static str,
     /// Its acceleration.
-    pub acceleration: Called,
+    pub acceleration: &'static str,
     /// The load on it, an input.
-    pub load: Called,
+    pub load: &'static str,
     /// All forces on it except those of magnets and backup bearings.
-    pub perturbation: Called,
+    pub perturbation: &'static str,
     /// Whether it is an angle, and the force on it a moment.
     pub is_angle: bool,
+}
+
+impl Coordinate {
+    const fn new([position, rate, acceleration, load, perturbation]: [&'static str; 5], is_angle: bool) -> Self {
+        Self { position, rate, acceleration, load, perturbation, is_angle }
+    }
 }
 
 /// A reading of position.
@@ -32,8 +38,6 @@ pub struct Reading {
     pub name: &'static str,
     /// Begin and end of the names of what belongs to it.
     pub around: (&'static str, &'static str),
-    /// Where it is taken.
-    pub place: &'static str,
     /// The axis that it is for, and the bearing if there are several.
     pub axis: &'static str,
 }
@@ -82,22 +86,9 @@ impl Bearing {
         matches!(self.kind, Kind::Radial)
     }
 
-    /// The first for a radial bearing, the second for an axial one, and nothing where there is no other.
-    pub(crate) fn told(&self, radial: &'static str, axial: &'static str) -> &'static str {
-        match self.kind {
-            _ if self.is_alone() => "",
-            Kind::Radial => radial,
-            Kind::Axial => axial,
-        }
-    }
-
-    /// The name of its backup bearing.
-    pub(crate) fn backup(&self) -> String {
-        match self.kind {
-            Kind::Axial => "axial stop".into(),
-            Kind::Radial if self.is_alone() => "backup bearing".into(),
-            Kind::Radial => format!("backup bearing at {}", self.name()),
-        }
+    /// ` of bearing A`; nothing where there is but one.
+    fn located(&self, preposition: &str) -> String {
+        if self.is_alone() { String::new() } else { format!(" {preposition} bearing {}", self.name()) }
     }
 
     /// 1 for what every radial bearing has, 0 for others.
@@ -154,8 +145,6 @@ pub struct Machine {
     pub coordinates: &'static [Coordinate],
     /// The readings of position.
     pub readings: &'static [Reading],
-    /// The axes along which the forces of all magnets and of the backup bearing are shown.
-    pub resultant: &'static [&'static str],
 }
 
 impl Machine {
@@ -195,9 +184,8 @@ impl Machine {
             .split_at(N - 2)
             .0,
             planes: 2,
-            coordinates: OF_SHAFT.split_at(5 - N).1,
+            coordinates: COORDINATES.split_at(5 - N).1,
             readings: READINGS_OF_SHAFT.split_at(N).0,
-            resultant: &[],
         }
     }
 
@@ -284,7 +272,7 @@ impl Machine {
     /// The coordinates that a bearing moves.
     pub fn moves(&self, bearing: usize) -> Vec<usize> {
         let axial = self.bearings[bearing].kind == Kind::Axial;
-        (0..self.coordinates.len()).filter(|n| (self.coordinates[*n].position.0 == X) == axial).collect()
+        (0..self.coordinates.len()).filter(|n| (self.coordinates[*n].position == X) == axial).collect()
     }
 
     /// Names of a variable of each magnet: `i` gives `i[1]`, or `A.i[1]`.
@@ -353,11 +341,11 @@ impl Machine {
     }
 
     /// Names of the positions and the currents of a part.
-    pub fn part(&self, index: usize) -> (String, &'static str) {
+    pub fn part(&self, index: usize) -> (&'static str, &'static str) {
         match (self.parts(), index) {
-            (1, _) => (self.read(), "im"),
-            (_, 0) => ("the radial positions".into(), "im of A and B"),
-            _ => ("Xm".into(), "im of X"),
+            (1, _) => ("the measured positions", "im"),
+            (_, 0) => ("the radial positions", "im of A and B"),
+            _ => ("Xm", "im of X"),
         }
     }
 
@@ -389,40 +377,25 @@ impl Machine {
     }
 
     /// Names of what belongs to each coordinate.
-    pub fn of_coordinates(&self, part: fn(&Coordinate) -> Called) -> Vec<String> {
-        self.coordinates.iter().map(|coordinate| part(coordinate).0.to_owned()).collect()
+    pub fn of_coordinates(&self, part: fn(&Coordinate) -> &'static str) -> Vec<String> {
+        self.coordinates.iter().map(|coordinate| part(coordinate).to_owned()).collect()
     }
 
     /// Names of what belongs to each coordinate that is a length: `gravity.` gives `gravity.Y`.
     pub(crate) fn of_lengths(&self, name: &str) -> Vec<String> {
         let lengths = self.coordinates.iter().filter(|coordinate| !coordinate.is_angle);
-        lengths.map(|coordinate| format!("{name}{}", coordinate.position.0)).collect()
+        lengths.map(|coordinate| format!("{name}{}", coordinate.position)).collect()
     }
 
     /// Names of what belongs to each coordinate at the start: `Y0`.
-    pub fn at_start(&self, part: fn(&Coordinate) -> Called) -> Vec<String> {
+    pub fn at_start(&self, part: fn(&Coordinate) -> &'static str) -> Vec<String> {
         self.of_coordinates(part).into_iter().map(|name| name + "0").collect()
-    }
-
-    /// Description of a quantity at the start.
-    pub(crate) fn initially(&self, what: &str) -> String {
-        if self.tilts() {
-            format!("{what} at the start")
-        } else {
-            format!("Initial {}", what.replacen('P', "p", 1).replacen('V', "v", 1))
-        }
-    }
-
-    /// [`direction`](Self::direction), with the shaft where there is one.
-    pub(crate) fn direction_of_gravity(&self, n: usize) -> String {
-        let direction = self.direction(n);
-        if self.tilts() { direction.replace('x', "x, the shaft") } else { direction }
     }
 
     /// Names of what belongs to the load on each coordinate: `p` and `Hat` give `pYHat`, and `MYHat` for a moment.
     pub fn of_loads(&self, force: &str, end: &str) -> Vec<String> {
         let of = |coordinate: &Coordinate| {
-            let (kind, axis) = coordinate.load.0.split_at(1);
+            let (kind, axis) = coordinate.load.split_at(1);
             format!("{}{axis}{end}", if coordinate.is_angle { kind } else { force })
         };
         self.coordinates.iter().map(of).collect()
@@ -430,13 +403,13 @@ impl Machine {
 
     /// `along y`, or `about y` for an angle.
     pub fn direction(&self, n: usize) -> String {
-        let axis = self.coordinates[n].load.0[1..].to_lowercase();
+        let axis = self.coordinates[n].load[1..].to_lowercase();
         format!("{} {axis}", self.either(n, "along", "about"))
     }
 
-    /// Names of a force along each axis of the resultant.
+    /// Names of a force along each axis of a rotor in one bearing; of several bearings each has its own.
     pub fn of_resultant(&self, name: &str) -> Vec<String> {
-        self.resultant.iter().map(|axis| format!("{name}{axis}")).collect()
+        if self.tilts() { Vec::new() } else { self.of_lengths(name) }
     }
 
     /// The first for a coordinate that is a length or what belongs to one, the second for an angle.
@@ -444,142 +417,60 @@ impl Machine {
         if self.coordinates[n].is_angle { angle } else { length }
     }
 
-    /// The names of the positions that are read.
-    fn read(&self) -> String {
-        if self.tilts() { "the positions".into() } else { self.measured().join(" and ") }
-    }
-
-    /// A description with words for what stands in braces, of the element with that index.
-    pub fn describe(&self, description: &str, index: usize) -> String {
+    /// A description with words for what stands in braces, of the element with that index of the variable of that name.
+    pub fn describe(&self, description: &str, name: &str, index: usize) -> String {
         let mut text = description.to_owned();
         if !text.contains('{') {
             return text;
         }
         let mut replace = |word: &str, by: &str| text = text.replace(word, by);
-        for (word, by) in WORDS {
-            replace(word, by[usize::from(self.tilts())]);
-        }
-        replace("{read} and im", &(self.measured().join(", ") + " and im"));
-        replace("{read}", &self.read());
-        replace("{first axis}", self.bearings[0].first_axis());
         let several = self.parts() > 1;
         replace("{, the greater}", if several { ", the greater of the radial and of the axial one" } else { "" });
-        replace("{at this bearing}", if several { " at this bearing" } else { "" });
         let paper = "; with the paper's methods: fraction of the motion left unexplained";
         replace("{unexplained}", if self.of_paper() == 1 { paper } else { "" });
-        replace("{in planes}", if self.planes > 1 { " in two planes" } else { "" });
         replace("{in plane}", &if self.planes > 1 { format!(" in plane {}", index + 1) } else { String::new() });
-        let (valid, why) = match several {
-            true => (
-                "Whether all estimates are valid; of those that are not, the last valid one is shown",
-                "Why the estimates are valid or not: of A and B, or, if they are valid, of X",
-            ),
-            false => (
-                "Whether the estimate is valid; if not, lambdaHat is the last valid one",
-                "Why the estimate is valid or not",
-            ),
-        };
-        replace("{Whether the estimate is valid}", valid);
-        replace("{Why the estimate is valid or not}", why);
         if let Some((bearing, number)) = self.magnet(index) {
-            let Bearing { prefix, .. } = self.bearings[bearing];
-            let magnet = format!("magnet {number}{}", of_bearing(prefix));
-            let part = |part: &str| {
-                if prefix.is_empty() { format!("{part} {number}") } else { format!("the {part} of {magnet}") }
-            };
-            replace("{coil}", &part("coil"));
-            replace("{amplifier}", &part("amplifier"));
-            replace("{driven}", &if prefix.is_empty() { format!("amplifier {number}") } else { magnet.clone() });
-            replace("{flux}", &format!("{prefix}psi[{number}]"));
-            replace("{magnet}", &magnet);
+            replace("{magnet}", &format!("magnet {number}{}", self.bearings[bearing].located("of")));
         }
-        if let Some(Bearing { prefix, .. }) = self.bearings.get(index) {
-            replace("{of bearing}", &of_bearing(prefix));
+        let named = |bearing: &&Bearing| name.starts_with(bearing.prefix);
+        let bearing = self.bearings.iter().find(named).unwrap_or(&self.bearings[0]);
+        if let Some((_, group)) = self.groups().get(index).filter(|(b, _)| self.bearings[*b].groups() > 1) {
+            replace("{in group}", &format!(" in magnets {} and {}{{in bearing}}", group + 1, group + 3));
         }
-        if let Some((bearing, group)) = self.groups().get(index) {
-            let Bearing { prefix, .. } = self.bearings[*bearing];
-            let pair = format!(" in magnets {} and {}", group + 1, group + 3);
-            let pair = if self.bearings[*bearing].groups() > 1 { pair } else { String::new() };
-            replace("{in group}", &(pair + &of_bearing(prefix).replace(" of ", " in ")));
+        replace("{in group}", "{in bearing}");
+        for preposition in ["of", "in", "at"] {
+            replace(&format!("{{{preposition} bearing}}"), &bearing.located(preposition));
         }
-        if let Some(axis) = self.resultant.get(index) {
-            replace("{axis}", &axis.to_lowercase());
+        replace("{first axis}", bearing.first_axis());
+        if let Some(coordinate) = self.coordinates.get(index) {
+            replace("{position}", self.either(index, "Position of the centre of gravity", "Tilt of the rotor"));
+            replace("{coordinate}", coordinate.position);
+            replace("{force}", self.either(index, "force", "moment"));
+            replace("{direction}", &self.direction(index));
         }
         if let Some(reading) = self.readings.get(index) {
-            replace("{place}", reading.place);
-            let own = if self.is_planar() { format!(" {}", reading.place) } else { String::new() };
-            let alone = format!("the position sensor{own}");
-            replace("{sensor}", if self.tilts() { reading.name } else { &alone });
+            replace("{reading}", reading.name);
+            replace("{axis}", reading.axis);
         }
         text
     }
 }
 
-/// ` of bearing A` for the prefix `A.`, nothing where there is but one.
-fn of_bearing(prefix: &str) -> String {
-    prefix.strip_suffix('.').map(|name| format!(" of bearing {name}")).unwrap_or_default()
-}
-
 /// The name of the coordinate along the shaft.
 const X: &str = "X";
-
-/// A coordinate of a rotor in one bearing: its name and the axis.
-macro_rules! in_one_bearing {
-    ($name:literal $axis:literal) => {
-        Coordinate {
-            position: ($name, concat!("Position of the rotor along ", $axis)),
-            rate: (concat!("v", $name), concat!("Velocity of the rotor along ", $axis)),
-            acceleration: (concat!("a", $name), concat!("Acceleration of the rotor along ", $axis)),
-            load: (concat!("p", $name), concat!("Perturbation force on the rotor along ", $axis)),
-            perturbation: (
-                concat!("perturbation.", $name),
-                concat!("All forces on the rotor except those of magnets and backup bearing, along ", $axis),
-            ),
-            is_angle: false,
-        }
-    };
-}
-
-/// A coordinate of a shaft: its name and description, those of its rate and acceleration, the load on it, and whether it is a tilt.
-macro_rules! of_shaft {
-    ($name:literal $about:literal, $rate:literal $acceleration:literal, $load:literal $acts:literal, $force:literal $all:literal, $is_angle:literal) => {
-        Coordinate {
-            position: ($name, $about),
-            rate: ($rate, concat!("Derivative of ", $name)),
-            acceleration: ($acceleration, concat!("Derivative of ", $rate)),
-            load: ($load, $acts),
-            perturbation: (
-                concat!("perturbation.", $force),
-                concat!($all, " except those of magnets and backup bearings"),
-            ),
-            is_angle: $is_angle,
-        }
-    };
-}
 
 /// Plant, controller and estimator of a machine, each with its description.
 macro_rules! models {
     ($($name:literal: $description:literal,)*) => { [$(($name, $description)),*] };
 }
 
-/// The coordinates of a rotor that is held in a plane.
-const IN_PLANE: [Coordinate; 2] = [in_one_bearing!("Y" "y"), in_one_bearing!("Z" "z")];
-
-/// The coordinate of a rotor that moves along its axis alone.
-const ALONG_AXIS: [Coordinate; 1] = [in_one_bearing!("X" "x")];
-
-/// The coordinates of a shaft that tilts; the first one is left out if something else holds it along its axis.
-const OF_SHAFT: [Coordinate; 5] = [
-    of_shaft!("X" "Position of the centre of gravity along the shaft", "vX" "aX", "pX" "Load on the rotor along the shaft",
-        "X" "All forces on the rotor along the shaft", false),
-    of_shaft!("Y" "Position of the centre of gravity along y", "vY" "aY", "pY" "Load on the rotor along y at the centre of gravity",
-        "Y" "All forces on the rotor along y", false),
-    of_shaft!("Z" "Position of the centre of gravity along z", "vZ" "aZ", "pZ" "Load on the rotor along z at the centre of gravity",
-        "Z" "All forces on the rotor along z", false),
-    of_shaft!("beta" "Tilt of the rotor about y", "betaRate" "betaAcceleration", "MY" "Load moment on the rotor about y",
-        "MY" "All moments on the rotor about y", true),
-    of_shaft!("gamma" "Tilt of the rotor about z", "gammaRate" "gammaAcceleration", "MZ" "Load moment on the rotor about z",
-        "MZ" "All moments on the rotor about z", true),
+/// The coordinates of a shaft that tilts. The first one is left out if something else holds it along its axis; a rotor in one bearing has some of them.
+const COORDINATES: [Coordinate; 5] = [
+    Coordinate::new([X, "vX", "aX", "pX", "perturbation.X"], false),
+    Coordinate::new(["Y", "vY", "aY", "pY", "perturbation.Y"], false),
+    Coordinate::new(["Z", "vZ", "aZ", "pZ", "perturbation.Z"], false),
+    Coordinate::new(["beta", "betaRate", "betaAcceleration", "MY", "perturbation.MY"], true),
+    Coordinate::new(["gamma", "gammaRate", "gammaAcceleration", "MZ", "perturbation.MZ"], true),
 ];
 
 /// The planar rotor of the paper.
@@ -592,12 +483,11 @@ pub const PLANAR: Machine = Machine {
     },
     bearings: &[Bearing::radial("", 3)],
     planes: 1,
-    coordinates: &IN_PLANE,
+    coordinates: &[COORDINATES[1], COORDINATES[2]],
     readings: &[
-        Reading { name: "Ym", around: ("", "Y"), place: "along y", axis: "y" },
-        Reading { name: "Zm", around: ("", "Z"), place: "along z", axis: "z" },
+        Reading { name: "Ym", around: ("", "Y"), axis: "y" },
+        Reading { name: "Zm", around: ("", "Z"), axis: "z" },
     ],
-    resultant: &["Y", "Z"],
 };
 
 /// A radial bearing with two opposed pairs of magnets.
@@ -622,36 +512,17 @@ pub const AXIAL: Machine = Machine {
     },
     bearings: &[Bearing::axial("")],
     planes: 0,
-    coordinates: &ALONG_AXIS,
-    readings: &[Reading { name: "Xm", around: ("", "X"), place: "along x", axis: "x" }],
-    resultant: &[X],
+    coordinates: &[COORDINATES[0]],
+    readings: &[Reading { name: "Xm", around: ("", "X"), axis: "x" }],
 };
 
 /// Readings of a shaft: the axial one is the last.
 const READINGS_OF_SHAFT: &[Reading] = &[
-    Reading { name: "A.Ym", around: ("A.", "Y"), place: "along y at the sensors of bearing A", axis: "y at bearing A" },
-    Reading { name: "A.Zm", around: ("A.", "Z"), place: "along z at the sensors of bearing A", axis: "z at bearing A" },
-    Reading { name: "B.Ym", around: ("B.", "Y"), place: "along y at the sensors of bearing B", axis: "y at bearing B" },
-    Reading { name: "B.Zm", around: ("B.", "Z"), place: "along z at the sensors of bearing B", axis: "z at bearing B" },
-    Reading { name: "Xm", around: ("X.", ""), place: "along the shaft", axis: "x" },
-];
-
-/// Words in braces for what they stand for, on a single bearing and on a shaft.
-const WORDS: &[(&str, [&str; 2])] = &[
-    ("{smallest force}", ["smallest force", "smallest forces"]),
-    ("{turning}", ["", ", from y towards z"]),
-    (
-        "{speed of the reference}",
-        [
-            "Angular velocity on the reference trajectory",
-            "Speed of the rotor: of the reference trajectory and of the gyroscopic moments",
-        ],
-    ),
-    ("{predicted gap}", ["the predicted gap", "a predicted gap"]),
-    ("{of all} ", ["", "of all magnets "]),
-    ("{its flux}", ["psi", "it"]),
-    ("{positions and im}", ["{read} and im", "the measured positions and im"]),
-    ("{positions}", ["{read}", "the measured positions"]),
+    Reading { name: "A.Ym", around: ("A.", "Y"), axis: "y at bearing A" },
+    Reading { name: "A.Zm", around: ("A.", "Z"), axis: "z at bearing A" },
+    Reading { name: "B.Ym", around: ("B.", "Y"), axis: "y at bearing B" },
+    Reading { name: "B.Zm", around: ("B.", "Z"), axis: "z at bearing B" },
+    Reading { name: "Xm", around: ("X.", ""), axis: "x" },
 ];
 
 /// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.

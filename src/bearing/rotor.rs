@@ -38,19 +38,13 @@ pub struct BearingConfig<T = f64> {
     /// Position of the sensors of bearing {prefix} along the shaft, from the centre of gravity
     #[parameter(name = "sensorPosition", count = context.if_placed(), unit = METRE, nominal = 0.1)]
     pub sensor_position_m: T,
-    /// Nominal air gap, in m.
-    #[parameter(
-        name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm",
-        description = format!("Nominal air gap{}", context.told(" of bearing {prefix}", " of the axial magnets"))
-    )]
+    /// Nominal air gap{of bearing}
+    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: T,
-    /// Angles of the magnets of a radial bearing, in rad; as many count as it has.
-    #[parameter(
-        name = "alpha", count = context.magnets * context.if_radial(), unit = RADIAN,
-        description = format!(
-            "Angle of magnet {{k}}{}; its direction is (sin alpha, cos alpha) in the y-z plane", context.told(" of bearing {prefix}", "")
-        )
-    )]
+    /// Angle of magnet {k}{of bearing}; its direction is (sin alpha, cos alpha) in the y-z plane
+    ///
+    /// Of a radial bearing; as many count as it has magnets.
+    #[parameter(name = "alpha", count = context.magnets * context.if_radial(), unit = RADIAN)]
     pub alpha_rad: [T; MOST_MAGNETS],
 }
 

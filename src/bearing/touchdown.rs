@@ -29,39 +29,26 @@ pub const SLIDING_M_S: f64 = 0.01;
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Bearing, default)]
 pub struct TouchdownConfig<T = f64> {
-    /// Distance from the centre at which the rotor touches, in m. If it exceeds the nominal gap, the rotor may reach a magnet
-    /// first, which ends the run.
+    /// Distance from the centre at which the rotor touches the backup bearing{at bearing}
+    ///
+    /// If it exceeds the nominal gap, the rotor may reach a magnet first, which ends the run.
     #[parameter(
-        name = "touchdown.clearance", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4,
-        description = format!(
-            "Distance from the {} at which the rotor touches the {}",
-            if context.is_radial() { "centre" } else { "middle" }, context.backup()
-        )
+        name = "touchdown.clearance", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4
     )]
     pub clearance_m: T,
-    /// Stiffness k, in N/m.
-    #[parameter(
-        name = "touchdown.stiffness", unit = NEWTON_PER_METRE, min = 0.0, nominal = 1e7, value = 5e7,
-        description = format!("Stiffness of the {}", context.backup())
-    )]
+    /// Stiffness of the backup bearing{at bearing}
+    #[parameter(name = "touchdown.stiffness", unit = NEWTON_PER_METRE, min = 0.0, nominal = 1e7, value = 5e7)]
     pub stiffness_n_m: T,
-    /// Damping d, in N·s/m.
-    #[parameter(
-        name = "touchdown.damping", unit = NEWTON_SECOND_PER_METRE, min = 0.0, nominal = 1e3, value = 5e3,
-        description = format!("Damping of the {}", context.backup())
-    )]
+    /// Damping of the backup bearing{at bearing}
+    #[parameter(name = "touchdown.damping", unit = NEWTON_SECOND_PER_METRE, min = 0.0, nominal = 1e3, value = 5e3)]
     pub damping_ns_m: T,
-    /// Coefficient of friction μ.
-    #[parameter(
-        name = "touchdown.friction", count = context.if_radial(), unit = ONE, min = 0.0, nominal = 0.1,
-        description = format!("Coefficient of friction of the {}", context.backup())
-    )]
+    /// Coefficient of friction of the backup bearing{at bearing}
+    #[parameter(name = "touchdown.friction", count = context.if_radial(), unit = ONE, min = 0.0, nominal = 0.1)]
     pub friction: T,
-    /// Radius of the rotor where it touches, in m.
+    /// Radius of the rotor at the backup bearing{at bearing}, used by friction
     #[parameter(
         name = "touchdown.radius", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-2,
-        display_unit = "mm", value = 0.025,
-        description = format!("Radius of the rotor at the {}, used by friction", context.backup())
+        display_unit = "mm", value = 0.025
     )]
     pub radius_m: T,
 }

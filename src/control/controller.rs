@@ -68,17 +68,11 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Default for
 #[variables(context = Machine, default)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
-    /// Angular velocity on the reference, in rad/s; of a shaft that tilts also that of the gyroscopic moments.
-    #[parameter(
-        name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0,
-        description = "{speed of the reference}"
-    )]
+    /// Angular velocity on the reference trajectory; of a shaft that tilts also that of the gyroscopic moments
+    #[parameter(name = "reference.omega", tunable, unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: f64,
-    /// Readings of position, in m.
-    #[input(
-        names = context.measured(), unit = METRE, nominal = 1e-5,
-        description = format!("Measured position of the rotor along {}", context.readings[index].axis)
-    )]
+    /// Measured position of the rotor along {axis}
+    #[input(names = context.measured(), unit = METRE, nominal = 1e-5)]
     pub position_m: [f64; N],
     /// Measured current of {magnet}, with drive = voltage
     #[input(names = context.of_magnets("im"), unit = AMPERE)]
@@ -86,13 +80,13 @@ pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     /// Estimated force constant of {magnet}
     #[input(names = context.of_magnets("lambdaHat"), unit = LAMBDA, nominal = 1e-6)]
     pub lambda_hat_nm2_a2: [f64; K],
-    /// Whether lambdaHat {of all} may be used
+    /// Whether lambdaHat of all magnets may be used
     #[input(name = "lambdaValid")]
     pub lambda_valid: bool,
     /// Reference along {axis} with reference.shape = external
     #[input(
         names = context.of_resultant("").into_iter().map(|axis| axis + "ref").collect::<Vec<_>>(),
-        count = context.resultant.len(), unit = METRE, nominal = 1e-5
+        count = context.of_resultant("").len(), unit = METRE, nominal = 1e-5
     )]
     pub reference_m: [f64; N],
 }
@@ -105,44 +99,36 @@ pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
     /// Current reference of {magnet}; with drive = voltage for the end of the sample
     #[output(names = context.of_magnets("i"), discrete, unit = AMPERE)]
     pub current_a: [f64; K],
-    /// Voltage command of {driven}, with drive = voltage
+    /// Voltage command of the amplifier of {magnet}, with drive = voltage
     #[output(names = context.of_magnets("u"), discrete, unit = VOLT, nominal = 10.0)]
     pub voltage_v: [f64; K],
-    /// Measured position minus reference at this sample, at the magnets, in m.
-    #[output(
-        names = context.of_readings("e"), discrete, unit = METRE, nominal = 1e-6,
-        description = format!("Tracking error at the last sample, measured minus reference, along {}", context.readings[index].axis)
-    )]
+    /// Tracking error at the last sample, measured minus reference, along {axis}
+    #[output(names = context.of_readings("e"), discrete, unit = METRE, nominal = 1e-6)]
     pub tracking_error_m: [f64; N],
-    /// Estimated perturbation, in N; moments in N·m.
+    /// Observed perturbation {force} {direction}
     #[output(
         names = context.of_loads("p", "Hat"), discrete, unit = context.either(index, NEWTON, NEWTON_METRE),
-        nominal = context.either(index, 10.0, 1.0),
-        description = format!(
-            "Observed perturbation {} {}", context.either(index, "force", "moment"), context.direction(index)
-        )
+        nominal = context.either(index, 10.0, 1.0)
     )]
     pub perturbation_n: [f64; N],
     /// Force constant of {magnet} that the controller uses
     #[output(names = context.of_magnets("lambdaUsed"), discrete, unit = LAMBDA, nominal = 1e-6)]
     pub lambda_used_nm2_a2: [f64; K],
-    /// Commanded generalised force, in N; moments in N·m.
+    /// Commanded {force} {direction}
     #[output(
         names = context.of_loads("F", "des"), discrete, unit = context.either(index, NEWTON, NEWTON_METRE),
-        nominal = context.either(index, 10.0, 1.0),
-        description = format!("{} command {}", context.either(index, "Force", "Moment"), context.direction(index))
+        nominal = context.either(index, 10.0, 1.0)
     )]
     pub force_n: [f64; N],
     /// Reference at this sample, as the tracking error, in m.
     #[hidden]
     pub reference_m: [f64; N],
-    /// Reference at the next sample, as the tracking error, in m; predicted if it is external.
-    #[output(
-        names = context.of_references(), discrete, unit = METRE, nominal = 1e-5,
-        description = format!("Reference at the next sample along {}", context.readings[index].axis)
-    )]
+    /// Reference at the next sample along {axis}
+    ///
+    /// As the tracking error; predicted if it is external.
+    #[output(names = context.of_references(), discrete, unit = METRE, nominal = 1e-5)]
     pub reference_ahead_m: [f64; N],
-    /// Whether {predicted gap} was below its limit, so that the currents are those for the limit
+    /// Whether a predicted gap was below its limit, so that the currents are those for the limit
     ///
     /// The limit is [`SMALLEST_GAP`]. The magnets do not give the commanded forces then.
     #[output(discrete)]

@@ -50,13 +50,13 @@ pub const HARMONICS: usize = 8;
 #[serde(default)]
 pub struct Contour {
     /// Mean of the reference trajectory along {axis} with shape = fourier
-    #[parameter(names = context.of_resultant("centre"), count = context.resultant.len(), unit = METRE, nominal = 1e-5)]
+    #[parameter(names = context.of_resultant("centre"), count = context.of_resultant("").len(), unit = METRE, nominal = 1e-5)]
     pub centre_m: [f64; 2],
     /// Cosine of harmonic {k} of the reference trajectory along {first axis} with shape = fourier
-    #[parameter(name = format!("cos{}", context.resultant[0]), unit = METRE, nominal = 1e-5)]
+    #[parameter(name = format!("cos{}", context.coordinates[0].position), unit = METRE, nominal = 1e-5)]
     pub cos_y_m: [f64; HARMONICS],
     /// Sine of harmonic {k} of the reference trajectory along {first axis} with shape = fourier
-    #[parameter(name = format!("sin{}", context.resultant[0]), unit = METRE, nominal = 1e-5)]
+    #[parameter(name = format!("sin{}", context.coordinates[0].position), unit = METRE, nominal = 1e-5)]
     pub sin_y_m: [f64; HARMONICS],
     /// Cosine of harmonic {k} of the reference trajectory along z with shape = fourier
     #[parameter(name = "cosZ", count = if context.is_planar() { HARMONICS } else { 0 }, unit = METRE, nominal = 1e-5)]
@@ -110,20 +110,14 @@ pub enum Shape {
 #[variables(context = Bearing)]
 #[serde(default)]
 pub struct PathConfig {
-    /// Semi-axis along y, or along x in an axial bearing that is alone, in m.
+    /// Semi-axis of the reference trajectory along {first axis}{in bearing}
     #[parameter(
         name = format!("reference.r{}", context.first_axis().to_uppercase()), count = context.if_radial().max(usize::from(context.is_alone())),
-        unit = METRE, min = 0.0, nominal = 1e-5,
-        description = format!(
-            "Semi-axis of the reference trajectory along {}{}", context.first_axis(), context.told(" at the magnets of bearing {prefix}", "")
-        )
+        unit = METRE, min = 0.0, nominal = 1e-5
     )]
     pub r_y_m: f64,
-    /// Semi-axis along z, in m.
-    #[parameter(
-        name = "reference.rZ", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-5,
-        description = format!("Semi-axis of the reference trajectory along z{}", context.told(" at the magnets of bearing {prefix}", ""))
-    )]
+    /// Semi-axis of the reference trajectory along z{in bearing}
+    #[parameter(name = "reference.rZ", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
     /// Phase of the reference trajectory in bearing {prefix}
     #[parameter(name = "reference.phase", count = context.if_placed(), unit = RADIAN)]

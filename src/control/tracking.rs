@@ -127,7 +127,7 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
         names = context.of_biases(), count = context.of_biases().len(), unit = AMPERE, min = 0.0, value = [2.0; G]
     )]
     pub bias_a: [f64; G],
-    /// Amplitude of the modulation of the {smallest force}, as a fraction of F0
+    /// Amplitude of the modulation of the smallest forces, as a fraction of F0
     #[parameter(name = "F0.modulation", tunable, unit = ONE, min = 0.0, max = 1.0)]
     pub modulation: f64,
     /// Frequency of the modulation{in group}, at most half the sample rate

@@ -81,10 +81,10 @@ pub struct Tolerance {
     /// Standard deviation of each alpha; 0 means exactly known
     #[parameter(name = "alpha", count = context.radial().min(1), unit = RADIAN, min = 0.0, nominal = 1e-2)]
     pub alpha_rad: f64,
-    /// Relative standard deviation of the gains of {read}; 0 means exact
+    /// Relative standard deviation of the gains of the measured positions; 0 means exact
     #[parameter(name = "positionGain", unit = ONE, min = 0.0, nominal = 1e-2)]
     pub position_gain: f64,
-    /// Standard deviation of the offsets of {read}; 0 means none
+    /// Standard deviation of the offsets of the measured positions; 0 means none
     #[parameter(name = "positionOffset", unit = METRE, min = 0.0, nominal = 1e-5)]
     pub position_offset_m: f64,
     /// Relative standard deviation of the gain of each im; 0 means exact
@@ -153,7 +153,7 @@ where
     /// What a sample of a current stands for
     #[parameter]
     pub hold: Hold,
-    /// Whether to identify an unbalance{in planes} as well
+    /// Whether to identify the unbalance as well
     ///
     /// [`Method::PredictionError`] alone.
     #[parameter(name = "identify.unbalance", count = context.planes.min(1))]
@@ -166,7 +166,7 @@ where
         unit = METRE, nominal = 0.1
     )]
     pub unbalance_position_m: [f64; PLANES],
-    /// Standard deviation of the noise of {read}; 0 to estimate it from the data
+    /// Standard deviation of the noise of the measured positions; 0 to estimate it from the data
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
     /// Standard deviation of the noise of im; 0 to estimate it from the data
@@ -230,7 +230,7 @@ impl<const B: usize, const K: usize> Default for EstimatorConfigOf<RotorConfig<f
 #[variables(context = Names, default)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct EstimatorInputOf<const N: usize, const K: usize> {
-    /// Measured position of the rotor {place}
+    /// Measured position of the rotor along {axis}
     #[input(names = context.measured(), unit = METRE, nominal = 1e-5)]
     pub position_m: [f64; N],
     /// Measured current through {magnet}
@@ -372,12 +372,12 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
         description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).1)
     )]
     pub current_noise_a: [f64; P],
-    /// {Whether the estimate is valid}
+    /// Whether all estimates are valid; lambdaHat is the last valid one of each
     ///
     /// `verdict == Verdict::Valid`. False while disabled: the estimate held then is as old as the last sample.
     #[output(discrete)]
     pub valid: bool,
-    /// {Why the estimate is valid or not}
+    /// Why the estimate is valid or not; of several, the first that is not valid
     #[output(discrete)]
     pub verdict: Verdict,
     /// Why the estimate of the axial magnets is valid or not
@@ -394,11 +394,12 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// Per degree of freedom, mean over about three revolutions. With the paper's methods `√(F(|N − D Λ̂|²)/F(|N|²))`, 1 at first.
     #[output(discrete, unit = ONE, min = 0.0)]
     pub residual: f64,
-    /// Static load, in N; moments in N·m. 0 at first, then that of the last valid estimate.
+    /// Static {force} on the rotor {direction}
+    ///
+    /// The load: 0 at first, then that of the last valid estimate.
     #[output(
         names = context.of_loads("p", "Hat"), discrete, unit = context.either(index, NEWTON, NEWTON_METRE),
-        nominal = context.either(index, 10.0, 1.0),
-        description = format!("Static {} on the rotor {}", context.either(index, "load", "moment"), context.direction(index))
+        nominal = context.either(index, 10.0, 1.0)
     )]
     pub load_n: [f64; N],
     /// Identified unbalance{in plane}, mass times eccentricity; 0 if none is identified
@@ -412,7 +413,7 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// φ in (−π, π]: the force on the rotor is `U ω² (cos(θ + φ), sin(θ + φ))`.
     #[output(names = context.of_planes("phase"), count = context.planes, discrete, unit = RADIAN)]
     pub unbalance_phase_rad: [f64; P],
-    /// Identified force{at this bearing} that turns against the rotor; 0 if there is none
+    /// Identified force{in bearing} that turns against the rotor; 0 if there is none
     #[output(
         names = context.of_radial("backwardForce.magnitude"), count = context.radial(), discrete, unit = NEWTON, min = 0.0
     )]

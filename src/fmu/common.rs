@@ -21,7 +21,7 @@ pub(super) const fn info((name, description): &(&'static str, &'static str)) -> 
 /// the first of them.
 pub(super) fn described(rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     let rows = rows.into_iter().map(|row| {
-        let description = machine.describe(&row.variable.description, row.index());
+        let description = machine.describe(&row.variable.description, &row.variable.name, row.index());
         row.description(description).display_in_first()
     });
     rows.collect()

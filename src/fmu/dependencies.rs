@@ -11,7 +11,7 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
     let of_magnet = |what: &str| machine.of_magnets(what)[index].clone();
     let bearing = machine.magnet(index).map_or(0, |(bearing, _)| bearing);
-    let moving = || machine.moves(bearing).into_iter().map(|n| machine.coordinates[n].position.0);
+    let moving = || machine.moves(bearing).into_iter().map(|n| machine.coordinates[n].position);
     if is_of_magnet("F") {
         return row.depends_on(["i", "psi"].map(of_magnet)).depends_on(moving());
     }
@@ -26,19 +26,19 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     let moved = (0..machine.bearings.len()).map(|b| machine.moves(b)).find(|moved| moved.contains(&index));
     let moved = moved.unwrap_or_default();
     let turning: &[&str] = if moved.len() > 1 { &["omega", "rotor.theta"] } else { &[] };
-    if name == coordinate.perturbation.0 {
-        return row.depends(Constant, [coordinate.load.0]).depends_on(turning.iter().copied());
+    if name == coordinate.perturbation {
+        return row.depends(Constant, [coordinate.load]).depends_on(turning.iter().copied());
     }
-    if name == coordinate.acceleration.0 {
+    if name == coordinate.acceleration {
         let magnets = (0..machine.magnets())
             .filter(|k| machine.magnet(*k).is_some_and(|(bearing, _)| machine.moves(bearing) == moved));
         let drives = magnets.flat_map(|k| ["i", "psi"].map(|what| machine.of_magnets(what).swap_remove(k)));
         let motion = moved.iter().map(|n| &machine.coordinates[*n]);
         return row
             .depends_on(drives)
-            .depends(Fixed, [coordinate.load.0])
+            .depends(Fixed, [coordinate.load])
             .depends_on(turning.iter().copied())
-            .depends_on(motion.flat_map(|coordinate| [coordinate.position.0, coordinate.rate.0]));
+            .depends_on(motion.flat_map(|coordinate| [coordinate.position, coordinate.rate]));
     }
     row
 }
@@ -54,7 +54,7 @@ const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touc
 /// Dependencies of the outputs of a rotor in one bearing, at the start too.
 fn of_one_bearing(row: Row<()>, machine: &Machine) -> Row<()> {
     let (name, k) = (row.variable.name.clone(), row.index());
-    let axis = machine.resultant.get(k).copied().unwrap_or_default();
+    let axis = machine.coordinates.get(k).map_or("", |coordinate| coordinate.position);
     let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
     let at_start = machine.at_start(|coordinate| coordinate.position);
     let rate_at_start = machine.at_start(|coordinate| coordinate.rate);

@@ -35,9 +35,9 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
     open: [bool; K],
     #[nested(prefix = "")]
     input: PlantInput<f64, N, K>,
+    /// {position} {direction}
     #[output(
         names = context.of_coordinates(|coordinate| coordinate.position),
-        description = context.coordinates[index].position.1,
         unit = context.either(index, METRE, RADIAN), nominal = context.either(index, 1e-5, 1e-4), state,
         with = a_state
     )]
@@ -47,14 +47,10 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
         context = context.bearings[index]
     )]
     at_bearings: [AtBearing; B],
-    #[output(
-        names = context.of_bearings(if context.tilts() { "contact" } else { "touchdown.contact" }),
-        description = format!(
-            "Whether the rotor touches the {}", if context.tilts() { context.bearings[index].backup() } else { "backup bearing".into() }
-        )
-    )]
+    /// Whether the rotor touches the backup bearing{at bearing}
+    #[output(names = context.of_bearings(if context.tilts() { "contact" } else { "touchdown.contact" }))]
     contact: [bool; B],
-    /// Position {place} as read by the sensor at the last sample
+    /// Position along {axis} as read by the sensor at the last sample
     #[output(names = context.measured(), discrete, unit = METRE, nominal = 1e-5)]
     measured_position_m: [f64; N],
     /// Current through {magnet} as read by the sensor at the last sample; with drive = current the one held until then
@@ -68,11 +64,11 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
     measured_omega_rad_s: f64,
     #[nested(prefix = "")]
     output: PlantOutput<f64, N, K>,
+    /// Derivative of {coordinate}
     #[local(
         names = context.of_coordinates(|coordinate| coordinate.rate),
-        description = context.coordinates[index].rate.1,
         unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1), state,
-        derivative_of = context.coordinates[index].position.0,
+        derivative_of = context.coordinates[index].position,
         with = a_state
     )]
     velocity_m_s: [f64; N],
@@ -108,7 +104,7 @@ fn arranged(mut rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
         before(&mut rows, "touchdown.contact", "touchdown.FY");
     }
     for coordinate in machine.coordinates {
-        before(&mut rows, coordinate.rate.0, machine.coordinates[0].acceleration.0);
+        before(&mut rows, coordinate.rate, machine.coordinates[0].acceleration);
     }
     let rows = rows.into_iter().map(|row| held(dependent(feedthrough(row, machine), machine)));
     described(rows.collect(), machine)

@@ -50,26 +50,24 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// The coils.
     #[nested(prefix = "", context = Saturates(true))]
     pub coil: CoilConfig<T>,
-    /// Initial coordinates, in m and rad.
+    /// {position} {direction} at the start
     #[parameter(
         names = context.at_start(|coordinate| coordinate.position), unit = context.either(index, METRE, RADIAN),
-        nominal = context.either(index, 1e-5, 1e-4), description = context.initially(context.coordinates[index].position.1)
+        nominal = context.either(index, 1e-5, 1e-4)
     )]
     pub position_m: [T; N],
-    /// Their initial rates, in m/s and rad/s.
+    /// Derivative of {coordinate} at the start
     #[parameter(
         names = context.at_start(|coordinate| coordinate.rate),
-        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1),
-        description = context.initially(context.coordinates[index].rate.1)
+        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1)
     )]
     pub velocity_m_s: [T; N],
     /// Initial rotor angle
     #[parameter(name = "theta0", unit = RADIAN)]
     pub theta_rad: T,
-    /// Acceleration of gravity along those coordinates that are lengths, in m/s².
+    /// Acceleration of gravity {direction}
     #[parameter(
-        names = context.of_lengths("gravity."), count = context.of_lengths("").len(), unit = METRE_PER_SECOND2, nominal = 10.0,
-        description = format!("Acceleration of gravity {}", context.direction_of_gravity(index))
+        names = context.of_lengths("gravity."), count = context.of_lengths("").len(), unit = METRE_PER_SECOND2, nominal = 10.0
     )]
     pub gravity_m_s2: [T; N],
     /// The backup bearings.

@@ -41,17 +41,16 @@ pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Its sign has no effect on the force.
     #[input(names = context.of_magnets("i"), unit = AMPERE)]
     pub current_a: [T; K],
-    /// Voltage command of {amplifier}, with drive = voltage
+    /// Voltage command of the amplifier of {magnet}, with drive = voltage
     #[input(names = context.of_magnets("u"), unit = VOLT, nominal = 10.0)]
     pub voltage_v: [T; K],
-    /// Load on each coordinate, in N; moments in N·m.
+    /// Perturbation {force} on the rotor {direction}, at the centre of gravity
     #[input(
         names = context.of_coordinates(|coordinate| coordinate.load),
-        description = context.coordinates[index].load.1,
         unit = context.either(index, NEWTON, NEWTON_METRE)
     )]
     pub perturbation_n: [T; N],
-    /// Speed of the rotor{turning}
+    /// Speed of the rotor, from y towards z
     #[input(name = "omega", unit = RADIAN_PER_SECOND, start = OMEGA_RAD_S, nominal = 100.0)]
     pub omega_rad_s: T,
 }
@@ -95,15 +94,14 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Force of all magnets on the rotor along {axis}
     ///
     /// Per coordinate, P(3); moments in N·m.
-    #[output(names = context.of_resultant("F"), count = context.resultant.len(), unit = NEWTON, nominal = 10.0)]
+    #[output(names = context.of_resultant("F"), count = context.of_resultant("").len(), unit = NEWTON, nominal = 10.0)]
     pub resultant_n: [T; N],
     /// Air gap at {magnet}
     #[output(names = context.of_magnets("gap"), unit = METRE, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: [T; K],
-    /// All forces except those of magnets and backup bearings, per coordinate, in N; moments in N·m.
+    /// All {force}s on the rotor {direction} except those of magnets and backup bearings
     #[output(
         names = context.of_coordinates(|coordinate| coordinate.perturbation),
-        description = context.coordinates[index].perturbation.1,
         unit = context.either(index, NEWTON, NEWTON_METRE),
         nominal = context.either(index, 10.0, 1.0)
     )]
@@ -112,27 +110,26 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     ///
     /// Per coordinate; moments in N·m.
     #[output(
-        names = context.of_resultant("touchdown.F"), count = context.resultant.len(), unit = NEWTON, nominal = 1000.0
+        names = context.of_resultant("touchdown.F"), count = context.of_resultant("").len(), unit = NEWTON, nominal = 1000.0
     )]
     pub contact_n: [T; N],
-    /// Flux linked with {coil}; a state with drive = voltage
+    /// Flux linked with the coil of {magnet}; a state with drive = voltage
     #[local(names = context.of_magnets("psi"), unit = WEBER, state, nominal = 1e-2)]
     pub linkage_wb: [T; K],
-    /// Current through {coil}
+    /// Current through the coil of {magnet}
     #[local(names = context.of_magnets("coil.i"), unit = AMPERE)]
     pub current_a: [T; K],
-    /// Derivative of {flux}, u - R i with drive = voltage; 0 with drive = current, where {its flux} is no state
+    /// Derivative of the flux of {magnet}, u - R i with drive = voltage; 0 with drive = current, where it is no state
     #[local(
         names = context.of_magnets("coil.uInduced"), unit = VOLT, nominal = 10.0,
         derivative_of = context.of_magnets("psi")[index].clone()
     )]
     pub induced_v: [T; K],
-    /// Acceleration of each coordinate, in m/s²; of angles in rad/s².
+    /// Second derivative of {coordinate}
     #[local(
         names = context.of_coordinates(|coordinate| coordinate.acceleration),
-        description = context.coordinates[index].acceleration.1,
         unit = context.either(index, METRE_PER_SECOND2, RADIAN_PER_SECOND2),
-        derivative_of = context.coordinates[index].rate.0
+        derivative_of = context.coordinates[index].rate
     )]
     pub acceleration_m_s2: [T; N],
     /// Energy of the field of each coil, in J.

@@ -132,21 +132,11 @@ pub struct AtBearing<T = f64> {
     /// Position of the shaft along y at the magnets of bearing {prefix}
     #[output(name = "Y", count = context.if_radial(), unit = METRE, nominal = 1e-5)]
     pub y_m: T,
-    /// Force of the magnets along y, in N.
-    #[output(
-        name = context.told("FY", "FX"), unit = NEWTON, nominal = 10.0,
-        description = context.told(
-            "Force of the magnets of bearing {prefix} along y", "Force of the axial magnets along the shaft"
-        )
-    )]
+    /// Force of the magnets of bearing {prefix} along {first axis}
+    #[output(name = format!("F{}", context.first_axis().to_uppercase()), unit = NEWTON, nominal = 10.0)]
     pub y_n: T,
-    /// Force of the backup bearing on the rotor along y, in N.
-    #[output(
-        name = context.told("touchdown.FY", "touchdown.FX"), unit = NEWTON, nominal = 1000.0,
-        description = context.told(
-            "Force of the backup bearing at {prefix} on the rotor along y", "Force of the axial stop on the rotor along the shaft"
-        )
-    )]
+    /// Force of the backup bearing at {prefix} on the rotor along {first axis}
+    #[output(name = format!("touchdown.F{}", context.first_axis().to_uppercase()), unit = NEWTON, nominal = 1000.0)]
     pub touchdown_y_n: T,
     /// Position of the shaft along z at the magnets of bearing {prefix}
     #[output(name = "Z", count = context.if_radial(), unit = METRE, nominal = 1e-5)]

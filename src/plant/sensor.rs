@@ -23,22 +23,22 @@ pub const LONGEST_DELAY: usize = 16;
 #[variables(context = Machine, default)]
 #[serde(default, bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
-    /// Standard deviation of the noise on {positions}
+    /// Standard deviation of the noise on the measured positions
     #[parameter(name = "sensor.positionNoise", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: f64,
     /// Standard deviation of the noise on im
     #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
-    /// Resolution of {positions}; 0 for no rounding
+    /// Resolution of the measured positions; 0 for no rounding
     #[parameter(name = "sensor.positionResolution", unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_resolution_m: f64,
     /// Resolution of im; 0 for no rounding
     #[parameter(name = "sensor.currentResolution", unit = AMPERE, min = 0.0, nominal = 1e-3)]
     pub current_resolution_a: f64,
-    /// Offset of {sensor}: its reading with the rotor in the centre
+    /// Offset of the sensor of {reading}: its reading with the rotor in the centre
     #[parameter(names = context.of_readings("sensor.offset"), unit = METRE, nominal = 1e-6)]
     pub position_offset_m: [f64; N],
-    /// Relative gain error of {sensor}
+    /// Relative gain error of the sensor of {reading}
     #[parameter(names = context.of_readings("sensor.gainError"), unit = ONE, min = -1.0, nominal = 0.01)]
     pub position_gain_error: [f64; N],
     /// Offset of the current sensor of {magnet}: its reading without current
@@ -47,7 +47,7 @@ pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
     /// Relative gain error of the current sensor of {magnet}
     #[parameter(names = context.of_magnets("sensor.currentGainError"), unit = ONE, min = -1.0, nominal = 0.01)]
     pub current_gain_error: [f64; K],
-    /// Delay of {positions and im}, up to 16 sample times
+    /// Delay of the measured positions and im, up to 16 sample times
     #[parameter(name = "sensor.delay", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub delay_s: f64,
     /// Sample time of the sensors

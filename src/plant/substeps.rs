@@ -134,9 +134,9 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
                 let machine = Rotor::<N, K, B>::MACHINE;
-                let names = machine.coordinates.iter().map(|coordinate| coordinate.position.0);
+                let names = machine.coordinates.iter().map(|coordinate| coordinate.position);
                 return Err(StepError::Contact {
-                    magnet: machine.describe("{magnet}", nearest),
+                    magnet: machine.describe("{magnet}", "", nearest),
                     time_s: now_s,
                     position: names.zip(state.position_m).collect(),
                 });

@@ -419,7 +419,7 @@ fn tracking(run: &Signals) -> Figure {
         let (quantity, unit) = machine.either(n, ("force", PlotUnit::NEWTON), ("moment", MOMENT));
         let mut plot = run.plot(quantity, unit).height(260.0);
         run.column(&mut plot, Line::new("observed", colour::MAGNETS[2]), &format!("controller.{observed}"));
-        run.column(&mut plot, truth("true"), &format!("plant.{}", coordinate.perturbation.0));
+        run.column(&mut plot, truth("true"), &format!("plant.{}", coordinate.perturbation));
         plots.push((format!("Perturbation {}", machine.direction(n)), plot));
     }
     let caption = "Positions and references, the errors, and the estimated perturbations beside the true ones. A wrong λ \

@@ -186,7 +186,7 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         row(name, 1e6, "µm", "slightly smaller after", &error, evaluation::largest);
     }
     let observed = machine.of_loads("p", "Hat").into_iter().map(|name| format!("controller.{name}"));
-    let truth = machine.coordinates.iter().map(|coordinate| format!("plant.{}", coordinate.perturbation.0));
+    let truth = machine.coordinates.iter().map(|coordinate| format!("plant.{}", coordinate.perturbation));
     for (n, (observed, truth)) in observed.zip(truth).enumerate() {
         for (name, column, paper) in [("estimated", observed, PAPER_RATIO), ("true", truth, "")] {
             let name =

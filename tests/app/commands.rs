@@ -21,7 +21,7 @@ fn a_sweep_of_every_machine_tells_of_all_its_magnets() {
     for machine in &MACHINES {
         let name = machine.name;
         let scenario = open(built_in(machine), &[]);
-        let (magnets, load) = (machine.of_magnets("lambda"), machine.coordinates[0].load.0);
+        let (magnets, load) = (machine.of_magnets("lambda"), machine.coordinates[0].load);
         let folder = folder(&format!("sweep/{name}"));
         write(&folder, "design.csv", format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1]));
         let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new(built_in(machine))));

@@ -349,7 +349,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
         config.touchdown.iter_mut().for_each(|ring| ring.clearance_m = 1.0);
         let plant = Plant::new(config).expect("plant");
         let machine = Rotor::<N, K, B>::MACHINE;
-        let names: Vec<_> = machine.coordinates.iter().map(|coordinate| coordinate.position.0).collect();
+        let names: Vec<_> = machine.coordinates.iter().map(|coordinate| coordinate.position).collect();
         let magnets = machine.magnets_of_bearings().into_iter().flat_map(|(bearing, magnets)| {
             let of = if B == 1 { String::new() } else { format!(" of bearing {}", bearing.name()) };
             (1..=magnets.len()).map(move |magnet| format!("magnet {magnet}{of}"))
@@ -410,7 +410,7 @@ fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
                 refused(&u, bad, &|input| input.voltage_v[k] = bad);
             }
             for (n, coordinate) in machine.coordinates.iter().enumerate() {
-                refused(coordinate.load.0, bad, &|input| input.perturbation_n[n] = bad);
+                refused(coordinate.load, bad, &|input| input.perturbation_n[n] = bad);
             }
             refused("omega", bad, &|input| input.omega_rad_s = bad);
         }

@@ -160,7 +160,7 @@ impl Read<'_> {
         let finding = |k: usize| {
             let (at, strongest) = (self.signals.currents.start + k, largest[k]);
             if strongest == 0.0 && currents[k].iter().any(|value| value.is_finite()) {
-                let (name, magnet) = (&self.signals.list[at].name, self.samples.machine.describe("{magnet}", k));
+                let (name, magnet) = (&self.signals.list[at].name, self.samples.machine.describe("{magnet}", "", k));
                 let words = "is 0 throughout, which says nothing of";
                 return Some(format!("{name} {words} {magnet}: are it and the sensor of its current connected?"));
             }

@@ -100,17 +100,17 @@ impl Signals {
     pub fn of(machine: &Machine) -> Self {
         let others = ["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"];
         let mut list = vec![Signal::new(TIME_NAME, &others, TIME, "the time of the sample")];
-        for machine::Reading { name, place, .. } in machine.readings {
+        for machine::Reading { name, axis: along, .. } in machine.readings {
             let plain = name.trim_end_matches('m');
             let (bearing, axis) = plain.split_at(plain.len() - 1);
             let small = bearing.to_owned() + &axis.to_lowercase();
-            list.push(Signal::new(name, &[plain, &small], LENGTH, &format!("the position {place}")));
+            list.push(Signal::new(name, &[plain, &small], LENGTH, &format!("the position along {along}")));
         }
         let positions = 1..list.len();
         for (k, name) in machine.of_magnets("im").iter().enumerate() {
             let ideal = name.replace("im[", "i[");
             let [plain, plain_ideal] = [name, &ideal].map(|name| name.replace(['[', ']'], ""));
-            let meaning = machine.describe("the current of {magnet}", k);
+            let meaning = machine.describe("the current of {magnet}", "", k);
             list.push(Signal::new(name, &[&plain, &ideal, &plain_ideal], CURRENT, &meaning));
         }
         let currents = positions.end..list.len();
