@@ -36,7 +36,7 @@ impl Role {
             Role::Input => &["discrete"],
             Role::Output => &["discrete", "exact", "state", "derivative_of", "depends_on", "starts_from"],
             Role::Local => &["discrete", "exact", "state", "derivative_of", "depends_on", "starts_from", "constant"],
-            Role::Nested => return vec!["prefix", "prefixes", "count", "context"],
+            Role::Nested => return vec!["prefix", "prefixes", "count", "context", "value"],
             Role::Hidden => return vec!["value"],
         };
         of_variable.into_iter().chain(named).chain(own.iter().copied()).collect()

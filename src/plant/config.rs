@@ -38,14 +38,17 @@ pub struct Harmonic<T = f64, const N: usize = 2> {
 
 /// A rotor with N coordinates between the K magnets of its B bearings, its sensors, start and integration. Coordinates are in m, angles
 /// among them in rad; generalised forces are in N, moments among them in N·m.
+///
+/// By default the paper's bearing or one of the same size, or the balanced spindle of the examples; across a single bearing the rotor is on
+/// the paper's ellipse, elsewhere at rest in the centre.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(T = f64, context = Machine)]
+#[variables(T = f64, context = Machine, default)]
 #[serde(
     bound = "T: Saved, [T; N]: Saved, [T; K]: Saved, RotorConfig<T, B>: Saved, [TouchdownConfig<T>; B]: Saved, SensorConfig<N, K>: Saved"
 )]
 pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// Rotor and bearings.
-    #[nested(prefix = "")]
+    #[nested(prefix = "", value = RotorConfig::of(Rotor::<N, K, B>::MACHINE))]
     pub rotor: RotorConfig<T, B>,
     /// The coils.
     #[nested(prefix = "", context = Saturates(true))]
@@ -53,13 +56,14 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// {position} {direction} at the start
     #[parameter(
         names = context.at_start(|coordinate| coordinate.position), unit = context.either(index, METRE, RADIAN),
-        nominal = context.either(index, 1e-5, 1e-4)
+        nominal = context.either(index, 1e-5, 1e-4), value = on_ellipse([30e-6, 0.0])
     )]
     pub position_m: [T; N],
     /// Derivative of {coordinate} at the start
     #[parameter(
         names = context.at_start(|coordinate| coordinate.rate),
-        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1)
+        unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1),
+        value = on_ellipse([0.0, 0.021991148575128554])
     )]
     pub velocity_m_s: [T; N],
     /// Initial rotor angle
@@ -71,16 +75,22 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     )]
     pub gravity_m_s2: [T; N],
     /// The backup bearings.
-    #[nested(prefixes = context.of_bearings(""), context = context.bearings[index])]
+    #[nested(
+        prefixes = context.of_bearings(""), context = context.bearings[index],
+        value = RotorConfig::of(Rotor::<N, K, B>::MACHINE).bearings.map(half_the_gap)
+    )]
     pub touchdown: [TouchdownConfig<T>; B],
     /// The sensors.
     #[nested(prefix = "")]
     pub sensor: SensorConfig<N, K>,
     /// Upper bound of the integration step
-    #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs")]
+    #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs", value = 5e-5)]
     pub max_step_s: f64,
     /// Force constant of {magnet}
-    #[parameter(names = context.of_magnets("lambda"), tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    #[parameter(
+        names = context.of_magnets("lambda"), tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6,
+        value = std::array::from_fn(|k| lambda_nm2_a2(Rotor::<N, K, B>::MACHINE, k))
+    )]
     pub lambda_nm2_a2: [T; K],
     /// Unbalance of the rotor{in plane}, mass times eccentricity
     #[parameter(
@@ -93,7 +103,7 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// Position of plane {k} along the shaft, from the centre of gravity
     #[parameter(
         names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), count = context.if_tilting(PLANES),
-        unit = METRE, nominal = 0.1
+        unit = METRE, nominal = 0.1, value = [-0.08, 0.10]
     )]
     pub unbalance_position_m: [T; PLANES],
     /// Harmonic perturbation of a rotor in one bearing.
@@ -104,38 +114,21 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
 /// Those of the planar rotor of the paper.
 pub type PlantConfig<T = f64> = PlantConfigOf<T, 2, 3, 1>;
 
-impl<const N: usize, const K: usize, const B: usize> Default for PlantConfigOf<f64, N, K, B> {
-    /// The paper's bearing or one of the same size, or the balanced spindle of the examples; across a single bearing the rotor is on the
-    /// paper's ellipse, elsewhere at rest in the centre.
-    fn default() -> Self {
-        let machine = Rotor::<N, K, B>::MACHINE;
-        let tilts = machine.tilts();
-        let rotor = RotorConfig::of(machine);
-        let lambda_of = |k: usize| match machine.magnet(k) {
-            Some((1, number)) => [2.4e-6, 2.1e-6, 1.9e-6, 2.0e-6][number - 1],
-            Some((2, number)) => [3.0e-6, 2.6e-6][number - 1],
-            _ => [1.8e-6, 2.0e-6, 2.2e-6, if tilts { 2.3e-6 } else { 2.4e-6 }][k],
-        };
-        let on_ellipse =
-            |first: f64, second: f64| std::array::from_fn(|n| if N == 2 { [first, second][n] } else { 0.0 });
-        Self {
-            lambda_nm2_a2: std::array::from_fn(lambda_of),
-            unbalance_kgm: [0.0; PLANES],
-            unbalance_phase_rad: [0.0; PLANES],
-            unbalance_position_m: if tilts { [-0.08, 0.10] } else { [0.0; PLANES] },
-            harmonic: Harmonic::default(),
-            gravity_m_s2: [0.0; N],
-            coil: CoilConfig::default(),
-            touchdown: rotor
-                .bearings
-                .map(|of| TouchdownConfig { clearance_m: 0.5 * of.gap_m, ..TouchdownConfig::default() }),
-            rotor,
-            position_m: on_ellipse(30e-6, 0.0),
-            velocity_m_s: on_ellipse(0.0, 0.021991148575128554),
-            theta_rad: 0.0,
-            sensor: SensorConfig::default(),
-            max_step_s: 5e-5,
-        }
+/// The coordinates of a rotor across a single bearing, or their rates; 0 for others.
+fn on_ellipse<const N: usize>(yz: [f64; 2]) -> [f64; N] {
+    std::array::from_fn(|n| if N == 2 { yz[n] } else { 0.0 })
+}
+
+fn half_the_gap(of: BearingConfig) -> TouchdownConfig {
+    TouchdownConfig { clearance_m: 0.5 * of.gap_m, ..TouchdownConfig::default() }
+}
+
+/// The force constant of magnet k, counted from 0, of the example of a machine.
+fn lambda_nm2_a2(machine: &Machine, k: usize) -> f64 {
+    match machine.magnet(k) {
+        Some((1, number)) => [2.4e-6, 2.1e-6, 1.9e-6, 2.0e-6][number - 1],
+        Some((2, number)) => [3.0e-6, 2.6e-6][number - 1],
+        _ => [1.8e-6, 2.0e-6, 2.2e-6, if machine.tilts() { 2.3e-6 } else { 2.4e-6 }][k],
     }
 }
 
