@@ -216,7 +216,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
     };
     let report = Report {
         title: &scenario.title,
-        time_s: &run.recording.time_s,
+        time_s: Some(&run.recording.time_s),
         description: &scenario.description,
         command,
         message: run.error.as_deref(),

@@ -76,7 +76,7 @@ pub fn page(title: &str, command: &str, results: &Results) -> String {
         figures.extend(run.on_line(tracks));
     }
     let tables = results.said.iter().flat_map(|said| said.tables.clone()).collect();
-    let report = Report { title, command, tables, time_s: &run.time_s, ..Report::default() };
+    let report = Report { title, command, tables, time_s: Some(&run.time_s), ..Report::default() };
     report.page(&first(results), &figures)
 }
 

@@ -28,8 +28,8 @@ struct Report<'a> {
     command: &'a str,
     /// Why the run ended early, if it did.
     message: Option<&'a str>,
-    /// The instants of the recording, in s.
-    time_s: &'a [f64],
+    /// The instants of the recording, in s, if the page is about one.
+    time_s: Option<&'a [f64]>,
     /// Buttons that choose what time the plots show.
     views: Markup,
     /// Tables of results.
@@ -49,7 +49,7 @@ impl Report<'_> {
                 @for paragraph in self.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
                     p { (prose(paragraph.trim())) }
                 }
-                p.soft { (run_of(self.time_s)) }
+                @if let Some(time_s) = self.time_s { p.soft { (run_of(time_s)) } }
                 @if !self.command.is_empty() {
                     p.soft { "This page is made by" }
                     pre { code { (self.command) } }
@@ -71,25 +71,20 @@ impl Report<'_> {
             }
             @if !self.parameters.is_empty() { (parameters_of(&self.parameters)) }
         };
-        framed(self.title, self.message, &main)
-    }
-}
-
-/// A page with plots: its title, why the run ended early, and the rest.
-fn framed(title: &str, message: Option<&str>, main: &Markup) -> String {
-    let body = html! {
-        header {
-            h1 { (title) }
-            @if let Some(message) = message {
-                p.message role="alert" { strong { "The run ended early. " } (message) }
+        let body = html! {
+            header {
+                h1 { (self.title) }
+                @if let Some(message) = self.message {
+                    p.message role="alert" { strong { "The run ended early. " } (message) }
+                }
+                (plot::notice())
             }
-            (plot::notice())
-        }
-        main { (main) }
-        footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
-        (plot::scripts())
-    };
-    frame::page(title, &body)
+            main { (main) }
+            footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
+            (plot::scripts())
+        };
+        frame::page(self.title, &body)
+    }
 }
 
 /// The words of a verdict after a colon.
