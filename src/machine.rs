@@ -340,15 +340,6 @@ impl Machine {
         ["", "X."][..self.parts()].iter().map(|prefix| format!("{prefix}{name}")).collect()
     }
 
-    /// Names of the positions and the currents of a part.
-    pub fn part(&self, index: usize) -> (&'static str, &'static str) {
-        match (self.parts(), index) {
-            (1, _) => ("the measured positions", "im"),
-            (_, 0) => ("the radial positions", "im of A and B"),
-            _ => ("Xm", "im of X"),
-        }
-    }
-
     /// 1 for the machine of the paper, for which its methods are, 0 for all others.
     pub fn of_paper(&self) -> usize {
         usize::from(*self == PLANAR)

@@ -360,16 +360,18 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// Standard deviation of ks of {magnet} due to noise and tolerances
     #[output(names = context.of_magnets("ksStd"), discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
     pub ks_std: [f64; K],
-    /// Of each part: standard deviation of the noise of its positions, in m, given or estimated; 0 before it is estimated.
+    /// Standard deviation of the noise of the measured positions{of bearing}, given or estimated
+    ///
+    /// Of each part; 0 before it is estimated.
     #[output(
-        names = context.of_parts("noise.position"), count = context.parts(), discrete, unit = METRE, min = 0.0, nominal = 1e-7,
-        description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).0)
+        names = context.of_parts("noise.position"), count = context.parts(), discrete, unit = METRE, min = 0.0, nominal = 1e-7
     )]
     pub position_noise_m: [f64; P],
-    /// Of each part: standard deviation of the noise of its currents, in A, given or estimated; 0 before it is estimated.
+    /// Standard deviation of the noise of im{of bearing}, given or estimated
+    ///
+    /// As that of the positions.
     #[output(
-        names = context.of_parts("noise.current"), count = context.parts(), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2,
-        description = format!("Standard deviation of the noise of {}, given or estimated", context.part(index).1)
+        names = context.of_parts("noise.current"), count = context.parts(), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2
     )]
     pub current_noise_a: [f64; P],
     /// Whether all estimates are valid; lambdaHat is the last valid one of each

@@ -181,15 +181,15 @@ where
     const CAPABILITIES: Capabilities =
         Capabilities::NONE.directional_derivatives().output_derivatives(2).interpolates_inputs();
 
-    fn table() -> Vec<Row<Values<N, K, B>>> {
+    fn table() -> Vec<Row<Self::Values>> {
         table()
     }
 
-    fn new(values: &Values<N, K, B>, _: &Resources) -> Result<Self, Vec<Invalid>> {
+    fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
         Plant::new(values.config.clone()).map(Self)
     }
 
-    fn start(&self, values: &mut Values<N, K, B>, start_s: f64) -> PlantState<N, K, B> {
+    fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State {
         let mut state = self.0.start(start_s);
         state.open = values.open;
         values.measured_omega_rad_s = values.input.omega_rad_s;
@@ -197,7 +197,7 @@ where
         state
     }
 
-    fn accepts(&self, state: &PlantState<N, K, B>, _: &Values<N, K, B>, time_s: Option<f64>) -> Result<(), String> {
+    fn accepts(&self, state: &Self::State, _: &Self::Values, time_s: Option<f64>) -> Result<(), String> {
         if time_s.is_some_and(|time_s| !self.0.accepts(state, time_s)) {
             return Err("the state does not belong to this time or to these parameters".into());
         }
@@ -208,12 +208,7 @@ where
         self.0.base_step_s()
     }
 
-    fn retune(
-        &mut self,
-        state: &mut PlantState<N, K, B>,
-        values: &Values<N, K, B>,
-        _: &Resources,
-    ) -> Result<(), Vec<Invalid>> {
+    fn retune(&mut self, state: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
         self.0.retune(&values.config)?;
         state.open = values.open;
         Ok(())
@@ -221,10 +216,10 @@ where
 
     fn step(
         &self,
-        state: &mut PlantState<N, K, B>,
-        values: &mut Values<N, K, B>,
+        state: &mut Self::State,
+        values: &mut Self::Values,
         step: Step,
-        inputs: &InputTrajectory<Values<N, K, B>>,
+        inputs: &InputTrajectory<Self::Values>,
         _: &mut dyn Log,
     ) -> Result<(), StepError> {
         let samples = state.samples;
@@ -239,21 +234,21 @@ where
         outcome.map_err(StepError::of)
     }
 
-    fn refresh(&self, state: &PlantState<N, K, B>, values: &mut Values<N, K, B>, time_s: f64) {
+    fn refresh(&self, state: &Self::State, values: &mut Self::Values, time_s: f64) {
         self.fill(state, values, time_s);
     }
 
     fn differentiate(
         &self,
-        state: &PlantState<N, K, B>,
-        values: &Values<N, K, B>,
-        direction: &Values<N, K, B>,
+        state: &Self::State,
+        values: &Self::Values,
+        direction: &Self::Values,
         time_s: f64,
         started: bool,
-    ) -> Values<N, K, B> {
+    ) -> Self::Values {
         let point = Point::of(&self.0, state, &values.input, time_s);
         let towards = direction.config.clone();
-        let mut derivatives = Values::<N, K, B>::default();
+        let mut derivatives = Self::Values::default();
         // Before the run the states are given by the parameters.
         let (start_m, start_m_s) = (towards.position_m, towards.velocity_m_s);
         let from = |state: f64, start: f64| if started { state } else { state + start };
@@ -281,12 +276,12 @@ where
 
     fn output_derivatives(
         &self,
-        state: &PlantState<N, K, B>,
-        values: &Values<N, K, B>,
-        slopes: &[Values<N, K, B>; HIGHEST_ORDER],
+        state: &Self::State,
+        values: &Self::Values,
+        slopes: &[Self::Values; HIGHEST_ORDER],
         time_s: f64,
         order: usize,
-    ) -> Values<N, K, B> {
+    ) -> Self::Values {
         let point = Point::of(&self.0, state, &values.input, time_s);
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
         let line = point.in_time::<3>(&slopes);
