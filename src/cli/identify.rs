@@ -249,7 +249,8 @@ impl Arguments {
         let mut stated = Stated::of(bearing.machine, bearing.estimator());
         stated.noise = [self.position_noise, self.current_noise].map(Option::unwrap_or_default);
         for (name, value) in self.loads(bearing.machine).0 {
-            stated.set_load(&name, identify::quantity(&name, &value, "N").map_err(refused)?);
+            let load = identify::quantity(&name, &value, "N").map_err(|why| refused(format!("--set {why}")))?;
+            stated.set_load(&name, load);
         }
         let mut estimates = self.estimates.iter().filter(|name| *name != SLOW_FORCE).collect::<Vec<_>>();
         let tolerances = || bearing.tolerance.iter().chain(&self.tolerances);

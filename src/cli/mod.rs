@@ -504,7 +504,7 @@ fn said_of(path: &Path) {
 /// Writes a table to a file, or to the standard output under the name `-`, whose reader may close it at any time.
 fn write_table(path: &Path, recording: &Recording) -> Result<()> {
     let file = Format::Table.create(path).map_err(named(path))?;
-    let written = recording.write_csv(io::BufWriter::new(file));
+    let written = recording.write_csv(file);
     if output::is_standard(path) { output::unless_closed(written) } else { written }.map_err(named(path))
 }
 

@@ -13,7 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 
-use crate::invalid::Short;
+use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::MACHINES;
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
@@ -71,19 +71,14 @@ impl Whirl {
             }),
         };
         let [across, along] = found.inertia_kgm2;
-        for (name, value, unit, may_be_0) in [
-            ("m", found.m_kg, "kg", false),
-            ("Jt", across, "kg.m2", false),
-            ("Jp", along, "kg.m2", true),
-            ("stiffness", stiffness_n_m, "N/m", false),
-            ("damping", damping_ns_m, "N.s/m", true),
-        ] {
-            if !(value.is_finite() && (value > 0.0 || may_be_0 && value == 0.0)) {
-                let wanted = if may_be_0 { "from 0 on" } else { "above 0" };
-                return Err(format!("{name} = {value} {unit} is refused: expected a finite number {wanted}"));
-            }
-        }
-        Ok(found)
+        let checked = Checks::all(|checks| {
+            checks.positive("m", found.m_kg, "kg");
+            checks.positive("Jt", across, "kg.m2");
+            checks.not_negative("Jp", along, "kg.m2");
+            checks.positive("stiffness", stiffness_n_m, "N/m");
+            checks.not_negative("damping", damping_ns_m, "N.s/m");
+        });
+        checked.map(|()| found).map_err(|findings| Invalid::list(&findings))
     }
 
     /// Displacements of the bearings by unit displacement u and unit inclination ψ.

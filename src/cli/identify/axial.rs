@@ -18,58 +18,57 @@ use crate::variables::Choice;
 const MASS: &str = "m";
 const USED: &str = "magnets.used";
 
-/// A bench as the scenario and the arguments describe it.
+/// An axis as the scenario and the arguments describe it, and what is wrong with that.
 struct Bench {
     axis: Axis,
-    columns: Pairs,
+    wrong: Vec<String>,
 }
 
 /// Identifies an axis from each recording. Returns the columns and the scenario, for the twin, as well.
 pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenario)> {
-    let mut wrong = arguments.unused(&AXIAL);
     // A scenario of another machine says nothing of this one.
     let scenario = match &arguments.scenario {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
-    let columns = scenario.columns.iter().chain(&arguments.column).cloned().collect();
-    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), columns };
-    bench.read(&scenario.identify, &mut wrong);
+    let columns: Pairs = scenario.columns.iter().chain(&arguments.column).cloned().collect();
+    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), wrong: arguments.unused(&AXIAL) };
+    bench.read(&scenario.identify);
     for (name, value) in &arguments.changes {
-        bench.set(name, value, "--set ", &mut wrong);
+        bench.set(name, value, "--set ");
     }
     for name in &arguments.estimates {
-        bench.estimate(name, "--estimate ", &mut wrong);
+        bench.estimate(name, "--estimate ");
     }
     if let Some((name, value)) = &arguments.at {
-        bench.set_position(name, value, &mut wrong);
+        bench.set_position(name, value);
     }
     let changed = arguments.changes.iter().map(|(name, _)| without_element(name));
     let mut given = changed.chain(scenario.identify.keys().map(String::as_str));
     if !given.any(|name| name == MASS) {
-        wrong.push("m is missing: the mass of what levitates, --set m=…".into());
+        bench.wrong.push("m is missing: the mass of what levitates, --set m=…".into());
     }
-    if !wrong.is_empty() {
-        return Err(refused(wrong.join("\n  ")));
+    if !bench.wrong.is_empty() {
+        return Err(refused(bench.wrong.join("\n  ")));
     }
-    Ok((bench.identify(arguments)?, bench.columns, scenario))
+    Ok((results(arguments, &bench.axis, &columns)?, columns, scenario))
 }
 
 impl Bench {
     /// Reads the table `[identify]` of a scenario.
-    fn read(&mut self, table: &toml::Table, wrong: &mut Vec<String>) {
+    fn read(&mut self, table: &toml::Table) {
         for (name, value) in table {
             match (name.as_str(), value) {
                 ("estimate", toml::Value::Array(names)) => {
-                    names.iter().for_each(|name| self.estimate(&text(name), "[identify] estimate ", wrong));
+                    names.iter().for_each(|name| self.estimate(&text(name), "[identify] estimate "));
                 }
-                ("at", value) => self.set_position("Xm", &text(value), wrong),
-                (name, value) => self.set(name, &text(value), "[identify] ", wrong),
+                ("at", value) => self.set_position("Xm", &text(value)),
+                (name, value) => self.set(name, &text(value), "[identify] "),
             }
         }
     }
 
-    fn set(&mut self, name: &str, value: &str, from: &str, wrong: &mut Vec<String>) {
+    fn set(&mut self, name: &str, value: &str, from: &str) {
         let name = without_element(name);
         let positive = |result: std::result::Result<f64, String>| {
             result.and_then(|number| match number > 0.0 {
@@ -93,24 +92,24 @@ impl Bench {
                 None => Err(no_parameter(name)),
             },
         };
-        wrong.extend(result.err().map(|why| format!("{from}{why}")));
+        self.wrong.extend(result.err().map(|why| format!("{from}{why}")));
     }
 
-    fn estimate(&mut self, name: &str, from: &str, wrong: &mut Vec<String>) {
+    fn estimate(&mut self, name: &str, from: &str) {
         match parameter(name) {
             Some(at) => self.axis.estimated[at] = true,
             None if matches!(name, MASS | USED) => {
-                wrong.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
+                self.wrong.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
             }
-            None => wrong.push(format!("{from}{}", no_parameter(name))),
+            None => self.wrong.push(format!("{from}{}", no_parameter(name))),
         }
     }
 
-    fn set_position(&mut self, name: &str, value: &str, wrong: &mut Vec<String>) {
+    fn set_position(&mut self, name: &str, value: &str) {
         match quantity(name, value, "m") {
             Ok(at_m) if name == "Xm" => self.axis.at_m = Some(at_m),
-            Ok(_) => wrong.push(format!("--at {name}: a position along the axis is wanted, as in Xm=10mm")),
-            Err(why) => wrong.push(format!("--at {why}")),
+            Ok(_) => self.wrong.push(format!("--at {name}: a position along the axis is wanted, as in Xm=10mm")),
+            Err(why) => self.wrong.push(format!("--at {why}")),
         }
     }
 }
@@ -125,41 +124,45 @@ fn no_parameter(name: &str) -> String {
     format!("{name} is no parameter of this machine; {suggestion}")
 }
 
-impl Bench {
-    /// Identifies the axis from each recording.
-    fn identify(&self, arguments: &Arguments) -> Result<Results> {
-        let reading = arguments.reading(&self.columns, &AXIAL, Some(self.axis.used.clone()));
-        let recordings = arguments.read(&reading, None)?;
-        let mut axes: Vec<Answer> = Vec::new();
-        for (path, samples) in arguments.recordings.iter().zip(&recordings) {
-            axes.push(self.answer(arguments, path, samples, axes.first())?);
-        }
-        let differ = axial::agreement(&axes);
-        let said: Vec<Said> = axes.iter().map(Answer::said).collect();
-        let mut summary = Vec::new();
-        let mut document = match said.as_slice() {
-            [said] => said.json.clone(),
-            all => {
-                summary.push(differ.clone().unwrap_or_else(|| "The recordings agree.".into()));
-                let valid = all.iter().all(|said| said.valid != Some(false)) && differ.is_none();
-                let documents: Vec<_> = all.iter().map(|said| &said.json).collect();
-                json!({"valid": valid, "differ": differ, "recordings": documents})
-            }
-        };
-        if let Some(path) = &arguments.check {
-            let samples = arguments.read_one(path, &reading)?;
-            let check = axes[0].check(&self.answer(arguments, path, &samples, axes.first())?);
-            summary.push(format!("{}: {}", path.display(), check.verdict));
-            document["check"] = check.json();
-        }
-        let why = said.iter().find(|said| said.valid == Some(false)).map(|said| said.verdict.clone());
-        let not_valid = why.or(differ);
-        Ok(Results { recordings, axes, said, summary, document, not_valid, ..Results::default() })
+/// Identifies the axis from each recording.
+fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Results> {
+    let reading = arguments.reading(columns, &AXIAL, Some(axis.used.clone()));
+    let recordings = arguments.read(&reading, None)?;
+    let mut axes: Vec<Answer> = Vec::new();
+    for (path, samples) in arguments.recordings.iter().zip(&recordings) {
+        axes.push(answer(arguments, axis, path, samples, axes.first())?);
     }
+    let differ = axial::agreement(&axes);
+    let said: Vec<Said> = axes.iter().map(Answer::said).collect();
+    let mut summary = Vec::new();
+    let mut document = match said.as_slice() {
+        [said] => said.json.clone(),
+        all => {
+            summary.push(differ.clone().unwrap_or_else(|| "The recordings agree.".into()));
+            let valid = all.iter().all(|said| said.valid != Some(false)) && differ.is_none();
+            let documents: Vec<_> = all.iter().map(|said| &said.json).collect();
+            json!({"valid": valid, "differ": differ, "recordings": documents})
+        }
+    };
+    if let Some(path) = &arguments.check {
+        let samples = arguments.read_one(path, &reading)?;
+        let check = axes[0].check(&answer(arguments, axis, path, &samples, axes.first())?);
+        summary.push(format!("{}: {}", path.display(), check.verdict));
+        document["check"] = check.json();
+    }
+    let why = said.iter().find(|said| said.valid == Some(false)).map(|said| said.verdict.clone());
+    let not_valid = why.or(differ);
+    Ok(Results { recordings, axes, said, summary, document, not_valid, ..Results::default() })
+}
 
-    /// All are linearised where the first one is.
-    fn answer(&self, arguments: &Arguments, path: &Path, samples: &Samples, first: Option<&Answer>) -> Result<Answer> {
-        let axis = Axis { at_m: self.axis.at_m.or(first.map(|first| first.at_m)), ..self.axis.clone() };
-        axial::answer(&axis, samples).map_err(|why| arguments.refused(path, vec![why]))
-    }
+/// All are linearised where the first one is.
+fn answer(
+    arguments: &Arguments,
+    axis: &Axis,
+    path: &Path,
+    samples: &Samples,
+    first: Option<&Answer>,
+) -> Result<Answer> {
+    let axis = Axis { at_m: axis.at_m.or(first.map(|first| first.at_m)), ..axis.clone() };
+    axial::answer(&axis, samples).map_err(|why| arguments.refused(path, vec![why]))
 }

@@ -6,7 +6,6 @@ use super::{AUTO, Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_F
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::{Scenario, knows, names, suggestion};
-use crate::studies::identify::quantity;
 
 /// Variables of the estimator that have options of their own.
 const OPTIONS: [(&str, &str); 7] = [
@@ -71,10 +70,7 @@ impl Arguments {
         if !unused.is_empty() {
             return Err(refused(unused.join("\n  ")));
         }
-        let (loads, changes) = self.loads(machine);
-        for (name, value) in loads {
-            quantity(&name, &value, "N").map_err(|why| refused(format!("--set {why}")))?;
-        }
+        let (_, changes) = self.loads(machine);
         let (slow, changes): (Vec<_>, Vec<_>) = changes.into_iter().partition(|(path, _)| path == SLOW_FORCE);
         if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0") {
             return Err(refused(format!("--set {SLOW_FORCE}={value}: 0 is wanted, or --estimate force.slow")));

@@ -103,10 +103,10 @@ impl Twin {
             twin.put(element, name, step_s);
         }
         let plain = Scenario::plain(base.machine);
-        let slower = start(&plain, "controller", "Ts") / step_s;
+        let slower = plain.number("controller", "Ts") / step_s;
         if slower < 1.0 {
             for name in ["tracking", "observer", "current", "reference"].map(|of| format!("bandwidth.{of}")) {
-                twin.put_unless_stated("controller", &name, slower * start(&plain, "controller", &name));
+                twin.put_unless_stated("controller", &name, slower * plain.number("controller", &name));
             }
         }
         twin
@@ -179,7 +179,7 @@ impl Answer {
         let machine = base.machine;
 
         let mut twin = Twin::of(base, samples.step_s, &self.verdict);
-        for (name, value) in stated.with([start(base, "plant", "theta0"), omega_rad_s], of) {
+        for (name, value) in stated.with([base.number("plant", "theta0"), omega_rad_s], of) {
             if value != 0.0 || base.is_stated("plant", &name) {
                 twin.put("plant", &name, value);
             }
@@ -244,8 +244,4 @@ impl Answer {
         twin.left_out = left_out.chain(along).chain(slow_force).chain(exponent).collect();
         twin.checked()
     }
-}
-
-fn start(scenario: &Scenario, element: &str, variable: &str) -> f64 {
-    scenario.value(element, variable).map_or(f64::NAN, Value::as_f64)
 }
