@@ -16,6 +16,26 @@ impl fmt::Display for Short {
     }
 }
 
+/// An input that is not finite.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("the input {name} is not finite: {value}")]
+pub struct NotFinite {
+    /// Name of the input as in the interface.
+    pub name: String,
+    /// Its value.
+    pub value: f64,
+}
+
+impl NotFinite {
+    /// Refuses inputs that are not finite.
+    pub(crate) fn check(names: impl Fn() -> Vec<String>, values: &[f64]) -> Result<(), Self> {
+        match values.iter().position(|value| !value.is_finite()) {
+            Some(at) => Err(Self { name: names().swap_remove(at), value: values[at] }),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Collects findings, so that a user sees all of them at once: [`Checks::all`].
 #[derive(Debug, Default)]
 pub struct Checks {

@@ -42,33 +42,24 @@ pub struct Reading {
     pub axis: &'static str,
 }
 
-/// In which direction a bearing holds the rotor.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
-    /// Across the shaft.
-    Radial,
-    /// Along the shaft.
-    Axial,
-}
-
 /// A bearing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bearing {
     /// Prefix of the names of all that belongs to it.
     pub prefix: &'static str,
-    /// Its direction.
-    pub kind: Kind,
+    /// Whether it holds the rotor across the shaft, and not along it.
+    pub is_radial: bool,
     /// Number of its magnets.
     pub magnets: usize,
 }
 
 impl Bearing {
     const fn radial(prefix: &'static str, magnets: usize) -> Self {
-        Self { prefix, kind: Kind::Radial, magnets }
+        Self { prefix, is_radial: true, magnets }
     }
 
     const fn axial(prefix: &'static str) -> Self {
-        Self { prefix, kind: Kind::Axial, magnets: 2 }
+        Self { prefix, is_radial: false, magnets: 2 }
     }
 
     /// Its name; empty if there is no other.
@@ -81,11 +72,6 @@ impl Bearing {
         self.prefix.is_empty()
     }
 
-    /// Whether it holds the rotor across the shaft.
-    pub(crate) const fn is_radial(&self) -> bool {
-        matches!(self.kind, Kind::Radial)
-    }
-
     /// ` of bearing A`; nothing where there is but one.
     fn located(&self, preposition: &str) -> String {
         if self.is_alone() { String::new() } else { format!(" {preposition} bearing {}", self.name()) }
@@ -93,30 +79,27 @@ impl Bearing {
 
     /// 1 for what every radial bearing has, 0 for others.
     pub(crate) fn if_radial(&self) -> usize {
-        usize::from(self.is_radial())
+        usize::from(self.is_radial)
     }
 
     /// 1 for what belongs to a place along the shaft, 0 for others.
     pub(crate) fn if_placed(&self) -> usize {
-        usize::from(self.is_radial() && !self.is_alone())
+        usize::from(self.is_radial && !self.is_alone())
     }
 
     /// 1 for what only an axial bearing beside others has.
     pub(crate) fn if_beside(&self) -> usize {
-        usize::from(!self.is_radial() && !self.is_alone())
+        usize::from(!self.is_radial && !self.is_alone())
     }
 
     /// The first axis of its magnets.
     pub(crate) fn first_axis(&self) -> &'static str {
-        if self.is_radial() { "y" } else { "x" }
+        if self.is_radial { "y" } else { "x" }
     }
 
     /// The number of directions in which it holds the rotor.
     const fn directions(&self) -> usize {
-        match self.kind {
-            Kind::Radial => 2,
-            Kind::Axial => 1,
-        }
+        if self.is_radial { 2 } else { 1 }
     }
 
     /// Whether its magnets come in pairs that may face each other.
@@ -266,12 +249,12 @@ impl Machine {
 
     /// Whether the machine is a single bearing and holds the rotor across its axis.
     pub fn is_planar(&self) -> bool {
-        matches!(self.bearings, [bearing] if bearing.is_radial())
+        matches!(self.bearings, [bearing] if bearing.is_radial)
     }
 
     /// The coordinates that a bearing moves.
     pub fn moves(&self, bearing: usize) -> Vec<usize> {
-        let axial = self.bearings[bearing].kind == Kind::Axial;
+        let axial = !self.bearings[bearing].is_radial;
         (0..self.coordinates.len()).filter(|n| (self.coordinates[*n].position == X) == axial).collect()
     }
 
@@ -310,7 +293,7 @@ impl Machine {
 
     /// Number of radial bearings.
     pub fn radial(&self) -> usize {
-        self.bearings.iter().filter(|bearing| bearing.is_radial()).count()
+        self.bearings.iter().filter(|bearing| bearing.is_radial).count()
     }
 
     /// Number of axial bearings.
@@ -320,7 +303,7 @@ impl Machine {
 
     /// Names of a variable of each radial bearing.
     pub fn of_radial(&self, name: &str) -> Vec<String> {
-        let radial = self.bearings.iter().filter(|bearing| bearing.is_radial());
+        let radial = self.bearings.iter().filter(|bearing| bearing.is_radial);
         radial.map(|bearing| format!("{}{name}", bearing.prefix)).collect()
     }
 

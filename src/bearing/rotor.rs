@@ -79,7 +79,7 @@ impl<const B: usize> RotorConfig<f64, B> {
                 1 => [[-0.12, -0.10], [0.15, 0.13]][b],
                 _ => [0.0; 2],
             };
-            let gap_m = if tilts && !of.is_radial() { 6e-4 } else { 5e-4 };
+            let gap_m = if tilts && !of.is_radial { 6e-4 } else { 5e-4 };
             BearingConfig { position_m, sensor_position_m, gap_m, alpha_rad: angles_rad(of.magnets) }
         };
         let [m_kg, transverse_kgm2, polar_kgm2] = if tilts { [12.0, 0.16, 0.02] } else { [6.7, 0.0, 0.0] };
@@ -101,7 +101,7 @@ impl<T: Scalar, const B: usize> RotorConfig<T, B> {
             directions: std::array::from_fn(|k| {
                 let (b, number) = bearing(k);
                 let BearingConfig { position_m, alpha_rad, .. } = self.bearings[b];
-                if !places.bearings[b].is_radial() {
+                if !places.bearings[b].is_radial {
                     return shaft::along(T::constant(if number == 0 { 1.0 } else { -1.0 }));
                 }
                 let (sin, cos) = alpha_rad[number].sine_cosine();

@@ -16,7 +16,7 @@ use crate::bearing::shaft::has_x;
 use crate::control::observer::{PerturbationObserver, pole};
 use crate::control::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState};
 use crate::control::tracking::{TrackingConfig, TrackingState, excitation};
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::{Checks, Invalid, NotFinite};
 use crate::machine::Machine;
 use crate::variables::unit::{AMPERE, METRE, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, VOLT};
 use crate::variables::{LAMBDA, OMEGA_RAD_S, Saved, Variables, is_finite};
@@ -285,16 +285,16 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         Ok(output)
     }
 
-    fn check_input(&self, input: &ControllerInput<N, K>) -> Result<(), ControllerError> {
+    fn check_input(&self, input: &ControllerInput<N, K>) -> Result<(), NotFinite> {
         let machine = Rotor::<N, K, B>::MACHINE;
-        ControllerError::check(|| machine.measured(), &input.position_m)?;
-        ControllerError::check(|| vec!["reference.omega".into()], &[input.omega_rad_s])?;
+        NotFinite::check(|| machine.measured(), &input.position_m)?;
+        NotFinite::check(|| vec!["reference.omega".into()], &[input.omega_rad_s])?;
         if self.config.law.coil.drive == Drive::Voltage {
-            ControllerError::check(|| machine.of_magnets("im"), &input.current_a)?;
+            NotFinite::check(|| machine.of_magnets("im"), &input.current_a)?;
         }
         if self.reference.is_external() {
             let names = || machine.of_resultant("").into_iter().map(|axis| axis + "ref").collect();
-            ControllerError::check(names, &input.reference_m)?;
+            NotFinite::check(names, &input.reference_m)?;
         }
         Ok(())
     }

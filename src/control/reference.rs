@@ -193,7 +193,7 @@ pub struct ReferenceConfig<const B: usize = 1> {
 impl<const B: usize> ReferenceConfig<B> {
     /// The paper's ellipse at 3000 rpm in every radial bearing, in phase, without axial motion.
     pub fn of(machine: &Machine) -> Self {
-        let path = |b: usize| match machine.bearings[b].is_radial() {
+        let path = |b: usize| match machine.bearings[b].is_radial {
             true => PathConfig { r_y_m: 30e-6, r_z_m: 70e-6, ..PathConfig::default() },
             false => PathConfig { frequency_hz: 60.0, ..PathConfig::default() },
         };

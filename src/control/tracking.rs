@@ -49,7 +49,7 @@ use crate::bearing::rotor::Rotor;
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
 use crate::control::reference::RefPoint;
-use crate::invalid::Checks;
+use crate::invalid::{Checks, NotFinite};
 use crate::machine::Machine;
 use crate::plant::check_step;
 use crate::variables::unit::{AMPERE, HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
@@ -204,29 +204,14 @@ impl<const N: usize, const K: usize, const G: usize> TrackingState<N, K, G> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ControllerError {
     /// An input is not finite.
-    #[error("the input {name} is not finite: {value}")]
-    Input {
-        /// Name of the input as in the interface.
-        name: String,
-        /// Its value.
-        value: f64,
-    },
+    #[error(transparent)]
+    Input(#[from] NotFinite),
     /// The inputs are finite, but so large that the results are not.
     #[error("sample {sample} leads to currents or estimates that are not finite")]
     Overflow {
         /// Number of the sample, from 0.
         sample: u64,
     },
-}
-
-impl ControllerError {
-    /// Refuses inputs that are not finite.
-    pub(super) fn check(names: impl Fn() -> Vec<String>, values: &[f64]) -> Result<(), Self> {
-        match values.iter().position(|value| !value.is_finite()) {
-            Some(at) => Err(Self::Input { name: names().swap_remove(at), value: values[at] }),
-            None => Ok(()),
-        }
-    }
 }
 
 /// `[k_0, k_1]`, in 1/s² and 1/s, that put both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.

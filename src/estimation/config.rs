@@ -7,15 +7,14 @@ use serde::{Deserialize, Serialize};
 use super::innovations::{Machine, Tolerances, WhiteningFilter};
 use super::models::prior;
 use super::prediction_error::PredictionError;
-use super::spindle::ShaftTolerance;
 use crate::bearing::magnet::Used;
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::Checks;
 use crate::machine::Machine as Names;
 use crate::plant::PLANES;
 use crate::variables::unit::{
-    AMPERE, KILOGRAM, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN, RADIAN_PER_SECOND,
-    SECOND,
+    AMPERE, KILOGRAM, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
+    RADIAN_PER_SECOND, SECOND,
 };
 use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables, numbers};
 
@@ -96,6 +95,21 @@ pub struct Tolerance {
     /// Standard deviation of a force of constant magnitude that turns against the rotor, estimated with the rest; 0 means there is none
     #[parameter(name = "backwardForce", count = context.radial().min(1), unit = NEWTON, min = 0.0, value = 2.0)]
     pub backward_force_n: f64,
+    /// Standard deviation of Jt; 0 means exactly known
+    #[parameter(name = "Jt", count = context.if_tilting(1), unit = KILOGRAM_METRE2, min = 0.0, nominal = 1e-3)]
+    pub transverse_kgm2: f64,
+    /// Standard deviation of Jp; 0 means exactly known
+    #[parameter(name = "Jp", count = context.if_tilting(1), unit = KILOGRAM_METRE2, min = 0.0, nominal = 1e-3)]
+    pub polar_kgm2: f64,
+    /// Standard deviation of the positions of A and B along the shaft; 0 means exactly known
+    #[parameter(name = "position", count = context.if_tilting(1), unit = METRE, min = 0.0, nominal = 1e-3)]
+    pub position_m: f64,
+    /// Standard deviation of the positions of their sensors along the shaft; 0 means exactly known
+    #[parameter(name = "sensorPosition", count = context.if_tilting(1), unit = METRE, min = 0.0, nominal = 1e-3)]
+    pub sensor_position_m: f64,
+    /// Standard deviation of the positions of the planes of unbalance; 0 means exactly known
+    #[parameter(name = "unbalancePosition", count = context.if_tilting(1), unit = METRE, min = 0.0, nominal = 1e-3)]
+    pub unbalance_position_m: f64,
 }
 
 impl Tolerance {
@@ -119,11 +133,6 @@ impl Tolerance {
     pub(super) fn scale_variance(&self, m_kg: f64) -> f64 {
         let mass = self.m_kg / m_kg;
         mass * mass + 4.0 * self.current_gain * self.current_gain
-    }
-
-    /// Names in the interface, values and units.
-    pub(super) fn listed(&self, machine: &Names) -> Vec<(String, f64, &'static str)> {
-        numbers("tolerance.", self, machine)
     }
 }
 
@@ -176,9 +185,6 @@ where
     /// proportion.
     #[nested]
     pub tolerance: Tolerance,
-    /// The same of a shaft that tilts.
-    #[nested(prefix = "tolerance.", count = context.if_tilting(1), context = ())]
-    pub shaft_tolerance: ShaftTolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
     #[parameter(name = "Tf", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
     pub window_s: f64,
@@ -216,7 +222,6 @@ impl<const B: usize, const K: usize> Default for EstimatorConfigOf<RotorConfig<f
             position_noise_m: 0.0,
             current_noise_a: 0.0,
             tolerance: Tolerance::default(),
-            shaft_tolerance: ShaftTolerance::default(),
             window_s: 0.02,
             epsilon_s: 0.02,
             filter_omega_rad_s: 15.0,
@@ -449,7 +454,7 @@ where
         checks.each(Checks::positive, machine.of_magnets("lambda0"), &self.lambda0_nm2_a2, "N.m2/A2");
         checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
         checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
-        for (name, value, unit) in self.tolerance.listed(machine) {
+        for (name, value, unit) in numbers("tolerance.", &self.tolerance, machine) {
             checks.not_negative(name, value, unit);
         }
     }

@@ -11,6 +11,7 @@ use super::{Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Machine, M
 use crate::bearing::magnet::{Geometry, SMALLEST_SINE};
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::invalid::Checks;
+use crate::variables::numbers;
 
 /// A force constant that is held at its first guess has this standard deviation, relative.
 const HELD: f64 = 1.0e-3;
@@ -55,7 +56,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
                 checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
             }
         }
-        for (name, value, unit) in self.tolerance.listed(Names::of::<N, K>()) {
+        for (name, value, unit) in numbers("tolerance.", &self.tolerance, Names::of::<N, K>()) {
             let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
             let unused = !value.is_finite() || value <= 0.0 || name == "tolerance.backwardForce";
             checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);

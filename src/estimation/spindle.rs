@@ -6,18 +6,15 @@
 //! equations are those of the planar rotor.
 
 use nalgebra::{SMatrix, SVector};
-use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
 use super::parts::Parts;
-use super::{Estimator, EstimatorConfigOf, Machine};
+use super::{Estimator, EstimatorConfigOf, Machine, Tolerance};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
 use crate::invalid::{Checks, Invalid};
 use crate::plant::PLANES;
-use crate::variables::unit::{KILOGRAM_METRE2, METRE};
-use crate::variables::{Variables, numbers};
 
 /// The estimator of a spindle with three magnets in each radial bearing, and an axial one.
 pub type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
@@ -25,32 +22,16 @@ pub type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
 /// Parameters of the radial machine with a tolerance, besides the angles: gap, J_t, J_p, positions of magnets, of sensors, of unbalance.
 const BESIDE_ANGLES: usize = 9;
 
-/// Standard deviations of what is known of a spindle alone; 0 means exactly known.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-pub struct ShaftTolerance {
-    /// Standard deviation of Jt; 0 means exactly known
-    #[parameter(name = "Jt", unit = KILOGRAM_METRE2, min = 0.0, nominal = 1e-3)]
-    pub transverse_kgm2: f64,
-    /// Standard deviation of Jp; 0 means exactly known
-    #[parameter(name = "Jp", unit = KILOGRAM_METRE2, min = 0.0, nominal = 1e-3)]
-    pub polar_kgm2: f64,
-    /// Standard deviation of the positions of A and B along the shaft; 0 means exactly known
-    #[parameter(name = "position", unit = METRE, min = 0.0, nominal = 1e-3)]
-    pub position_m: f64,
-    /// Standard deviation of the positions of their sensors along the shaft; 0 means exactly known
-    #[parameter(name = "sensorPosition", unit = METRE, min = 0.0, nominal = 1e-3)]
-    pub sensor_position_m: f64,
-    /// Standard deviation of the positions of the planes of unbalance; 0 means exactly known
-    #[parameter(name = "unbalancePosition", unit = METRE, min = 0.0, nominal = 1e-3)]
-    pub unbalance_position_m: f64,
-}
-
-impl ShaftTolerance {
-    fn check<const B: usize>(&self, geometry: &RotorConfig<f64, B>, checks: &mut Checks) {
+impl Tolerance {
+    /// Checks what a shaft alone has.
+    fn check_shaft<const B: usize>(&self, geometry: &RotorConfig<f64, B>, checks: &mut Checks) {
         let [begin_m, end_m] = geometry.extent_m;
-        for (name, value, unit) in numbers("tolerance.", self, &()) {
-            checks.not_negative(name.clone(), value, unit);
-            let on_shaft = unit != "m" || value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
+        for (name, value) in [
+            ("tolerance.position", self.position_m),
+            ("tolerance.sensorPosition", self.sensor_position_m),
+            ("tolerance.unbalancePosition", self.unbalance_position_m),
+        ] {
+            let on_shaft = value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
             let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
             checks.require(on_shaft, name, format_args!("{value} m"), wanted);
         }
@@ -80,7 +61,7 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
             format_args!("{second_m} m"),
             format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
         );
-        self.shaft_tolerance.check(&self.geometry, checks);
+        self.tolerance.check_shaft(&self.geometry, checks);
     }
 
     /// Both parts of the motion.
@@ -98,15 +79,15 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
                 wanted: "a position of the sensors that tells a tilt".into(),
             }]);
         }
-        let (t, shaft) = (&self.tolerance, &self.shaft_tolerance);
+        let t = &self.tolerance;
         let mut std = [0.0; R];
         std[0] = t.gap_m;
         std[1..=K].fill(t.alpha_rad);
         let beside = &mut std[1 + K..];
-        beside[..2].copy_from_slice(&[shaft.transverse_kgm2, shaft.polar_kgm2]);
-        beside[2..4].fill(shaft.position_m);
-        beside[4..6].fill(shaft.sensor_position_m);
-        beside[6..8].fill(shaft.unbalance_position_m);
+        beside[..2].copy_from_slice(&[t.transverse_kgm2, t.polar_kgm2]);
+        beside[2..4].fill(t.position_m);
+        beside[4..6].fill(t.sensor_position_m);
+        beside[6..8].fill(t.unbalance_position_m);
         let radial = |change: [f64; R]| {
             let (mut geometry, mut planes_m) = (self.geometry, self.unbalance_position_m);
             let beside = &change[1 + K..];

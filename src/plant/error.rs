@@ -1,7 +1,7 @@
 //! Errors of a step.
 
 use super::substeps::MOST_PARTS;
-use crate::invalid::Short;
+use crate::invalid::{NotFinite, Short};
 
 /// Why the plant could not complete a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -28,13 +28,8 @@ pub enum StepError {
         time_s: f64,
     },
     /// An input is not finite. The state is unchanged.
-    #[error("the input {name} is not finite: {value}")]
-    Input {
-        /// Name of the input as in the interface.
-        name: String,
-        /// Its value.
-        value: f64,
-    },
+    #[error(transparent)]
+    Input(#[from] NotFinite),
     /// The step does not begin where the last one ended, or its length is invalid. The state is unchanged.
     #[error("a step of {h_s} s from t = {t_s} s is refused: the plant is at t = {time_s} s")]
     Time {

@@ -48,7 +48,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
     /// Displacement of the rotor at the magnets of bearing b, for coordinates or for their rates: (y, z), or (x, 0) in an axial one.
     #[inline]
     fn at_magnets(&self, b: usize, q: [T; N]) -> [T; 2] {
-        match Self::MACHINE.bearings[b].is_radial() {
+        match Self::MACHINE.bearings[b].is_radial {
             true => shaft::displacement(self.rotor.bearings[b].position_m, q),
             false => [q[0], T::constant(0.0)],
         }
@@ -68,7 +68,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         let mut sum = [T::constant(0.0); N];
         for b in (0..B).filter(|b| contact[*b]) {
             let [y, z] = self.touchdown_n(b, motion, omega_rad_s, contact);
-            let part: [T; N] = match Self::MACHINE.bearings[b].is_radial() {
+            let part: [T; N] = match Self::MACHINE.bearings[b].is_radial {
                 true => shaft::generalised(self.rotor.bearings[b].position_m, [y, z]),
                 false => shaft::along(y),
             };
@@ -105,7 +105,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         for (b, touched) in contact.into_iter().enumerate() {
             // 1/m at the centre of gravity, more beside it: how much a force at ξ moves the shaft there.
             let at_m = self.rotor.bearings[b].position_m;
-            let mobility = match Self::MACHINE.tilts() && Self::MACHINE.bearings[b].is_radial() {
+            let mobility = match Self::MACHINE.tilts() && Self::MACHINE.bearings[b].is_radial {
                 true => 1.0 / m_kg + at_m * at_m / transverse_kgm2,
                 false => 1.0 / m_kg,
             };
@@ -167,7 +167,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
     ) -> [AtBearing<T>; B] {
         let machine = Rotor::<N, K, B>::MACHINE;
         std::array::from_fn(|b| {
-            let first = if machine.bearings[b].is_radial() { usize::from(shaft::has_x::<N>()) } else { 0 };
+            let first = if machine.bearings[b].is_radial { usize::from(shaft::has_x::<N>()) } else { 0 };
             // The direction of a radial magnet in the plane is (y, z) of its d.
             let along = |a: usize| {
                 let direction = |k: usize| self.geometry().directions[k][(first + a).min(N - 1)];

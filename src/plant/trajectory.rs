@@ -1,7 +1,7 @@
 //! Inputs over a step.
 
 use super::PlantInput;
-use super::error::StepError;
+use crate::invalid::NotFinite;
 use crate::machine::Machine;
 
 /// The highest order of an input derivative in an [`InputTrajectory`].
@@ -55,19 +55,16 @@ impl<const N: usize, const K: usize> InputTrajectory<N, K> {
     }
 
     /// Whether all inputs are finite.
-    pub(super) fn check(&self) -> Result<(), StepError> {
+    pub(super) fn check(&self) -> Result<(), NotFinite> {
         self.slopes.iter().flatten().try_for_each(check_input::<N, K>)?;
         check_input::<N, K>(&self.input)
     }
 }
 
-fn check_input<const N: usize, const K: usize>(input: &PlantInput<f64, N, K>) -> Result<(), StepError> {
-    let PlantInput { current_a, voltage_v, perturbation_n, omega_rad_s } = input;
-    let mut values = current_a.iter().chain(voltage_v).chain(perturbation_n).chain([omega_rad_s]).enumerate();
-    let Some((at, value)) = values.find(|(_, value)| !value.is_finite()) else { return Ok(()) };
+fn check_input<const N: usize, const K: usize>(input: &PlantInput<f64, N, K>) -> Result<(), NotFinite> {
     let machine = Machine::of::<N, K>();
-    let magnets = ["i", "u"].map(|name| machine.of_magnets(name)).concat();
-    let loads = machine.of_coordinates(|coordinate| coordinate.load);
-    let mut names = magnets.into_iter().chain(loads).chain(["omega".to_owned()]);
-    Err(StepError::Input { name: names.nth(at).unwrap_or_default(), value: *value })
+    NotFinite::check(|| machine.of_magnets("i"), &input.current_a)?;
+    NotFinite::check(|| machine.of_magnets("u"), &input.voltage_v)?;
+    NotFinite::check(|| machine.of_coordinates(|coordinate| coordinate.load), &input.perturbation_n)?;
+    NotFinite::check(|| vec!["omega".into()], &[input.omega_rad_s])
 }

@@ -7,7 +7,7 @@ use serde_json::{Value as Json, json};
 
 use super::experiment::Paper;
 use super::{title_of, titled};
-use crate::machine::{Bearing, Kind};
+use crate::machine::Bearing;
 use crate::report::evaluation::{self, Sensitivities, Stretch, lengths};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::simulation::recording::Recording;
@@ -458,7 +458,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
     // The last stretch has the first colour.
     let colours = colour::MAGNETS[..run.stretches.len()].iter().rev();
     let mut plots = Vec::new();
-    for (b, bearing) in machine.bearings.iter().enumerate().filter(|(_, of)| of.kind == Kind::Radial) {
+    for (b, bearing) in machine.bearings.iter().enumerate().filter(|(_, of)| of.is_radial) {
         let at = machine.readings_of(b);
         let (mut path, mut errors) = (axes(""), axes("error"));
         let position = run.all("plant", &positions[at.clone()]);
@@ -507,7 +507,7 @@ fn clearance(run: &Signals) -> Option<Figure> {
         run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
         distance.level(clearance_m, "clearance");
         plots.push((titled("Distance from the centre", bearing), distance));
-        let axes = if bearing.kind == Kind::Radial { &["Y", "Z"][..] } else { &["X"] };
+        let axes = if bearing.is_radial { &["Y", "Z"][..] } else { &["X"] };
         let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
         let push_n = run.all("plant", &names).map(|forces| lengths(&forces)).unwrap_or_default();
         if push_n.iter().any(|force| *force > 0.0) {

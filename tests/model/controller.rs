@@ -14,6 +14,7 @@ use magnetic_bearing::control::controller::{
 };
 use magnetic_bearing::control::reference::{PathConfig, Reference, ReferenceConfig, Shape};
 use magnetic_bearing::control::tracking::TrackingConfig;
+use magnetic_bearing::invalid::NotFinite;
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
@@ -471,7 +472,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
                 let mut input = still.clone();
                 spoil(&mut input, bad);
                 match controller.sample(&mut state, &input) {
-                    Err(ControllerError::Input { name, .. }) => assert_eq!(name, wanted),
+                    Err(ControllerError::Input(NotFinite { name, .. })) => assert_eq!(name, wanted),
                     other => panic!("{wanted} = {bad}: {other:?}"),
                 }
                 assert_eq!(state, before, "{wanted} = {bad}");
@@ -510,7 +511,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
         Controller::new(ControllerConfig { reference: external, ..ControllerConfig::default() }).expect("controller");
     let mut state = controller.start(0.0);
     let result = controller.sample(&mut state, &ControllerInput { reference_m: [0.0, f64::NAN], ..still() });
-    assert!(matches!(result, Err(ControllerError::Input { ref name, .. }) if name == "Zref"), "{result:?}");
+    assert!(matches!(result, Err(ControllerError::Input(NotFinite { ref name, .. })) if name == "Zref"), "{result:?}");
 }
 
 #[test]

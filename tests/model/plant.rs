@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use crate::support::{SpindleConfig, below, between};
 use magnetic_bearing::bearing::rotor::Rotor;
+use magnetic_bearing::invalid::NotFinite;
 use magnetic_bearing::plant::integration::substeps;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::plant::{
@@ -399,7 +400,7 @@ fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
             let mut input = PlantInput::default();
             spoil(&mut input);
             match plant.advance(&mut state, &input, STEP_S, STEP_S) {
-                Err(StepError::Input { name, .. }) => assert_eq!(name, wanted),
+                Err(StepError::Input(NotFinite { name, .. })) => assert_eq!(name, wanted),
                 other => panic!("{wanted} = {bad}: {other:?}"),
             }
         };

@@ -11,29 +11,12 @@ use super::kernel::{ROWS_PER_AXIS, Weights};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Window {
     nodes: usize,
-    signals: usize,
     next: usize,
     filled: usize,
     values: Vec<f64>,
 }
 
 impl Window {
-    /// An empty window of `nodes` samples of `signals` signals; the only place that allocates.
-    #[must_use]
-    pub fn new(signals: usize, nodes: usize) -> Self {
-        Self { nodes, signals, next: 0, filled: 0, values: vec![0.0; 2 * nodes * signals] }
-    }
-
-    /// Whether the shape is the one given and the cursor is within it; a state read from a file may fail this.
-    #[must_use]
-    pub fn has_shape(&self, signals: usize, nodes: usize) -> bool {
-        self.nodes == nodes
-            && self.signals == signals
-            && self.values.len() == 2 * nodes * signals
-            && self.next < nodes.max(1)
-            && self.filled <= nodes
-    }
-
     /// Forgets all samples.
     pub fn clear(&mut self) {
         // Old values are overwritten before the window is full again; the time this takes does not depend on its length.
@@ -47,12 +30,9 @@ impl Window {
         self.filled == self.nodes
     }
 
-    /// Takes in one sample of every signal; signals beyond the shape are ignored.
-    pub fn push(&mut self, sample: &[f64]) {
+    /// Takes in one sample of every signal.
+    pub fn push(&mut self, sample: &[f64; SIGNALS]) {
         let nodes = self.nodes;
-        if nodes == 0 {
-            return;
-        }
         for (ring, value) in self.values.chunks_exact_mut(2 * nodes).zip(sample) {
             ring[self.next] = *value;
             ring[self.next + nodes] = *value;
@@ -61,11 +41,11 @@ impl Window {
         self.filled = (self.filled + 1).min(nodes);
     }
 
-    /// The window of one signal, oldest sample first; empty if there is no such signal.
+    /// The window of one signal, oldest sample first.
     #[must_use]
     pub fn signal(&self, index: usize) -> &[f64] {
         let start = 2 * self.nodes * index + self.next;
-        self.values.get(start..start + self.nodes).unwrap_or(&[])
+        &self.values[start..start + self.nodes]
     }
 }
 
@@ -134,13 +114,18 @@ impl WindowSums {
     /// A window without samples; the only place that allocates.
     #[must_use]
     pub fn start(&self) -> Window {
-        Window::new(SIGNALS, self.nodes())
+        let nodes = self.nodes();
+        Window { nodes, next: 0, filled: 0, values: vec![0.0; 2 * nodes * SIGNALS] }
     }
 
     /// Whether a window, for instance one read from a file, has the shape that these sums need.
     #[must_use]
     pub fn accepts(&self, window: &Window) -> bool {
-        window.has_shape(SIGNALS, self.nodes())
+        let nodes = self.nodes();
+        window.nodes == nodes
+            && window.values.len() == 2 * nodes * SIGNALS
+            && window.next < nodes
+            && window.filled <= nodes
     }
 
     /// Takes in one sample; the integrals over the window that ends with it, once there is one.

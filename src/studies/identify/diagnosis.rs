@@ -8,7 +8,7 @@ use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, 
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
-use crate::machine::{Kind, Machine};
+use crate::machine::Machine;
 use crate::studies::parallel::in_order;
 
 /// Rows of the stretch at least, and at most where the rotor turns slowly.
@@ -270,7 +270,7 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
     let mut take = stretch(take, 1);
     take.options.leaves_out = false;
     let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
-    let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.kind == Kind::Radial).collect();
+    let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.is_radial).collect();
     let each = |alternative: &'static Alternative| {
         let (magnets, ..) = *alternative;
         let of_bearings = bearings.iter().enumerate().filter(move |(_, of)| of.magnets >= magnets);
