@@ -94,6 +94,7 @@ fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
         current_gain: 2e-3,
         current_offset_a: 5e-3,
         backward_force_n: 2.0,
+        ..Tolerance::default()
     };
     let tolerances = EstimatorConfig { tolerance, ..found.clone() };
     [("noise given", given), ("noise estimated", found), ("noise estimated, all tolerances", tolerances)]

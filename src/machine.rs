@@ -400,6 +400,8 @@ impl Machine {
         let mut replace = |word: &str, by: &str| text = text.replace(word, by);
         let several = self.parts() > 1;
         replace("{, the greater}", if several { ", the greater of the radial and of the axial one" } else { "" });
+        let part = ["radial bearings", "axial bearing"].get(index).filter(|_| several);
+        replace("{of part}", &part.map(|part| format!(" of the {part}")).unwrap_or_default());
         let paper = "; with the paper's methods: fraction of the motion left unexplained";
         replace("{unexplained}", if self.of_paper() == 1 { paper } else { "" });
         replace("{in plane}", &if self.planes > 1 { format!(" in plane {}", index + 1) } else { String::new() });
@@ -412,7 +414,7 @@ impl Machine {
             replace("{in group}", &format!(" in magnets {} and {}{{in bearing}}", group + 1, group + 3));
         }
         replace("{in group}", "{in bearing}");
-        for preposition in ["of", "in", "at"] {
+        for preposition in ["of", "in", "at", "at the magnets of"] {
             replace(&format!("{{{preposition} bearing}}"), &bearing.located(preposition));
         }
         replace("{first axis}", bearing.first_axis());
@@ -492,10 +494,10 @@ pub const AXIAL: Machine = Machine {
 
 /// Readings of a shaft: the axial one is the last.
 const READINGS_OF_SHAFT: &[Reading] = &[
-    Reading { name: "A.Ym", around: ("A.", "Y"), axis: "y at bearing A" },
-    Reading { name: "A.Zm", around: ("A.", "Z"), axis: "z at bearing A" },
-    Reading { name: "B.Ym", around: ("B.", "Y"), axis: "y at bearing B" },
-    Reading { name: "B.Zm", around: ("B.", "Z"), axis: "z at bearing B" },
+    Reading { name: "A.Ym", around: ("A.", "Y"), axis: "y at the sensors of bearing A" },
+    Reading { name: "A.Zm", around: ("A.", "Z"), axis: "z at the sensors of bearing A" },
+    Reading { name: "B.Ym", around: ("B.", "Y"), axis: "y at the sensors of bearing B" },
+    Reading { name: "B.Zm", around: ("B.", "Z"), axis: "z at the sensors of bearing B" },
     Reading { name: "Xm", around: ("X.", ""), axis: "x" },
 ];
 

@@ -110,13 +110,13 @@ pub enum Shape {
 #[variables(context = Bearing)]
 #[serde(default)]
 pub struct PathConfig {
-    /// Semi-axis of the reference trajectory along {first axis}{in bearing}
+    /// Semi-axis of the reference trajectory along {first axis}{at the magnets of bearing}
     #[parameter(
         name = format!("reference.r{}", context.first_axis().to_uppercase()), count = context.if_radial().max(usize::from(context.is_alone())),
         unit = METRE, min = 0.0, nominal = 1e-5
     )]
     pub r_y_m: f64,
-    /// Semi-axis of the reference trajectory along z{in bearing}
+    /// Semi-axis of the reference trajectory along z{at the magnets of bearing}
     #[parameter(name = "reference.rZ", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-5)]
     pub r_z_m: f64,
     /// Phase of the reference trajectory in bearing {prefix}

@@ -365,14 +365,14 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// Standard deviation of ks of {magnet} due to noise and tolerances
     #[output(names = context.of_magnets("ksStd"), discrete, unit = NEWTON_PER_METRE, nominal = 1e3)]
     pub ks_std: [f64; K],
-    /// Standard deviation of the noise of the measured positions{of bearing}, given or estimated
+    /// Standard deviation of the noise of the measured positions{of part}, given or estimated
     ///
     /// Of each part; 0 before it is estimated.
     #[output(
         names = context.of_parts("noise.position"), count = context.parts(), discrete, unit = METRE, min = 0.0, nominal = 1e-7
     )]
     pub position_noise_m: [f64; P],
-    /// Standard deviation of the noise of im{of bearing}, given or estimated
+    /// Standard deviation of the noise of im{of part}, given or estimated
     ///
     /// As that of the positions.
     #[output(
