@@ -494,10 +494,10 @@ pub const AXIAL: Machine = Machine {
 
 /// Readings of a shaft: the axial one is the last.
 const READINGS_OF_SHAFT: &[Reading] = &[
-    Reading { name: "A.Ym", around: ("A.", "Y"), axis: "y at the sensors of bearing A" },
-    Reading { name: "A.Zm", around: ("A.", "Z"), axis: "z at the sensors of bearing A" },
-    Reading { name: "B.Ym", around: ("B.", "Y"), axis: "y at the sensors of bearing B" },
-    Reading { name: "B.Zm", around: ("B.", "Z"), axis: "z at the sensors of bearing B" },
+    Reading { name: "A.Ym", around: ("A.", "Y"), axis: "y at bearing A" },
+    Reading { name: "A.Zm", around: ("A.", "Z"), axis: "z at bearing A" },
+    Reading { name: "B.Ym", around: ("B.", "Y"), axis: "y at bearing B" },
+    Reading { name: "B.Zm", around: ("B.", "Z"), axis: "z at bearing B" },
     Reading { name: "Xm", around: ("X.", ""), axis: "x" },
 ];
 

@@ -38,16 +38,22 @@ impl Recording {
     ///
     /// # Errors
     /// Whatever the writer reports.
-    pub fn write_csv(&self, to: impl Write) -> io::Result<()> {
-        let mut to = csv::Writer::from_writer(to);
-        let names = self.columns.iter().map(|column| with_unit(column.name.clone(), &column.unit));
-        to.write_record(["time [s]".to_owned()].into_iter().chain(names))?;
+    pub fn write_csv(&self, mut to: impl Write) -> io::Result<()> {
+        // Neither names nor numbers need quotes.
+        write!(to, "time [s]")?;
+        for column in &self.columns {
+            write!(to, ",{}", with_unit(column.name.clone(), &column.unit))?;
+        }
+        writeln!(to)?;
         for (row, time_s) in self.time_s.iter().enumerate() {
-            let cell = |column: &Column| match column.values[row] {
-                value if value.fract() == 0.0 && value.abs() < 1e6 => value.to_string(),
-                value => format!("{value:e}"),
-            };
-            to.write_record([time_s.to_string()].into_iter().chain(self.columns.iter().map(cell)))?;
+            write!(to, "{time_s}")?;
+            for column in &self.columns {
+                match column.values[row] {
+                    value if value.fract() == 0.0 && value.abs() < 1e6 => write!(to, ",{value}")?,
+                    value => write!(to, ",{value:e}")?,
+                }
+            }
+            writeln!(to)?;
         }
         to.flush()
     }
