@@ -2,13 +2,14 @@
 """How well `identify` knows planar4, spindle and spindle4: recordings that `simulate` writes, with λ (±20 %) and noise drawn.
 
     cargo build --release
-    scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded | --bench]
+    scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded | --bench] [--missing 0.1]
     cargo run --release -- package --all && .venv/bin/python scripts/machines.py --seed 9101 --runs 20 --lag 50e-6
 
 Positions have 0.05 to 0.5 µm of noise, currents 5 to 20 mA. Prints error/± (rms over all magnets of all valid answers) in all and of noise, the
 worst, and how often the currents were read as measured ones; `--commanded` records the commands of the controller instead. With `--bench` mass, inertia,
 gaps, angles, positions along the shaft, gains and offsets are off by the tolerances of a typical bench, which `identify` is told. With `--lag` the
 currents follow the commands, which are recorded, with this time constant in s: plant and controller are FMUs in fmpy, with amplifiers between them.
+`--missing` leaves out this part of the rows at random.
 """
 
 import argparse
@@ -145,6 +146,7 @@ def main() -> None:
     parser.add_argument("--commanded", action="store_true")
     parser.add_argument("--bench", action="store_true")
     parser.add_argument("--lag", type=float, metavar="SECONDS")
+    parser.add_argument("--missing", type=float, default=0.0, metavar="PART", help="leaves out this part of the rows at random")
     arguments = parser.parse_args()
     print("| machine | recording | valid | error/± in all | error/± of noise | worst/± in all | rms error [%] | read as measured |")
     print("|---|---|---|---|---|---|---|---|")
@@ -153,9 +155,11 @@ def main() -> None:
         recordings = [record(machine, seed, arguments.commanded, arguments.bench, arguments.lag) for seed in seeds]
         for time_s in TIMES_S:
             valid, measured, errors = 0, 0, []
-            for truth, rows, told in recordings:
+            for seed, (truth, rows, told) in zip(seeds, recordings):
+                drawn = random.Random(seed)
                 command = [PROGRAM, "identify", "-", "--machine", machine, *told, "--json", "-"]
-                text = "\n".join(rows[: round(time_s * RATE_HZ) + 2]) + "\n"
+                whole = enumerate(rows[: round(time_s * RATE_HZ) + 2])
+                text = "".join(f"{row}\n" for at, row in whole if at < 2 or drawn.random() >= arguments.missing)
                 answer = json.loads(subprocess.run(command, input=text, capture_output=True, text=True).stdout)
                 if answer["valid"]:
                     valid += 1

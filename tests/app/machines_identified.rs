@@ -270,6 +270,26 @@ fn a_change_that_hides_the_solution_is_found() {
     finds(&document, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
 }
 
+/// Neighbours tell the current of a row that is missing. The angle of the shaft does not tell what modulation makes of it: λ of the axial magnets would be known to 2 %.
+#[test]
+fn rows_missing_at_random_cost_little() {
+    let mut random = crate::support::Random::new(7);
+    let drawn: Vec<f64> = (0..20_000).map(|_| random.between(0.0, 1.0)).collect();
+    for machine in [&PLANAR4, &SPINDLE] {
+        let folder = folder(&format!("machines-identified/missing-{}", machine.name));
+        let scenario = record(&folder, machine, |text| {
+            let lines = text.lines().enumerate().filter(|(line, _)| *line == 0 || drawn[*line] > 0.1);
+            lines.map(|(_, line)| line.to_owned() + "\n").collect()
+        });
+        let document = identified(&folder, &words(&format!("run.csv --machine {}", machine.name)));
+        agrees(&document, &scenario);
+        for k in 0..scenario.machine.magnets() {
+            let [hat, std] = ["lambdaHat", "lambdaStdTotal"].map(|of| number(&document[of][k]));
+            below(&format!("± of λ{} of {}", k + 1, machine.name), std / hat, 0.01);
+        }
+    }
+}
+
 /// Currents of a shaft that follow their commands at once have no lag, neither across the shaft nor along it.
 #[test]
 fn commands_of_a_shaft_have_no_lag() {
