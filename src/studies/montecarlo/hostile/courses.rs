@@ -107,6 +107,10 @@ fn changes() -> Vec<Course> {
         Course::new("3000 to −3000 rpm", NotWrong, 1.6, |scenario, _| {
             cases::speed(scenario, &[0.0, 0.3, 1.2, 1.6], &[3000.0, 3000.0, -3000.0, -3000.0]);
         }),
+        Course::new("8000 to 300 rpm in 0.4 s, load ramp 1 N/s", NotWrong, 1.2, |scenario, seed| {
+            cases::speed(scenario, &[0.0, 0.3, 0.7, 1.2], &[8000.0, 8000.0, 300.0, 300.0]);
+            load_ramp(scenario, 1.0, seed);
+        }),
         ramp(1.0, Valid),
         ramp(10.0, NotWrong),
         Course::new("λ drifts 2 %/s", Valid, 2.0, |scenario, _| drift(scenario, [0.0, 2.0], 0.04)),
