@@ -29,7 +29,7 @@ impl Currents {
     }
 }
 
-/// Readings that are tried. Currents that are continuous follow nothing.
+/// Readings that are tried, those without a lag first. Currents that are continuous follow nothing.
 const READINGS: [Currents; 5] = [
     MEASURED,
     Currents { hold: Hold::HeldAfter, lag: false },

@@ -140,26 +140,21 @@ pub(super) fn expected(on: On<'_>, innovations: &[f64]) -> (Vec<f32>, Vec<[f32; 
 
     // Innovations that were not recorded explain nothing: an interval that would follow from it by more than by all else is not known at all.
     let lacks = |row: usize, lag: usize| row < lag || case.is_missing(row - lag);
-    // What is left of a current is that of its neighbours where it changes smoothly, as by references and modulations that do not turn with the shaft.
-    let mut is_known = vec![false; all];
-    rows().for_each(|(row, _)| is_known[row] = true);
-    let has_neighbours = |row: usize| is_known[row - 1] && is_known.get(row + 1) == Some(&true);
-    let left = |row: usize| -> ByMagnet {
-        let mut own = vec![0.0; count_of];
+    // The rest of a current is that of its neighbours where it changes smoothly, as by references and modulations that do not turn with the shaft.
+    let mut left: Vec<Option<ByMagnet>> = vec![None; all];
+    for (row, _) in rows() {
         signals(row, &mut own);
-        let off = own[..magnets].iter().zip(&values[count_of * row..]).map(|(own, value)| own - f64::from(*value));
-        let mut left = ByMagnet::default();
-        left.iter_mut().zip(off).for_each(|(left, off)| *left = off);
-        left
-    };
-    let between = |row: usize| -> ByMagnet {
-        let [before, after] = [row - 1, row + 1].map(left);
-        std::array::from_fn(|k| 0.5 * (before[k] + after[k]))
+        let mut off = ByMagnet::default();
+        (0..magnets).for_each(|k| off[k] = own[k] - f64::from(values[count_of * row + k]));
+        left[row] = Some(off);
+    }
+    let between = |row: usize| -> Option<ByMagnet> {
+        let (before, after) = (left[row - 1]?, (*left.get(row + 1)?)?);
+        Some(std::array::from_fn(|k| 0.5 * (before[k] + after[k])))
     };
     let (mut usual, mut smooth, mut whole): (ByMagnet, ByMagnet, f64) = Default::default();
-    let is_whole = |row: usize| has_neighbours(row) && !(1..=LONG_PAST).any(|lag| lacks(row, lag));
-    for (row, _) in rows().filter(|(row, _)| is_whole(*row)) {
-        let (left, between) = (left(row), between(row));
+    for (row, _) in rows().filter(|(row, _)| !(1..=LONG_PAST).any(|lag| lacks(*row, lag))) {
+        let (Some(left), Some(between)) = (left[row], between(row)) else { continue };
         for k in 0..magnets {
             usual[k] += left[k] * left[k];
             smooth[k] += (left[k] - between[k]).powi(2);
@@ -170,7 +165,7 @@ pub(super) fn expected(on: On<'_>, innovations: &[f64]) -> (Vec<f32>, Vec<[f32; 
     let mut predicted = vec![[0.0; 2]; magnets * all];
     for (row, _) in all_rows().filter(|(row, _)| case.is_adrift(*row)) {
         let [gaps, _] = (on.rotor.passes.driven)(on, row);
-        let between = has_neighbours(row).then(|| between(row));
+        let between = between(row);
         for k in 0..magnets {
             let answers = answers[row / length].chunks_exact(size).zip(&of_past);
             let missing = answers.filter(|(_, [lag, ..])| lacks(row, *lag)).map(|(of, _)| of[1 + k] * of[1 + k]);
