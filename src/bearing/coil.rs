@@ -20,7 +20,7 @@ use crate::invalid::{Checks, Short};
 use crate::variables::unit::{HENRY, OHM, VOLT, WEBER};
 use crate::variables::{Choice, Variables};
 
-/// What drives the coils
+/// Drive of the coils
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
 pub enum Drive {
     /// Currents, held over the step
@@ -51,7 +51,7 @@ pub struct Saturates(pub bool);
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Saturates, default)]
 pub struct CoilConfig<T = f64> {
-    /// What drives the coils
+    /// Drive of the coils
     #[parameter]
     pub drive: Drive,
     /// Resistance of each coil, with drive = voltage

@@ -46,7 +46,7 @@ pub enum Method {
     PredictionError,
 }
 
-/// What a sample of a current stands for
+/// Meaning of a sample of a current
 ///
 /// The choice decides several per cent in λ.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
@@ -159,7 +159,7 @@ where
     /// How the force constants are computed
     #[parameter(count = context.of_paper())]
     pub method: Method,
-    /// What a sample of a current stands for
+    /// Meaning of a sample of a current
     #[parameter]
     pub hold: Hold,
     /// Whether to identify the unbalance as well
