@@ -45,6 +45,11 @@ pub struct Machine<const N: usize, const K: usize, const U: usize> {
 }
 
 impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
+    /// The loads that accelerate a position by 1 m/s², one on each coordinate.
+    pub fn unit_loads(&self) -> SVector<f64, N> {
+        SVector::from_fn(|n, _| 1.0 / self.accelerations.row(U - N + n).amax())
+    }
+
     /// By how much one standard deviation of a parameter changes the machine: `(M(p + σ) − M(p − σ))/2`.
     pub fn variation([more, less]: [Self; 2]) -> Self {
         let half = |a: f64, b: f64| 0.5 * (a - b);

@@ -434,7 +434,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.discount_of(time_s), time_s);
             let present = state.validation.present(state.per_revolution());
-            match state.models.weigh::<N>(&block, time_s, &self.prior, variances[0], present, state.quarters) {
+            let loads = self.filter.machine.unit_loads();
+            match state.models.weigh((&block, time_s), &self.prior, variances[0], present, state.quarters, &loads) {
                 Weighed::Same => (),
                 Weighed::Renewed => state.validation.forget(),
                 Weighed::Changed => {

@@ -57,6 +57,17 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
         self.unknowns *= by;
         self.tolerances *= by;
     }
+
+    /// Lets the last N unknowns, whose own rows are the last, walk at random with the variances Q: `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹`.
+    fn walk<const N: usize>(&mut self, variances: &SVector<f64, N>) -> Option<Square<N>> {
+        let own = self.unknowns.fixed_view::<N, N>(R - N, U - N) + Square::from_diagonal(&variances.map(|x| 1.0 / x));
+        let (m, _) = inverse(&own)?;
+        let gain = self.unknowns.fixed_columns::<N>(U - N) * m;
+        self.right -= gain * self.right.fixed_rows::<N>(R - N);
+        self.tolerances -= gain * self.tolerances.fixed_rows::<N>(R - N);
+        self.unknowns -= gain * self.unknowns.fixed_rows::<N>(R - N);
+        Some(m)
+    }
 }
 
 /// Prior knowledge of the unknowns: inverse variances and means.
@@ -143,6 +154,19 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.instruments.scale(weight);
         self.instrument_square *= weight;
         self.regressor_noise *= weight;
+    }
+
+    /// Lets the loads, the last N unknowns, walk at random with the variances Q in units of σ_z²: the estimate stays, and what was seen so far has the
+    /// weight `S⁻¹ − S⁻¹ φ_N M φ_Nᵀ S⁻¹` with `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹` (matrix inversion lemma).
+    pub fn walk<const N: usize>(&mut self, variances: &SVector<f64, N>) {
+        let right = self.predicted.right.fixed_rows::<N>(U - N).into_owned();
+        if let Some(m) = self.predicted.walk(variances) {
+            self.square -= right.dot(&(m * right));
+        }
+        let loads = self.instruments.unknowns.fixed_view::<K, N>(0, U - N).into_owned();
+        if let Some(m) = self.instruments.walk(variances) {
+            self.instrument_square -= loads * m * loads.transpose();
+        }
     }
 
     /// `(J + R) and b + R m` in units of σ_z².
