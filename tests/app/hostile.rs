@@ -53,6 +53,19 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
+/// Models in which the loads alone walk keep λ. Without them the estimate is valid for little more than half of the time.
+#[test]
+fn a_load_that_changes_does_not_cost_lambda() {
+    let courses = hostile::courses();
+    let cases: Vec<_> =
+        hostile::cases(&courses).into_iter().filter(|case| case.course.name == "load ramp 10 N/s").collect();
+    let found = hostile::run(&cases, RUNS, FIRST_SEED).expect("good scenarios");
+    assert!(
+        found.len() == 2 && found.iter().flatten().all(|trial| trial.valid > 0.95 && !trial.is_beyond()),
+        "{found:?}"
+    );
+}
+
 /// The verdict on a recording of 1 s in which each λ is 0.1 % off by a deviation of 0.2 %, after a change of its signals; valid from
 /// the second sample on.
 fn judged(scenario: &Scenario, change: impl Fn(&str, &mut [f64])) -> Trial {
