@@ -238,7 +238,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             false if renewed || self.used != former => Weighed::Renewed,
             false => Weighed::Same,
         };
-        self.moved |= renewed || CHANGES[self.used][0].is_finite();
+        self.moved |= renewed || self.used > 0;
         if changed {
             (self.moved, self.course) = (false, None);
         }
