@@ -29,7 +29,7 @@ const ROLES: [(&str, Role); 6] = [
 impl Role {
     /// Keys that may stand in its parentheses.
     fn keys(self) -> Vec<&'static str> {
-        let of_variable = ["unit", "display_unit", "start", "value", "min", "max", "nominal"];
+        let of_variable = ["unit", "display_unit", "start", "value", "min", "above", "max", "nominal"];
         let named = ["name", "names", "description", "count", "with"];
         let own: &[&str] = match self {
             Role::Parameter => &["fixed", "tunable", "calculated"],
@@ -87,7 +87,9 @@ impl Attributes {
         }
         let (role, items) = found.unwrap_or((Role::Nested, Vec::new()));
         let attributes = Self { role, items };
-        for [one, other] in [["name", "names"], ["fixed", "tunable"], ["fixed", "calculated"], ["prefix", "prefixes"]] {
+        for [one, other] in
+            [["name", "names"], ["fixed", "tunable"], ["fixed", "calculated"], ["prefix", "prefixes"], ["min", "above"]]
+        {
             if attributes.get(one).is_some()
                 && let Some(second) = attributes.get(other)
             {

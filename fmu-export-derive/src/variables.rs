@@ -275,11 +275,11 @@ fn optional(value: Option<&Expr>) -> TokenStream {
 
 /// Attributes that suit some types only.
 fn checks(attributes: &Attributes, of_type: &Type) -> TokenStream {
-    let of_reals = ["unit", "display_unit", "nominal", "state", "derivative_of"];
+    let of_reals = ["unit", "display_unit", "above", "nominal", "state", "derivative_of"];
     let there = of_reals.into_iter().filter(|key| attributes.has(key));
     let reals =
         there.map(|key| quote_spanned!(attributes.span(key)=> ::fmu_export::variables::only_real::<_, #of_type>();));
-    let limits = ["min", "max"].into_iter().filter_map(|key| attributes.value(key)).map(
+    let limits = ["min", "above", "max"].into_iter().filter_map(|key| attributes.value(key)).map(
         |value| quote_spanned!(value.span()=> let _ = |index: usize| ::fmu_export::variables::limit::<_, #of_type>(#value);),
     );
     quote!(#(#reals)* #(#limits)*)
@@ -310,7 +310,7 @@ fn steps(attributes: &Attributes, field: &Field) -> TokenStream {
         let flag = Ident::new(flag, attributes.span(flag));
         steps.push(quote!(.#flag()));
     }
-    for limit in ["min", "max"] {
+    for limit in ["min", "above", "max"] {
         if let Some(value) = attributes.value(limit) {
             let method = Ident::new(limit, attributes.span(limit));
             steps.push(quote_spanned!(value.span()=> .#method(::core::convert::Into::into(#value))));

@@ -143,7 +143,14 @@ pub trait Variables: Sized + 'static {
     where
         Self: Default,
     {
-        Self::placed(Self::described(context))
+        Self::default().rows_of(context)
+    }
+
+    /// As [`Variables::rows_in`], with the values of this structure as start values.
+    fn rows_of(&self, context: &Self::Context) -> Vec<Row<Self>> {
+        let mut rows = Vec::new();
+        self.describe(&Scope::default(), context, &mut rows);
+        Self::placed(rows)
     }
 
     /// As [`Variables::rows_in`], without access to values: such rows are of the same type for all models, and so is what changes
@@ -242,9 +249,10 @@ impl Scope {
         (lengths, slots): &Elements<'_>,
         count: Option<usize>,
     ) -> Vec<Row<()>> {
-        let made = count.unwrap_or(slots.len());
+        let given = if let Names::Each(names) = names { Some(names) } else { None };
+        let made = count.or(given.map(Vec::len)).unwrap_or(slots.len());
         assert!(made <= slots.len(), "count = {made} is refused for an array of {} elements", slots.len());
-        if let Names::Each(names) = names {
+        if let Some(names) = given {
             assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
         }
         let row = |index: usize| {

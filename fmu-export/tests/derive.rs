@@ -19,7 +19,7 @@ enum Drive {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 struct Wheel<const N: usize> {
     /// Radius of wheel {n}
-    #[parameter(unit = unit::METRE, display_unit = "mm", start = 0.3, min = 0.0)]
+    #[parameter(unit = unit::METRE, display_unit = "mm", start = 0.3, above = 0.0)]
     radius: f64,
     /// Angle of wheel {n}.
     ///
@@ -120,6 +120,9 @@ fn attributes_reach_the_variables() {
     assert_eq!(radius.description, "Radius of wheel 2");
     let Type::Real { start, unit, display, min, max, .. } = radius.data_type else { panic!("a Real") };
     assert_eq!((start, unit.name, display, min, max), (0.3, "m", Some("mm"), Some(0.0), None));
+    assert!(radius.admits(&Value::Real(1e-300)).is_ok());
+    let refused = radius.admits(&Value::Real(0.0)).expect_err("the limit itself");
+    assert_eq!(refused.to_string(), "wheel[2].radius = 0 m is refused: expected a value above 0 m");
     let temperature = find(&table, "wheel[1].temperature[2]");
     assert_eq!(temperature.description, "Temperature 2 of wheel 1");
     assert_eq!(temperature.depends_on, Some(vec![]));

@@ -417,15 +417,9 @@ impl Instance {
     fn outside_limits(&self) -> Vec<Invalid> {
         let settable = self.variables.iter().enumerate();
         let settable = settable.filter(|(_, variable)| variable.causality != Causality::Input && variable.has_start());
-        let found = settable.filter_map(|(index, variable)| match self.core.get(index) {
-            // Once the run has begun, a computed variable has left its start value.
-            _ if variable.exact && self.has_begun => None,
-            Value::Real(value) if !value.is_finite() => {
-                Some(Invalid::new(variable.name.clone(), value, "a finite number"))
-            }
-            value => variable.admits(&value).err(),
-        });
-        found.collect()
+        // Once the run has begun, a computed variable has left its start value.
+        let settable = settable.filter(|(_, variable)| !(variable.exact && self.has_begun));
+        settable.filter_map(|(index, variable)| variable.accepts(&self.core.get(index)).err()).collect()
     }
 
     /// Outputs are updated when read, and only if a value was set since. Before the run they come from a trial start; invalid

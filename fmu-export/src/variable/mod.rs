@@ -193,6 +193,8 @@ pub struct Variable {
     pub variability: Variability,
     /// Type, start value, unit and limits.
     pub data_type: Type,
+    /// Whether the smallest value of a Real is itself refused.
+    pub excludes_min: bool,
     /// Whether an output or local variable begins with its start value, which importers may set before the run.
     pub exact: bool,
     /// Whether it is a continuous state, which is integrated.
@@ -218,6 +220,7 @@ impl Variable {
             causality: Causality::Local,
             variability: if is_real { Variability::Continuous } else { Variability::Discrete },
             data_type,
+            excludes_min: false,
             exact: false,
             state: false,
             derivative_of: None,
@@ -280,6 +283,19 @@ impl Variable {
         if self.holds(value) { Ok(()) } else { Err(self.refusal(value)) }
     }
 
+    /// Whether a parameter may have this value: as [`admits`](Self::admits), and numbers must be finite.
+    ///
+    /// # Errors
+    /// If the value is refused, with the expected one.
+    pub fn accepts(&self, value: &Value) -> Result<(), Invalid> {
+        match value {
+            Value::Real(number) if !number.is_finite() => {
+                Err(Invalid::new(self.name.clone(), format!("{number}{}", self.spaced_unit()), "a finite number"))
+            }
+            _ => self.admits(value),
+        }
+    }
+
     /// Whether limits hold at once. Those of parameters are checked when they are used, all together.
     pub(crate) fn is_checked_when_set(&self) -> bool {
         self.causality == Causality::Input || self.items_only
@@ -289,7 +305,9 @@ impl Variable {
     #[inline]
     pub(crate) fn holds(&self, value: &Value) -> bool {
         match (&self.data_type, value) {
-            (Type::Real { min, max, .. }, Value::Real(value)) => within(value, min.as_ref(), max.as_ref()),
+            (Type::Real { min, max, .. }, Value::Real(value)) => {
+                within(value, min.as_ref(), max.as_ref()) && !(self.excludes_min && *min == Some(*value))
+            }
             (Type::Integer { min, max, .. }, Value::Integer(value)) => within(value, min.as_ref(), max.as_ref()),
             (Type::Enumeration { items, .. }, Value::Integer(value)) => items.item(*value).is_some(),
             _ => true,
@@ -299,10 +317,7 @@ impl Variable {
     /// Refusal of a value that is not held.
     #[cold]
     fn refusal(&self, value: &Value) -> Invalid {
-        let unit = match self.unit_name() {
-            "" | "1" => String::new(),
-            unit => format!(" {unit}"),
-        };
+        let unit = self.spaced_unit();
         match (&self.data_type, value) {
             (Type::Real { min, max, .. }, Value::Real(value)) => self.outside(*value, *min, *max, &unit),
             (Type::Integer { min, max, .. }, Value::Integer(value)) => self.outside(*value, *min, *max, &unit),
@@ -313,9 +328,18 @@ impl Variable {
         }
     }
 
+    /// The unit after a number.
+    fn spaced_unit(&self) -> String {
+        match self.unit_name() {
+            "" | "1" => String::new(),
+            unit => format!(" {unit}"),
+        }
+    }
+
     fn outside<T: Display>(&self, value: T, min: Option<T>, max: Option<T>, unit: &str) -> Invalid {
         let wanted = match (min, max) {
             (Some(min), Some(max)) => format!("a value from {min} to {max}{unit}"),
+            (Some(min), None) if self.excludes_min => format!("a value above {min}{unit}"),
             (Some(min), None) => format!("a value of at least {min}{unit}"),
             (_, Some(max)) => format!("a value of at most {max}{unit}"),
             (None, None) => "a value of its type".into(),

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use super::access::{Place, Slot};
-use super::{Access, Causality, Dependency, Enumeration, Type, Variability, Variable};
+use super::{Access, Causality, Dependency, Enumeration, Type, Value, Variability, Variable};
 use crate::unit::{SECOND, Unit};
 
 /// One row of a model's table: a variable, and access to its value in `D`.
@@ -122,6 +122,11 @@ impl<D> Row<D> {
         self.place.as_ref()?.at(data, self.details.place)?.real().copied()
     }
 
+    /// The value of the variable in a structure.
+    pub fn value(&self, data: &D) -> Option<Value> {
+        Some(self.place.as_ref()?.at(data, self.details.place)?.get())
+    }
+
     /// The unit of a Real variable.
     pub fn unit(&self) -> Option<Unit> {
         match self.variable.data_type {
@@ -222,6 +227,12 @@ impl<D> Row<D> {
             Type::Boolean { .. } | Type::Enumeration { .. } | Type::String { .. } => {}
         }
         self
+    }
+
+    /// A limit of a Real variable that is itself refused, as anything below; descriptions of models show it as the smallest value.
+    pub fn above(mut self, value: f64) -> Self {
+        self.variable.excludes_min = true;
+        self.min(value)
     }
 
     /// Largest value accepted; anything above is refused.
