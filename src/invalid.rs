@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 pub use crate::variables::Invalid;
+use crate::variables::{Variables, outside};
 
 /// A computed number in a message, with five significant digits at most.
 pub struct Short(pub f64);
@@ -76,19 +77,6 @@ impl Checks {
         self.require(value.is_finite(), name, format_args!("{value} {unit}"), "a finite number");
     }
 
-    /// Makes the same check of several numbers.
-    pub fn each(
-        &mut self,
-        check: fn(&mut Self, String, f64, &'static str),
-        names: Vec<String>,
-        values: &[f64],
-        unit: &'static str,
-    ) {
-        for (name, value) in names.into_iter().zip(values) {
-            check(self, name, *value, unit);
-        }
-    }
-
     /// Checks a part whose names begin with `prefix`, for instance `A.`.
     pub fn of<T>(&mut self, prefix: &str, check: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.found.len();
@@ -97,6 +85,20 @@ impl Checks {
             finding.name = format!("{prefix}{}", finding.name).into();
         }
         checked
+    }
+
+    /// Checks the described variables of a structure and, if all are finite and within their limits, makes something of it and checks what
+    /// else there is.
+    ///
+    /// # Errors
+    /// All findings of the first kind, or all of the second one, in order.
+    pub fn described<V: Variables, T>(
+        of: &V,
+        context: &V::Context,
+        make: impl FnOnce(&mut Self) -> T,
+    ) -> Result<T, Vec<Invalid>> {
+        let found = outside(of, context);
+        if found.is_empty() { Self::all(make) } else { Err(found) }
     }
 
     /// Makes something of parameters and checks them.

@@ -22,11 +22,17 @@ pub const KILOGRAM_METRE: Unit = Unit::new("kg.m", &[("kg", 1), ("m", 1)], &[Dis
 pub const OMEGA_RAD_S: f64 = 100.0 * std::f64::consts::PI;
 
 /// Name, value and unit of the described numbers of a structure; all names begin with `prefix`.
-pub fn numbers<V: Variables + Default>(prefix: &str, of: &V, context: &V::Context) -> Vec<(String, f64, &'static str)> {
-    let rows = V::rows_in(context);
+pub fn numbers<V: Variables>(prefix: &str, of: &V, context: &V::Context) -> Vec<(String, f64, &'static str)> {
+    let rows = of.rows_of(context);
     let number =
         rows.iter().filter_map(|row| Some((format!("{prefix}{}", row.variable.name), row.number(of)?, row.unit()?)));
     number.map(|(name, value, unit)| (name, value, if unit == unit::ONE { "" } else { unit.name })).collect()
+}
+
+/// The described variables of a structure whose values are not finite or outside their limits.
+pub fn outside<V: Variables>(of: &V, context: &V::Context) -> Vec<Invalid> {
+    let rows = of.rows_of(context).into_iter();
+    rows.filter_map(|row| row.variable.accepts(&row.value(of)?).err()).collect()
 }
 
 /// Values that can be written and read. An array of any length is one, but serde does not know it of all: `#[serde(bound = "[f64; N]: Saved")]`.

@@ -61,7 +61,7 @@ pub struct CoilConfig<T = f64> {
     #[parameter(name = "coil.Lleak", unit = HENRY, min = 0.0, nominal = 1e-3)]
     pub leakage_h: T,
     /// Voltage limit of the amplifiers, both signs, with drive = voltage
-    #[parameter(name = "coil.uMax", unit = VOLT, min = 0.0, nominal = 100.0, value = 100.0)]
+    #[parameter(name = "coil.uMax", unit = VOLT, above = 0.0, nominal = 100.0, value = 100.0)]
     pub limit_v: T,
     /// Flux at which the iron takes as much current as the nominal gap; 0 for iron that does not saturate
     #[parameter(name = "coil.fluxSaturation", count = usize::from(context.0), unit = WEBER, min = 0.0, nominal = 1e-2)]
@@ -69,33 +69,23 @@ pub struct CoilConfig<T = f64> {
 }
 
 impl CoilConfig {
-    /// Reports invalid parameters by their names in the interface; `gap_m` and `lambda_nm2_a2` belong to the magnets.
+    /// Reports parameters with which a step takes too long, by their names in the interface; `gap_m` and `lambda_nm2_a2` belong to the magnets.
     pub(crate) fn check<const K: usize>(&self, gap_m: [f64; K], lambda_nm2_a2: [f64; K], checks: &mut Checks) {
-        checks.not_negative("coil.R", self.resistance_ohm, "Ohm");
-        checks.not_negative("coil.Lleak", self.leakage_h, "H");
-        checks.positive("coil.uMax", self.limit_v, "V");
-        checks.not_negative("coil.fluxSaturation", self.saturation_wb, "Wb");
         // The iron is the stiffer the less flux saturates it, and the integration takes steps as short.
-        let sensible = self.saturation_wb == 0.0 || self.saturation_wb >= LEAST_SATURATION_WB;
         checks.require(
-            sensible || !self.saturation_wb.is_finite() || self.saturation_wb < 0.0,
+            self.saturation_wb == 0.0 || self.saturation_wb >= LEAST_SATURATION_WB,
             "coil.fluxSaturation",
             format_args!("{} Wb", self.saturation_wb),
             format!("0, or at least {LEAST_SATURATION_WB} Wb: with less a step takes too long"),
         );
         let inductances = lambda_nm2_a2.iter().zip(gap_m).map(|(lambda, gap_m)| self.leakage_h + lambda / gap_m);
         let least_h = inductances.fold(f64::INFINITY, f64::min);
-        if self.drive == Drive::Voltage && self.resistance_ohm.is_finite() && least_h.is_finite() && least_h > 0.0 {
-            checks.require(
-                least_h >= SHORTEST_TIME_CONSTANT_S * self.resistance_ohm,
-                "coil.R",
-                format_args!("{} Ohm", self.resistance_ohm),
-                format!(
-                    "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {} H at twice the nominal gap)",
-                    Short(least_h)
-                ),
-            );
-        }
+        let slow = least_h >= SHORTEST_TIME_CONSTANT_S * self.resistance_ohm;
+        let (least, value) = (Short(least_h), format_args!("{} Ohm", self.resistance_ohm));
+        let wanted = format!(
+            "a time constant L/R of at least {SHORTEST_TIME_CONSTANT_S} s (L = {least} H at twice the nominal gap)"
+        );
+        checks.require(slow || self.drive == Drive::Current, "coil.R", value, wanted);
     }
 }
 

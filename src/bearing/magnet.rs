@@ -183,20 +183,22 @@ impl Magnets {
     /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see
     /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
     pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
+        Checks::all(|checks| {
+            checks.positive("s", gap_m, "m");
+            alpha_rad.iter().enumerate().for_each(|(k, alpha)| checks.finite(alpha_name(k), *alpha, "rad"));
+        })?;
         Checks::all(|checks| Self::checked(gap_m, alpha_rad, checks))
     }
 
-    /// Reports errors in `checks`; use the returned value only if there are none.
+    /// Reports in `checks` what a gap above 0 and finite angles may have wrong; use the returned value only if there is nothing.
     pub(crate) fn checked(gap_m: f64, alpha_rad: &[f64], checks: &mut Checks) -> Self {
-        checks.positive("s", gap_m, "m");
         let mut directions = [[0.0; 2]; MOST_MAGNETS];
         if alpha_rad.is_empty() {
             directions[..2].copy_from_slice(&[[1.0, 0.0], [-1.0, 0.0]]);
             let rows = Some([[1.0, 0.0], [0.0; 2]]);
             return Self { gap_m, number: 2, directions, null: [1.0; MOST_MAGNETS], inverse: directions, pairs: rows };
         }
-        for ((k, alpha), e_k) in alpha_rad.iter().enumerate().zip(&mut directions) {
-            checks.finite(alpha_name(k), *alpha, "rad");
+        for (alpha, e_k) in alpha_rad.iter().zip(&mut directions) {
             let (sin, cos) = alpha.sine_cosine();
             *e_k = [sin, cos];
         }
@@ -207,7 +209,7 @@ impl Magnets {
             .filter(|(first, second)| number == 3 && cross(e[*first], e[*second]).abs() < SMALLEST_SINE)
             .peekable();
         let null = null_vector(e);
-        if alpha_rad.iter().all(|alpha| alpha.is_finite()) && parallel.peek().is_none() {
+        if parallel.peek().is_none() {
             check_all_round(alpha_rad, e, &null, checks);
         }
         for (first, second) in parallel {

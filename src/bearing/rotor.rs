@@ -39,7 +39,7 @@ pub struct BearingConfig<T = f64> {
     #[parameter(name = "sensorPosition", count = context.if_placed(), unit = METRE, nominal = 0.1)]
     pub sensor_position_m: T,
     /// Nominal air gap{of bearing}
-    #[parameter(name = "s", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm")]
+    #[parameter(name = "s", unit = METRE, above = 0.0, nominal = 1e-4, display_unit = "mm")]
     pub gap_m: T,
     /// Angle of magnet {k}{of bearing}; its direction is (sin alpha, cos alpha) in the y-z plane
     ///
@@ -59,8 +59,8 @@ pub struct RotorConfig<T = f64, const B: usize = 1> {
     /// Begin and end of a shaft that tilts, in m from the centre of gravity. Nothing can be mounted beyond; the motion does not depend on
     /// them.
     #[parameter(
-        names = ["shaft.begin", "shaft.end"].into_iter().take(context.if_tilting(2)).collect::<Vec<_>>(), count = context.if_tilting(2),
-        unit = METRE, nominal = 0.1,
+        names = ["shaft.begin", "shaft.end"].into_iter().take(context.if_tilting(2)).collect::<Vec<_>>(), unit = METRE,
+        nominal = 0.1,
         description = ["Begin of the shaft, from the centre of gravity", "End of the shaft, from the centre of gravity"][index]
     )]
     pub extent_m: [T; 2],
@@ -138,8 +138,8 @@ impl<const B: usize> RotorConfig<f64, B> {
     pub(crate) fn check_position(&self, name: impl Into<Cow<'static, str>>, at_m: f64, checks: &mut Checks) {
         let [begin_m, end_m] = self.extent_m;
         checks.require(
-            // Where the shaft itself has been refused, any finite position is accepted.
-            at_m.is_finite() && !(begin_m < end_m && (at_m < begin_m || at_m > end_m)),
+            // Where the shaft itself has been refused, any position is accepted.
+            !(begin_m < end_m && (at_m < begin_m || at_m > end_m)),
             name,
             format_args!("{at_m} m"),
             format!("a position on the shaft, from shaft.begin = {begin_m} m to shaft.end = {end_m} m"),
@@ -149,20 +149,15 @@ impl<const B: usize> RotorConfig<f64, B> {
     /// Refuses a shaft that no body can be, and bearings or sensors that support or see no tilt.
     fn check_shaft(&self, checks: &mut Checks) {
         let Shaft { transverse_kgm2, polar_kgm2, .. } = self.shaft;
-        checks.positive("Jt", transverse_kgm2, "kg.m2");
-        checks.not_negative("Jp", polar_kgm2, "kg.m2");
         checks.require(
-            // Values that were refused already are skipped.
-            polar_kgm2 <= 2.0 * transverse_kgm2 || !(polar_kgm2.is_finite() && transverse_kgm2 > 0.0),
+            polar_kgm2 <= 2.0 * transverse_kgm2,
             "Jp",
             format_args!("{polar_kgm2} kg.m2"),
             format!("at most 2 Jt = {} kg.m2, as of a disk: no body has more", 2.0 * transverse_kgm2),
         );
         let [begin_m, end_m] = self.extent_m;
-        checks.finite("shaft.begin", begin_m, "m");
-        checks.finite("shaft.end", end_m, "m");
         checks.require(
-            begin_m < end_m || !(begin_m.is_finite() && end_m.is_finite()),
+            begin_m < end_m,
             "shaft.end",
             format_args!("{end_m} m"),
             format!("a position beyond shaft.begin = {begin_m} m"),
@@ -179,7 +174,7 @@ impl<const B: usize> RotorConfig<f64, B> {
 
 fn check_apart(name: &str, what: &str, [a_m, b_m]: [f64; 2], checks: &mut Checks) {
     checks.require(
-        (a_m - b_m).abs() >= SHORTEST_DISTANCE_M || !(a_m.is_finite() && b_m.is_finite()),
+        (a_m - b_m).abs() >= SHORTEST_DISTANCE_M,
         format!("B.{name}"),
         format_args!("{b_m} m"),
         format!("a position at least {SHORTEST_DISTANCE_M} m from A.{name} = {a_m} m, so that the {what} support or see a tilt"),
@@ -208,12 +203,11 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     /// Masses and moments of inertia that no body has, an empty shaft, positions beyond it, bearings or sensors at the same place, and of
     /// each bearing what [`Magnets::new`] refuses, by their names in the interface.
     pub fn new(config: RotorConfig<f64, B>) -> Result<Self, Vec<Invalid>> {
-        Checks::all(|checks| Self::checked(config, checks))
+        Checks::described(&config, Self::MACHINE, |checks| Self::checked(config, checks))
     }
 
-    /// Reports errors in `checks`; use the returned value only if there are none.
+    /// Reports in `checks` what numbers within their limits may have wrong together; use the returned value only if there is nothing.
     pub(crate) fn checked(config: RotorConfig<f64, B>, checks: &mut Checks) -> Self {
-        checks.positive("m", config.shaft.m_kg, "kg");
         if Self::MACHINE.tilts() {
             config.check_shaft(checks);
         }

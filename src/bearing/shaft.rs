@@ -27,10 +27,10 @@ pub const ACROSS: usize = 4;
 #[variables(T = f64, context = Machine)]
 pub struct Shaft<T = f64> {
     /// Mass of the rotor
-    #[parameter(name = "m", unit = KILOGRAM, min = 0.0)]
+    #[parameter(name = "m", unit = KILOGRAM, above = 0.0)]
     pub m_kg: T,
     /// Moment of inertia of the rotor about an axis across the shaft through the centre of gravity
-    #[parameter(name = "Jt", count = context.if_tilting(1), unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]
+    #[parameter(name = "Jt", count = context.if_tilting(1), unit = KILOGRAM_METRE2, above = 0.0, nominal = 0.1)]
     pub transverse_kgm2: T,
     /// Moment of inertia of the rotor about its axis, at most 2 Jt
     #[parameter(name = "Jp", count = context.if_tilting(1), unit = KILOGRAM_METRE2, min = 0.0, nominal = 0.1)]

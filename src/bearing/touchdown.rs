@@ -16,7 +16,6 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::{Scalar, joined};
-use crate::invalid::Checks;
 use crate::machine::Bearing;
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE};
@@ -33,11 +32,11 @@ pub struct TouchdownConfig<T = f64> {
     ///
     /// If it exceeds the nominal gap, the rotor may reach a magnet first, which ends the run.
     #[parameter(
-        name = "touchdown.clearance", unit = METRE, min = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4
+        name = "touchdown.clearance", unit = METRE, above = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4
     )]
     pub clearance_m: T,
     /// Stiffness of the backup bearing{at bearing}
-    #[parameter(name = "touchdown.stiffness", unit = NEWTON_PER_METRE, min = 0.0, nominal = 1e7, value = 5e7)]
+    #[parameter(name = "touchdown.stiffness", unit = NEWTON_PER_METRE, above = 0.0, nominal = 1e7, value = 5e7)]
     pub stiffness_n_m: T,
     /// Damping of the backup bearing{at bearing}
     #[parameter(name = "touchdown.damping", unit = NEWTON_SECOND_PER_METRE, min = 0.0, nominal = 1e3, value = 5e3)]
@@ -47,22 +46,13 @@ pub struct TouchdownConfig<T = f64> {
     pub friction: T,
     /// Radius of the rotor at the backup bearing{at bearing}, used by friction
     #[parameter(
-        name = "touchdown.radius", count = context.if_radial(), unit = METRE, min = 0.0, nominal = 1e-2,
+        name = "touchdown.radius", count = context.if_radial(), unit = METRE, above = 0.0, nominal = 1e-2,
         display_unit = "mm", value = 0.025
     )]
     pub radius_m: T,
 }
 
 impl TouchdownConfig {
-    /// Reports invalid parameters by their names in the interface.
-    pub(crate) fn check(&self, checks: &mut Checks) {
-        checks.positive("touchdown.clearance", self.clearance_m, "m");
-        checks.positive("touchdown.stiffness", self.stiffness_n_m, "N/m");
-        checks.not_negative("touchdown.damping", self.damping_ns_m, "N.s/m");
-        checks.not_negative("touchdown.friction", self.friction, "");
-        checks.positive("touchdown.radius", self.radius_m, "m");
-    }
-
     /// Whether rotor and ring are in contact, for a position in m and a velocity in m/s, (y, z).
     pub fn touches(&self, position_m: [f64; 2], velocity_m_s: [f64; 2]) -> bool {
         // Well inside, the common case, no root is needed.

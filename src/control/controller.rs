@@ -85,8 +85,8 @@ pub struct ControllerInput<const N: usize = 2, const K: usize = 3> {
     pub lambda_valid: bool,
     /// Reference along {axis} with reference.shape = external
     #[input(
-        names = context.of_resultant("").into_iter().map(|axis| axis + "ref").collect::<Vec<_>>(),
-        count = context.of_resultant("").len(), unit = METRE, nominal = 1e-5
+        names = context.of_resultant("").into_iter().map(|axis| axis + "ref").collect::<Vec<_>>(), unit = METRE,
+        nominal = 1e-5
     )]
     pub reference_m: [f64; N],
 }
@@ -179,7 +179,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// [`Rotor::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfigOf<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
         let law = &config.law;
-        let (rotor, reference) = Checks::all(|checks| {
+        let (rotor, reference) = Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| {
             let rotor = Rotor::checked(config.rotor, checks);
             law.check(&rotor, config.used, checks);
             let reference = Reference::checked(config.reference.clone(), law.step_s, &rotor, checks);
@@ -210,11 +210,10 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
 
     /// Changes the modulation of the smallest forces: `modulation` as a fraction of `F_0`, its frequencies in Hz, one for each group.
     ///
-    /// The phases are continuous.
+    /// The phases are continuous. The numbers must be within their limits, as the FMU requires.
     ///
     /// # Errors
-    /// `F0.modulation` outside 0 to 1; `F0.modulationFrequency` unless it is above 0 and at most half the sample rate. The
-    /// former values then remain.
+    /// `F0.modulationFrequency` above half the sample rate. The former values then remain.
     pub fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
         let law = TrackingConfig { modulation, modulation_hz, ..self.config.law.clone() };
         Checks::all(|checks| excitation::check(&law, Rotor::<N, K, B>::MACHINE, checks))?;

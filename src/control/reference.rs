@@ -35,7 +35,7 @@ use crate::control::observer::{Signal, SignalObserver};
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
-use crate::variables::{Choice, OMEGA_RAD_S, Saved, Variables, numbers};
+use crate::variables::{Choice, Saved, Variables, numbers};
 
 /// The most lobes of a curve; no sample time in use resolves more.
 pub const MOST_LOBES: i32 = 1000;
@@ -50,7 +50,7 @@ pub const HARMONICS: usize = 8;
 #[serde(default)]
 pub struct Contour {
     /// Mean of the reference trajectory along {axis} with shape = fourier
-    #[parameter(names = context.of_resultant("centre"), count = context.of_resultant("").len(), unit = METRE, nominal = 1e-5)]
+    #[parameter(names = context.of_resultant("centre"), unit = METRE, nominal = 1e-5)]
     pub centre_m: [f64; 2],
     /// Cosine of harmonic {k} of the reference trajectory along {first axis} with shape = fourier
     #[parameter(name = format!("cos{}", context.coordinates[0].position), unit = METRE, nominal = 1e-5)]
@@ -181,13 +181,10 @@ pub struct ReferenceConfig<const B: usize = 1> {
     /// is 1.9 µm at 3000 rpm and 0.03 µm at 1000 rpm with 2000 rad/s, and 0.45 µm at 3000 rpm with 4000 rad/s (tracking poles
     /// at 1000 rad/s, 10 kHz). Noise in the reference calls for a lower bandwidth.
     #[parameter(
-        name = "bandwidth.reference", count = context.if_single(1), unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0,
+        name = "bandwidth.reference", count = context.if_single(1), unit = RADIAN_PER_SECOND, above = 0.0, nominal = 1000.0,
         display_unit = "Hz", value = 4000.0
     )]
     pub bandwidth_rad_s: f64,
-    /// Angular velocity on the curve, in rad/s; negative values run backwards.
-    #[hidden(value = OMEGA_RAD_S)]
-    pub omega_rad_s: f64,
 }
 
 impl<const B: usize> ReferenceConfig<B> {
@@ -261,13 +258,6 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// Reports errors in `checks`.
-    pub(super) fn check(self, checks: &mut Checks) {
-        checks.not_negative("reference.startTime", self.start_s, "s");
-        checks.not_negative("reference.rampTime", self.ramp_s, "s");
-        checks.not_negative("reference.liftTime", self.lift_s, "s");
-    }
-
     /// The reference `t_s` after the first sample, at which the coordinates were `first`.
     pub(super) fn apply<const N: usize>(self, curve: [RefPoint; N], first: [f64; N], t_s: f64) -> [RefPoint; N] {
         let Self { start_s, ramp_s, lift_s } = self;
@@ -283,7 +273,7 @@ impl Transition {
 /// The angle θ = ∫ω dt of a sampled reference, which starts at 0.
 ///
 /// It is base + ω·(count · T_s), with a new base when ω changes, so that it does not drift.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub(super) struct Turning {
     /// Number of samples taken.
     samples: u64,
@@ -298,11 +288,6 @@ pub(super) struct Turning {
 }
 
 impl Turning {
-    /// Before the first sample.
-    pub fn start(omega_rad_s: f64) -> Self {
-        Self { samples: 0, base_rad: 0.0, base_sample: 0, omega_rad_s, theta_rad: 0.0 }
-    }
-
     /// Moves on to the next sample; ω holds from this sample on.
     pub fn sample(&mut self, omega_rad_s: f64, step_s: f64) {
         let since_base_s = (self.samples - self.base_sample) as f64 * step_s;
@@ -318,11 +303,6 @@ impl Turning {
     /// θ a time after the last sample, in rad.
     pub fn ahead_rad(&self, ahead_s: f64) -> f64 {
         self.theta_rad + self.omega_rad_s * ahead_s
-    }
-
-    /// Time since the first sample, a time after the last one, in s.
-    pub fn since_first_s(&self, ahead_s: f64, step_s: f64) -> f64 {
-        (self.samples.max(1) - 1) as f64 * step_s + ahead_s
     }
 }
 
@@ -360,19 +340,19 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     /// A reference sampled every `step_s` (finite, above 0).
     ///
     /// # Errors
-    /// `reference.rY`, `reference.rZ` if they are below 0, of each bearing; `reference.lobes` above [`MOST_LOBES`]; of an axial bearing
-    /// among others `X.reference.amplitude` below 0 or beyond the gap, `X.reference.frequency` below 0 or beyond half the sample rate;
-    /// the times below 0; `bandwidth.reference` unless above 0; all of these, phases, `reference.lobeAmplitude` and `reference.omega` if
-    /// they are not finite; `reference.rY` and others if the reference trajectory touches a magnet.
+    /// Numbers that are not finite or outside their limits; `X.reference.frequency` beyond half the
+    /// sample rate; `reference.rY` and others if the reference trajectory touches a magnet.
     pub fn new<const K: usize>(
         config: ReferenceConfig<B>,
         step_s: f64,
         rotor: &Rotor<N, K, B>,
     ) -> Result<Self, Vec<Invalid>> {
-        Checks::all(|checks| Self::checked(config, step_s, rotor, checks))
+        Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| {
+            Self::checked(config.clone(), step_s, rotor, checks)
+        })
     }
 
-    /// Reports errors in `checks`; use the returned value only if there are none.
+    /// Reports in `checks` what numbers within their limits have wrong together; use the returned value only if there is nothing.
     pub(crate) fn checked<const K: usize>(
         config: ReferenceConfig<B>,
         step_s: f64,
@@ -380,39 +360,15 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         checks: &mut Checks,
     ) -> Self {
         let machine = Rotor::<N, K, B>::MACHINE;
-        let coefficients = match machine.tilts() {
-            true => Vec::new(),
-            false => numbers("reference.", &config.contour, machine),
-        };
         for ((bearing, path), magnets) in machine.bearings.iter().zip(&config.paths).zip(rotor.bearings()) {
-            checks.of(bearing.prefix, |checks| match bearing.if_beside() {
-                0 => {
-                    checks.not_negative(along_first("reference.r", bearing), path.r_y_m, "m");
-                    checks.not_negative("reference.rZ", path.r_z_m, "m");
-                    checks.finite("reference.phase", path.phase_rad, "rad");
-                    match config.shape {
-                        Shape::External => (),
-                        Shape::Fourier => check_contour_reach(&config.contour, &coefficients, magnets, checks),
-                        Shape::Ellipse => check_ellipse_reach(path, 0.0, bearing, magnets, checks),
-                        Shape::Lobes => check_ellipse_reach(path, config.lobe_amplitude_m, bearing, magnets, checks),
-                    }
-                }
-                _ => check_sine(path, step_s, magnets, checks),
+            checks.of(bearing.prefix, |checks| match config.shape {
+                _ if bearing.if_beside() == 1 => check_sine(path, step_s, magnets, checks),
+                Shape::External => (),
+                Shape::Fourier => check_contour_reach(&config.contour, machine, magnets, checks),
+                Shape::Ellipse => check_ellipse_reach(path, 0.0, bearing, magnets, checks),
+                Shape::Lobes => check_ellipse_reach(path, config.lobe_amplitude_m, bearing, magnets, checks),
             });
         }
-        checks.require(
-            (0..=MOST_LOBES).contains(&config.lobes),
-            "reference.lobes",
-            config.lobes,
-            format!("a number from 0 to {MOST_LOBES}"),
-        );
-        checks.finite("reference.lobeAmplitude", config.lobe_amplitude_m, "m");
-        config.transition.check(checks);
-        for (name, value, unit) in coefficients {
-            checks.finite(name, value, unit);
-        }
-        checks.finite("reference.omega", config.omega_rad_s, "rad/s");
-        checks.positive("bandwidth.reference", config.bandwidth_rad_s, "rad/s");
         let external = config.shape == Shape::External;
         let observer = external.then(|| SignalObserver::new(config.bandwidth_rad_s, step_s));
         let wave = |part: usize| {
@@ -430,8 +386,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 
     /// Before the first sample: θ = 0, an external reference at rest.
     pub fn start(&self) -> ReferenceState<N> {
-        let turning = Turning::start(self.config.omega_rad_s);
-        ReferenceState { turning, first: [0.0; N], signal: [Signal::default(); N] }
+        ReferenceState { turning: Turning::default(), first: [0.0; N], signal: [Signal::default(); N] }
     }
 
     /// Moves on to the next sample, at the measured coordinates; a lift begins at the first. `omega_rad_s` holds from this sample on, `external`
@@ -461,7 +416,8 @@ impl<const N: usize, const B: usize> Reference<N, B> {
                 RefPoint { position_m, velocity_m_s, acceleration_m_s2 }
             });
         }
-        let t_s = state.turning.since_first_s(ahead_s, self.step_s);
+        // Since the first sample.
+        let t_s = (state.turning.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
         let curve = self.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s, t_s);
         self.config.transition.apply(curve, state.first, t_s)
     }
@@ -536,17 +492,13 @@ fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magne
     let PathConfig { r_y_m: r_y, r_z_m: r_z, .. } = *path;
     let a = lobes_m.abs();
     let s = magnets.gap_m();
-    // Do not report again the consequences of a refused value.
-    if ![r_y, r_z, a, s].iter().all(|value| value.is_finite() && *value >= 0.0) || s == 0.0 {
-        return;
-    }
     let towards = magnets.directions().iter().map(|e_k| [r_y * e_k[0], r_z * e_k[1]]);
     let reach = |[y, z]: [f64; 2]| (y * y + z * z).sqrt() + a;
     let Some((number, [y, z])) = (1..).zip(towards).find(|(_, towards)| reach(*towards) >= s) else { return };
     let (name, value) = if a >= y.abs() && a >= z.abs() {
         ("reference.lobeAmplitude".to_owned(), lobes_m)
     } else if y.abs() >= z.abs() {
-        (along_first("reference.r", bearing), r_y)
+        (format!("reference.r{}", bearing.first_axis().to_uppercase()), r_y)
     } else {
         ("reference.rZ".to_owned(), r_z)
     };
@@ -560,36 +512,24 @@ fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magne
 /// Refuses a sine that no magnet or no sample time allows.
 fn check_sine(path: &PathConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) {
     let (amplitude_m, gap_m) = (path.amplitude_m, magnets.gap_m());
-    checks.not_negative("reference.amplitude", amplitude_m, "m");
     checks.require(
-        // Values that were refused already are skipped.
-        amplitude_m < gap_m || !(amplitude_m.is_finite() && gap_m > 0.0),
+        amplitude_m < gap_m,
         "reference.amplitude",
         format_args!("{amplitude_m} m"),
         format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)"),
     );
-    let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+    let highest_hz = 0.5 / step_s;
     checks.require(
-        path.frequency_hz.is_finite() && (0.0..=highest_hz).contains(&path.frequency_hz),
+        path.frequency_hz <= highest_hz,
         "reference.frequency",
         format_args!("{} Hz", path.frequency_hz),
         format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
     );
 }
 
-/// The name of what belongs to the first axis: y, or x along the axis.
-fn along_first(name: &str, bearing: &Bearing) -> String {
-    format!("{name}{}", bearing.first_axis().to_uppercase())
-}
-
 /// Refuses a contour that touches a magnet at one of these angles, 45 per shortest wave; the finding names the largest
 /// coefficient.
-fn check_contour_reach(
-    contour: &Contour,
-    coefficients: &[(String, f64, &str)],
-    magnets: &Magnets,
-    checks: &mut Checks,
-) {
+fn check_contour_reach(contour: &Contour, machine: &Machine, magnets: &Magnets, checks: &mut Checks) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
     for index in 0..ANGLES {
@@ -602,14 +542,12 @@ fn check_contour_reach(
             }
         }
     }
-    let size = |(_, value, _): &&(String, f64, &str)| value.abs();
-    let Some((name, value, unit)) = coefficients.iter().rev().max_by(|a, b| size(a).total_cmp(&size(b))) else {
-        return;
-    };
-    let (gap, number) = least;
+    let coefficients = numbers("reference.", contour, machine);
+    let largest = coefficients.into_iter().rev().max_by(|(_, a, _), (_, b, _)| a.abs().total_cmp(&b.abs()));
+    let (Some((name, value, unit)), (gap, number)) = (largest, least) else { return };
     checks.require(
-        gap > 0.0 || gap.is_infinite(),
-        name.clone(),
+        gap > 0.0,
+        name,
         format_args!("{value} {unit}"),
         format!("a reference trajectory that does not touch magnet {number} (the least gap would be {} m)", Short(gap)),
     );

@@ -102,14 +102,14 @@ pub enum Allocation {
 #[serde(bound = "[f64; K]: Saved, [f64; G]: Saved")]
 pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Sample time; samples are taken at the start time plus whole multiples of it
-    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
+    #[parameter(name = "Ts", unit = SECOND, above = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
     pub step_s: f64,
     /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
     /// does not saturate.
     #[nested(prefix = "", context = Saturates(false))]
     pub coil: CoilConfig,
     /// First guess of the force constant of {magnet}
-    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6, value = [4e-6; K])]
+    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, above = 0.0, nominal = 1e-6, value = [4e-6; K])]
     pub lambda0_nm2_a2: [f64; K],
     /// How a force is shared among the magnets of a bearing
     #[parameter(count = usize::from(context.is_paired()))]
@@ -117,40 +117,35 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Smallest force commanded of each magnet{of bearing}, without modulation
     ///
     /// Of each bearing, as the bias current; further elements are not used.
-    #[parameter(
-        names = context.of_bearings("F0"), count = context.bearings.len(), unit = NEWTON, min = 0.0, nominal = 10.0,
-        value = [20.0; G]
-    )]
+    #[parameter(names = context.of_bearings("F0"), unit = NEWTON, min = 0.0, nominal = 10.0, value = [20.0; G])]
     pub f0_n: [f64; G],
     /// Mean of the currents of each opposed pair{of bearing} with allocation = biasCurrent, without modulation
-    #[parameter(
-        names = context.of_biases(), count = context.of_biases().len(), unit = AMPERE, min = 0.0, value = [2.0; G]
-    )]
+    #[parameter(names = context.of_biases(), unit = AMPERE, min = 0.0, value = [2.0; G])]
     pub bias_a: [f64; G],
     /// Amplitude of the modulation of the smallest forces, as a fraction of F0
     #[parameter(name = "F0.modulation", tunable, unit = ONE, min = 0.0, max = 1.0)]
     pub modulation: f64,
     /// Frequency of the modulation{in group}, at most half the sample rate
     #[parameter(
-        names = context.of_groups("F0.modulationFrequency"), tunable, unit = HERTZ, min = 0.0, nominal = 100.0,
+        names = context.of_groups("F0.modulationFrequency"), tunable, unit = HERTZ, above = 0.0, nominal = 100.0,
         value = std::array::from_fn(|g| 110.0 + 20.0 * g as f64)
     )]
     pub modulation_hz: [f64; G],
     /// Poles of the tracking error
     #[parameter(
-        name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz",
+        name = "bandwidth.tracking", unit = RADIAN_PER_SECOND, above = 0.0, nominal = 1000.0, display_unit = "Hz",
         value = 1000.0
     )]
     pub tracking_rad_s: f64,
     /// Poles of the perturbation observer
     #[parameter(
-        name = "bandwidth.observer", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz",
+        name = "bandwidth.observer", unit = RADIAN_PER_SECOND, above = 0.0, nominal = 1000.0, display_unit = "Hz",
         value = 4000.0
     )]
     pub observer_rad_s: f64,
     /// Pole of the current error with drive = voltage
     #[parameter(
-        name = "bandwidth.current", unit = RADIAN_PER_SECOND, min = 0.0, nominal = 1000.0, display_unit = "Hz",
+        name = "bandwidth.current", unit = RADIAN_PER_SECOND, above = 0.0, nominal = 1000.0, display_unit = "Hz",
         value = 5000.0
     )]
     pub current_rad_s: f64,
@@ -223,7 +218,7 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
 }
 
 impl<const K: usize, const G: usize> TrackingConfig<K, G> {
-    /// Reports invalid parameters by their names in the interface.
+    /// Reports what numbers within their limits have wrong together, by their names in the interface.
     pub(super) fn check<const N: usize, const B: usize>(
         &self,
         rotor: &Rotor<N, K, B>,
@@ -232,9 +227,6 @@ impl<const K: usize, const G: usize> TrackingConfig<K, G> {
     ) {
         let machine = Rotor::<N, K, B>::MACHINE;
         check_step("Ts", self.step_s, checks);
-        checks.each(Checks::positive, machine.of_magnets("lambda0"), &self.lambda0_nm2_a2, "N.m2/A2");
-        checks.each(Checks::not_negative, machine.of_bearings("F0"), &self.f0_n, "N");
-        checks.each(Checks::not_negative, machine.of_biases(), &self.bias_a, "A");
         let smallest = self.allocation == Allocation::SmallestForce;
         let wanted = "smallestForce, for a magnet that is not used has no bias current";
         checks.require(smallest || used == Used::Both, "allocation", "biasCurrent", wanted);
@@ -242,11 +234,7 @@ impl<const K: usize, const G: usize> TrackingConfig<K, G> {
         let wanted = "smallestForce, for the magnets do not face each other in pairs";
         checks.require(smallest || are_paired, "allocation", "biasCurrent", wanted);
         excitation::check(self, machine, checks);
-        checks.positive("bandwidth.tracking", self.tracking_rad_s, "rad/s");
-        checks.positive("bandwidth.observer", self.observer_rad_s, "rad/s");
-        checks.positive("bandwidth.current", self.current_rad_s, "rad/s");
         self.coil.check(rotor.geometry().gap_m, self.lambda0_nm2_a2, checks);
-        checks.finite("update.time", self.update_time_s, "s");
     }
 }
 
@@ -272,11 +260,6 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             preload_n: self.f0_n,
             excitation: self.excitation_at_start(),
         }
-    }
-
-    /// When the next sample is due, in s: start + count · T_s.
-    fn due_s(&self, state: &TrackingState<N, K, G>) -> f64 {
-        state.start_s + state.samples as f64 * self.config.law.step_s
     }
 
     /// The command for the sample that is due, at these coordinates; the numbers that are used must be finite.
@@ -336,23 +319,37 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         std::array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
     }
 
-    /// The forces of the magnets, in N, with a generalised force, in N or N·m, at gaps in m. `level` is the smallest force of each group
-    /// in N, or its bias current in A.
+    /// The command of currents for this acceleration in m/s² or rad/s² against these gyroscopic moments, at these coordinates, and the gaps in
+    /// m that it is for. `level` is the smallest force of each group in N, or its bias current in A.
     #[inline]
-    fn share(&self, force: [f64; N], level: [f64; G], lambda_nm2_a2: [f64; K], gap_m: [f64; K]) -> [f64; K] {
-        match self.config.law.allocation {
-            Allocation::SmallestForce => match self.config.used.only() {
-                None => self.rotor.allocate(force, level),
-                Some(only) => {
-                    let towards_n = force[0] * self.rotor.geometry().directions[only][0];
-                    std::array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
-                }
-            },
-            Allocation::BiasCurrent => {
-                let per_square = std::array::from_fn(|k| lambda_nm2_a2[k] / (gap_m[k] * gap_m[k]));
-                self.rotor.allocate_with_bias(force, level, per_square)
+    fn command_at(
+        &self,
+        state: &mut TrackingState<N, K, G>,
+        acceleration: [f64; N],
+        moment: [f64; N],
+        level: [f64; G],
+        coordinates: [f64; N],
+    ) -> (ControllerOutput<N, K>, [f64; K]) {
+        let (geometry, lambda) = (self.rotor.geometry(), state.lambda_nm2_a2);
+        let force_n = std::array::from_fn(|a| {
+            let [_, _, d] = state.expected[a];
+            self.inertia[a] * (acceleration[a] - d) - moment[a]
+        });
+        let predicted_m = geometry.gaps(coordinates);
+        let gap_m = self.limited(predicted_m);
+        state.asked_n = match (self.config.law.allocation, self.config.used.only()) {
+            (Allocation::SmallestForce, None) => self.rotor.allocate(force_n, level),
+            (Allocation::SmallestForce, Some(only)) => {
+                let towards_n = force_n[0] * geometry.directions[only][0];
+                std::array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
             }
-        }
+            (Allocation::BiasCurrent, _) => {
+                let per_square = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
+                self.rotor.allocate_with_bias(force_n, level, per_square)
+            }
+        };
+        let current_a = magnet::currents(state.asked_n, gap_m, lambda);
+        (ControllerOutput { current_a, force_n, saturated: gap_m != predicted_m, ..ControllerOutput::default() }, gap_m)
     }
 
     /// Currents to hold over the sample time that begins at the next sample.
@@ -383,20 +380,13 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             state.expected[a] = expected;
         }
         let moment = gyroscopic(std::array::from_fn(|a| state.expected[a][1] + 0.5 * step_s * acceleration[a]));
-        let mut force = [0.0; N];
-        let mut middle = [0.0; N];
-        for a in 0..N {
+        let middle = std::array::from_fn(|a| {
             let [_, _, d] = state.expected[a];
-            force[a] = m[a] * (acceleration[a] - d) - moment[a];
-            middle[a] = self.observer.predict_by(state.expected[a], acceleration[a] - d, 0.5 * step_s)[0];
-        }
-        let predicted_m = geometry.gaps(middle);
-        let gap_m = self.limited(predicted_m);
-        let wanted_n = self.share(force, level, state.lambda_nm2_a2, gap_m);
-        let current_a = magnet::currents(wanted_n, gap_m, state.lambda_nm2_a2);
-        state.in_effect_n = wanted_n;
-        state.asked_n = wanted_n;
-        ControllerOutput { current_a, force_n: force, saturated: gap_m != predicted_m, ..ControllerOutput::default() }
+            self.observer.predict_by(state.expected[a], acceleration[a] - d, 0.5 * step_s)[0]
+        });
+        let (command, _) = self.command_at(state, acceleration, moment, level, middle);
+        state.in_effect_n = state.asked_n;
+        command
     }
 
     /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
@@ -409,8 +399,10 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let hat = measured.lambda_hat_nm2_a2;
         let usable = measured.lambda_valid && hat.iter().all(|lambda| lambda.is_finite() && *lambda > 0.0);
         let before = state.lambda_nm2_a2;
-        let after = match self.config.law.update {
-            UpdateMode::AtTime if usable && !state.updated && self.update_is_due(state) => {
+        let TrackingConfig { step_s, update, update_time_s, .. } = self.config.law;
+        let is_due = state.start_s + state.samples as f64 * step_s >= update_time_s - INSTANT_TOLERANCE * step_s;
+        let after = match update {
+            UpdateMode::AtTime if usable && !state.updated && is_due => {
                 state.updated = true;
                 hat
             }
@@ -434,16 +426,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             estimate[a][2] += (old[a] - new[a]) / self.inertia[a];
         }
         for g in 0..G {
-            let factor = state.excitation[g].factor();
+            let factor = state.excitation[g].factor;
             if factor > TROUGH {
                 let forces = state.asked_n.into_iter().zip(self.group).filter(|(_, group)| *group == g);
                 let smallest_n = forces.fold(f64::INFINITY, |smallest, (force_n, _)| smallest.min(force_n));
                 state.preload_n[g] = smallest_n / factor;
             }
         }
-    }
-
-    fn update_is_due(&self, state: &TrackingState<N, K, G>) -> bool {
-        self.due_s(state) >= self.config.law.update_time_s - INSTANT_TOLERANCE * self.config.law.step_s
     }
 }

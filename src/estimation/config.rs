@@ -9,14 +9,13 @@ use super::models::prior;
 use super::prediction_error::PredictionError;
 use crate::bearing::magnet::Used;
 use crate::bearing::rotor::RotorConfig;
-use crate::invalid::Checks;
 use crate::machine::Machine as Names;
 use crate::plant::PLANES;
 use crate::variables::unit::{
     AMPERE, KILOGRAM, KILOGRAM_METRE2, METRE, NEWTON, NEWTON_METRE, NEWTON_PER_AMPERE, NEWTON_PER_METRE, ONE, RADIAN,
     RADIAN_PER_SECOND, SECOND,
 };
-use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables, numbers};
+use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables};
 
 /// The shortest window of the paper's methods, in sample times: the kernels need room for their three changes of sign.
 pub const MIN_INTERVALS: f64 = 8.0;
@@ -112,49 +111,34 @@ pub struct Tolerance {
     pub unbalance_position_m: f64,
 }
 
-impl Tolerance {
-    /// The columns of the filter for a machine of which parameters have these standard deviations, if any tolerance is not zero.
-    pub(super) fn columns<const N: usize, const K: usize, const U: usize, const P: usize>(
-        &self,
-        std: [f64; P],
-        machine: impl Fn([f64; P]) -> Machine<N, K, U>,
-    ) -> Option<Tolerances<N, K, U>> {
-        let [gain, offset_m, current_a] = [self.position_gain, self.position_offset_m, self.current_offset_a];
-        let changed = |p: usize, by: f64| machine(std::array::from_fn(|q| if p == q { by } else { 0.0 }));
-        std.iter().chain(&[gain, offset_m, current_a]).any(|std| *std > 0.0).then(|| Tolerances {
-            variations: (0..P).map(|p| Machine::variation([changed(p, std[p]), changed(p, -std[p])])).collect(),
-            gain,
-            offset_m,
-            current_a,
-        })
-    }
+/// Rotor and bearings among the parameters of an estimator.
+pub trait Bearings: Variables<Context = Names> + Clone + 'static {
+    /// Those of the example of a machine with K magnets.
+    fn example<const K: usize>() -> Self;
+}
 
-    /// Relative variance of λ by what scales it: a mass in kg, and the gains of the currents.
-    pub(super) fn scale_variance(&self, m_kg: f64) -> f64 {
-        let mass = self.m_kg / m_kg;
-        mass * mass + 4.0 * self.current_gain * self.current_gain
+impl<const B: usize> Bearings for RotorConfig<f64, B> {
+    fn example<const K: usize>() -> Self {
+        Self::of(Names::with::<B, K>())
     }
 }
 
 /// Parameters of the estimator of a machine with K magnets, before they are checked.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Names)]
+#[variables(context = Names, default)]
 #[serde(bound = "G: Saved, [f64; K]: Saved")]
-pub struct EstimatorConfigOf<G, const K: usize>
-where
-    G: Variables<Context = Names> + Clone + 'static,
-{
+pub struct EstimatorConfigOf<G: Bearings, const K: usize> {
     /// Rotor and bearings.
-    #[nested(prefix = "")]
+    #[nested(prefix = "", value = G::example::<K>())]
     pub geometry: G,
     /// Which magnets are used
     #[parameter(name = "magnets.used", count = usize::from(!context.tilts() && !context.is_planar()))]
     pub used: Used,
     /// Sample time; samples are taken at the start time plus whole multiples of it
-    #[parameter(name = "Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
+    #[parameter(name = "Ts", unit = SECOND, above = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
     pub step_s: f64,
     /// First guess of the force constant of {magnet}
-    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, min = 0.0, nominal = 1e-6)]
+    #[parameter(names = context.of_magnets("lambda0"), unit = LAMBDA, above = 0.0, nominal = 1e-6, value = [4e-6; K])]
     pub lambda0_nm2_a2: [f64; K],
     /// How the force constants are computed
     #[parameter(count = context.of_paper())]
@@ -165,14 +149,14 @@ where
     /// Whether to identify the unbalance as well
     ///
     /// [`Method::PredictionError`] alone.
-    #[parameter(name = "identify.unbalance", count = context.planes.min(1))]
+    #[parameter(name = "identify.unbalance", count = context.planes.min(1), value = true)]
     pub identify_unbalance: bool,
     /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
     ///
     /// Used if the shaft tilts.
     #[parameter(
-        names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), count = context.if_tilting(PLANES),
-        unit = METRE, nominal = 0.1
+        names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), unit = METRE, nominal = 0.1,
+        value = [-0.08, 0.10]
     )]
     pub unbalance_position_m: [f64; PLANES],
     /// Standard deviation of the noise of the measured positions; 0 to estimate it from the data
@@ -186,49 +170,27 @@ where
     #[nested]
     pub tolerance: Tolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
-    #[parameter(name = "Tf", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
+    #[parameter(name = "Tf", count = context.of_paper(), unit = SECOND, above = 0.0, nominal = 1e-2, value = 0.02)]
     pub window_s: f64,
     /// Time during which the paper's methods return the first guess, counted in usable samples since the start or the last reset
     ///
     /// ε of P; at least T_f.
-    #[parameter(name = "epsilon", count = context.of_paper(), unit = SECOND, min = 0.0, nominal = 1e-2)]
+    #[parameter(name = "epsilon", count = context.of_paper(), unit = SECOND, above = 0.0, nominal = 1e-2, value = 0.02)]
     pub epsilon_s: f64,
     /// Natural frequency of the low-pass filter of the paper's methods
     ///
     /// ω_n of F(s) in P(20).
-    #[parameter(name = "filter.omega", count = context.of_paper(), unit = RADIAN_PER_SECOND, min = 0.0, nominal = 10.0, display_unit = "Hz")]
+    #[parameter(name = "filter.omega", count = context.of_paper(), unit = RADIAN_PER_SECOND, above = 0.0, nominal = 10.0, display_unit = "Hz", value = 15.0)]
     pub filter_omega_rad_s: f64,
     /// Damping ratio of the low-pass filter of the paper's methods
     ///
     /// ζ of F(s) in P(20).
-    #[parameter(name = "filter.zeta", count = context.of_paper(), unit = ONE, min = 0.0)]
+    #[parameter(name = "filter.zeta", count = context.of_paper(), unit = ONE, above = 0.0, value = 0.707)]
     pub filter_zeta: f64,
 }
 
 /// Those for the planar rotor of the paper.
 pub type EstimatorConfig = EstimatorConfigOf<RotorConfig, 3>;
-
-impl<const B: usize, const K: usize> Default for EstimatorConfigOf<RotorConfig<f64, B>, K> {
-    fn default() -> Self {
-        Self {
-            geometry: RotorConfig::of(Names::with::<B, K>()),
-            used: Used::Both,
-            step_s: 1.0e-4,
-            lambda0_nm2_a2: [4.0e-6; K],
-            method: Method::default(),
-            hold: Hold::default(),
-            identify_unbalance: true,
-            unbalance_position_m: [-0.08, 0.10],
-            position_noise_m: 0.0,
-            current_noise_a: 0.0,
-            tolerance: Tolerance::default(),
-            window_s: 0.02,
-            epsilon_s: 0.02,
-            filter_omega_rad_s: 15.0,
-            filter_zeta: 0.707,
-        }
-    }
-}
 
 /// One sample of the measurements, all of the same instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
@@ -368,16 +330,12 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// Standard deviation of the noise of the measured positions{of part}, given or estimated
     ///
     /// Of each part; 0 before it is estimated.
-    #[output(
-        names = context.of_parts("noise.position"), count = context.parts(), discrete, unit = METRE, min = 0.0, nominal = 1e-7
-    )]
+    #[output(names = context.of_parts("noise.position"), discrete, unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: [f64; P],
     /// Standard deviation of the noise of im{of part}, given or estimated
     ///
     /// As that of the positions.
-    #[output(
-        names = context.of_parts("noise.current"), count = context.parts(), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2
-    )]
+    #[output(names = context.of_parts("noise.current"), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: [f64; P],
     /// Whether all estimates are valid; lambdaHat is the last valid one of each
     ///
@@ -410,25 +368,20 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     )]
     pub load_n: [f64; N],
     /// Identified unbalance{in plane}, mass times eccentricity; 0 if none is identified
-    #[output(
-        names = context.of_planes("magnitude"), count = context.planes, discrete, unit = KILOGRAM_METRE, min = 0.0,
-        nominal = 1e-4
-    )]
+    #[output(names = context.of_planes("magnitude"), discrete, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
     pub unbalance_kg_m: [f64; P],
     /// Identified angle of the unbalance{in plane} from the mark on the rotor that theta refers to
     ///
     /// φ in (−π, π]: the force on the rotor is `U ω² (cos(θ + φ), sin(θ + φ))`.
-    #[output(names = context.of_planes("phase"), count = context.planes, discrete, unit = RADIAN)]
+    #[output(names = context.of_planes("phase"), discrete, unit = RADIAN)]
     pub unbalance_phase_rad: [f64; P],
     /// Identified force{in bearing} that turns against the rotor; 0 if there is none
-    #[output(
-        names = context.of_radial("backwardForce.magnitude"), count = context.radial(), discrete, unit = NEWTON, min = 0.0
-    )]
+    #[output(names = context.of_radial("backwardForce.magnitude"), discrete, unit = NEWTON, min = 0.0)]
     pub backward_force_n: [f64; P],
     /// Identified phase phi of that force B (cos(theta + phi), -sin(theta + phi)) in the y-z plane
     ///
     /// In (−π, π].
-    #[output(names = context.of_radial("backwardForce.phase"), count = context.radial(), discrete, unit = RADIAN)]
+    #[output(names = context.of_radial("backwardForce.phase"), discrete, unit = RADIAN)]
     pub backward_force_phase_rad: [f64; P],
     /// det D of the z axis of the present window, rows and columns scaled as `paper` says, m³; 0 with [`Method::PredictionError`].
     #[hidden]
@@ -444,21 +397,7 @@ pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f6
     std::array::from_fn(of)
 }
 
-impl<G, const K: usize> EstimatorConfigOf<G, K>
-where
-    G: Variables<Context = Names> + Clone + 'static,
-{
-    /// Checks what all machines have, under its name in the interface.
-    pub(super) fn check(&self, machine: &Names, checks: &mut Checks) {
-        checks.positive("Ts", self.step_s, "s");
-        checks.each(Checks::positive, machine.of_magnets("lambda0"), &self.lambda0_nm2_a2, "N.m2/A2");
-        checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
-        checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
-        for (name, value, unit) in numbers("tolerance.", &self.tolerance, machine) {
-            checks.not_negative(name, value, unit);
-        }
-    }
-
+impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
     /// The method for a rotor of this mass in kg, and for a machine of which parameters have these standard deviations.
     pub(super) fn prediction_error<const N: usize, const M: usize, const U: usize, const T: usize, const R: usize>(
         &self,
@@ -468,21 +407,31 @@ where
         lambda0: [f64; M],
     ) -> PredictionError<N, M, U, T> {
         let t = &self.tolerance;
-        let central = machine([0.0; R]);
-        let forces = central.backward..U - N;
+        let [gain, offset_m, current_a] = [t.position_gain, t.position_offset_m, t.current_offset_a];
+        let changed = |r: usize, by: f64| machine(std::array::from_fn(|other| if r == other { by } else { 0.0 }));
+        let is_any = std.iter().chain(&[gain, offset_m, current_a]).any(|std| *std > 0.0);
+        let tolerances = is_any.then(|| Tolerances {
+            variations: (0..R).map(|r| Machine::variation([changed(r, std[r]), changed(r, -std[r])])).collect(),
+            gain,
+            offset_m,
+            current_a,
+        });
+        let machine = machine([0.0; R]);
+        let mass = t.m_kg / m_kg;
         PredictionError {
+            lambda0,
+            prior: prior(lambda0, machine.backward..U - N, t.backward_force_n),
             filter: WhiteningFilter {
-                machine: central,
+                machine,
                 step_s: self.step_s,
                 hold: self.hold,
                 identify_unbalance: self.identify_unbalance,
                 identify_backward: t.backward_force_n > 0.0,
-                tolerances: t.columns(std, machine),
+                tolerances,
             },
-            lambda0,
-            prior: prior(lambda0, forces, t.backward_force_n),
             known_noise: [self.position_noise_m, self.current_noise_a],
-            scale_variance: t.scale_variance(m_kg),
+            // What scales λ: the mass, and the gains of the currents.
+            scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
         }
     }
 }

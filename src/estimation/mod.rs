@@ -23,34 +23,30 @@ mod validation;
 use std::fmt::Debug;
 use std::ops::Range;
 
-use libm::{atan2, sqrt};
 use serde::{Deserialize, Serialize};
 
 use self::config::stiffness_std;
 pub use self::config::{
-    EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf, Hold,
-    MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
+    Bearings, EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf,
+    Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
 };
 pub use self::innovations::Machine;
 use self::innovations::Sample;
 pub use self::noise::START_CURRENT_NOISE_A;
 pub use self::prediction_error::STD_LIMIT;
-use self::prediction_error::{PredictionError, PredictionErrorState};
 pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, Taken};
 pub use self::validation::chi_square;
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::Invalid;
 use crate::machine::Machine as Names;
-use crate::variables::{Saved, Variables, is_finite};
+use crate::variables::{Saved, is_finite};
 
 /// Where condition numbers end: a singular system shows this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
 
 /// Rotor and bearings of a machine with N coordinates, K magnets and P parts, and the equations that follow.
-pub trait Body<const N: usize, const K: usize, const P: usize>:
-    Variables<Context = Names> + Clone + Debug + PartialEq + 'static
-{
+pub trait Body<const N: usize, const K: usize, const P: usize>: Bearings + Debug + PartialEq {
     /// How its parts are called.
     const MACHINE: &'static Names;
 
@@ -69,6 +65,7 @@ pub trait Body<const N: usize, const K: usize, const P: usize>:
 pub struct Judged<'a, const N: usize, const K: usize> {
     input: &'a EstimatorInputOf<N, K>,
     taken: Taken<N>,
+    /// Whether more samples are missing than a gap has.
     is_lost: bool,
     rotation: angle::Rotation,
     identify_unbalance: bool,
@@ -206,7 +203,7 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         let (readings, rotation) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
         let in_gap = self.method.is_in_gap(input.position_m);
         let taken = readings.take(input.position_m, input.current_a, rotation, step_s, in_gap);
-        let (is_lost, rotation) = (readings.are_lost(), readings.rotation());
+        let (is_lost, rotation) = (readings.missing > STUCK_SAMPLES, readings.rotation());
         let sample = Judged { input, taken, is_lost, rotation, identify_unbalance };
         let output = &mut state.output;
         let verdicts = self.method.advance(&mut state.method, &sample, output);
@@ -217,53 +214,4 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         output.ks_std = stiffness_std(output.ks, output.lambda_std_total, output.lambda_hat);
         output.clone()
     }
-}
-
-impl<const N: usize, const K: usize, const P: usize> EstimatorOutputOf<N, K, P> {
-    /// Writes the estimate of a part: its magnets begin with `first`, its loads are those of these coordinates.
-    fn write<const R: usize, const M: usize, const U: usize, const T: usize>(
-        &mut self,
-        part: usize,
-        first: usize,
-        loads: Range<usize>,
-        method: &PredictionError<R, M, U, T>,
-        state: &PredictionErrorState<R, M, U, T>,
-        verdict: Verdict,
-    ) {
-        let estimate = &state.estimate;
-        let (lambda, [noise, total]) = (estimate.lambda(), estimate.variance.map(|variance| variance.map(sqrt)));
-        for k in 0..M {
-            self.lambda_hat[first + k] = lambda[k];
-            self.lambda_raw[first + k] = estimate.lambda_raw[k];
-            (self.lambda_std[first + k], self.lambda_std_total[first + k]) = (noise[k], total[k]);
-            (self.ki[first + k], self.ks[first + k]) = (estimate.ki[k], estimate.ks[k]);
-        }
-        [self.position_noise_m[part], self.current_noise_a[part]] = estimate.noise;
-        // Of several parts, the worst.
-        let worst = |so_far: f64, own: f64| if part == 0 { own } else { so_far.max(own) };
-        self.condition = worst(self.condition, estimate.condition);
-        self.residual = worst(self.residual, estimate.residual);
-        let unknowns = &estimate.unknowns;
-        for (at, n) in loads.enumerate() {
-            self.load_n[n] = unknowns[U - R + at];
-        }
-        if verdict != Verdict::Valid {
-            return;
-        }
-        let backward = method.filter.machine.backward;
-        for plane in (0..(backward - M) / 2).filter(|_| method.filter.identify_unbalance) {
-            let at = M + 2 * plane;
-            [self.unbalance_kg_m[plane], self.unbalance_phase_rad[plane]] = polar(unknowns[at], unknowns[at + 1]);
-        }
-        for bearing in 0..(U - R - backward) / 2 {
-            let at = backward + 2 * bearing;
-            [self.backward_force_n[bearing], self.backward_force_phase_rad[bearing]] =
-                polar(unknowns[at], -unknowns[at + 1]);
-        }
-    }
-}
-
-/// Magnitude and phase, rad in (−π, π].
-fn polar(x: f64, y: f64) -> [f64; 2] {
-    [sqrt(x * x + y * y), atan2(y, x)]
 }

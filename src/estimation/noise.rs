@@ -53,7 +53,7 @@ pub struct Noise {
     /// ln ρ, ln σ_z².
     logs: Vector2<f64>,
     /// σ_z² and σ_i², m² and A².
-    variances: [f64; 2],
+    pub variances: [f64; 2],
     information: Matrix2<f64>,
     samples: f64,
     /// ln ρ with which most samples were weighed.
@@ -79,11 +79,6 @@ impl Noise {
     pub fn is_within_range(&self) -> bool {
         let found = self.variances.into_iter().zip(GREATEST_FOUND);
         found.zip(self.known).all(|((variance, greatest), known)| known || variance <= greatest * greatest)
-    }
-
-    /// σ_z² and σ_i², m² and A².
-    pub fn variances(&self) -> [f64; 2] {
-        self.variances
     }
 
     /// Takes in an innovation, found with this variance of the positions, with a weight; the weight that earlier sums are to be counted with from now on.

@@ -31,54 +31,39 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
 }
 
 impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
-    /// Checks what this machine alone has, under its name in the interface.
+    /// Reports what numbers within their limits have wrong together, under its name in the interface.
     pub(super) fn check_bearing<const N: usize>(&self, checks: &mut Checks) {
-        let (m_kg, BearingConfig { gap_m, alpha_rad, .. }) = (self.geometry.shaft.m_kg, self.geometry.bearings[0]);
-        let alpha_rad = &alpha_rad[..K];
-        let paper = self.method != Method::PredictionError;
-        for (name, value, unit) in [
-            ("m", m_kg, "kg"),
-            ("s", gap_m, "m"),
-            ("Tf", self.window_s, "s"),
-            ("epsilon", self.epsilon_s, "s"),
-            ("filter.omega", self.filter_omega_rad_s, "rad/s"),
-            ("filter.zeta", self.filter_zeta, "1"),
-        ] {
-            checks.positive(name, value, unit);
-        }
+        let alpha_rad = &self.geometry.bearings[0].alpha_rad[..K];
         for (k, alpha) in alpha_rad.iter().enumerate().filter(|_| N == 2) {
-            checks.finite(format!("alpha[{}]", k + 1), *alpha, "rad");
             for (l, other) in alpha_rad.iter().enumerate().take(k) {
                 // Opposed magnets pull in turn: their currents tell them apart.
                 let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
-                let apart = !(alpha - other).is_finite() || line >= SMALLEST_SINE;
                 let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
-                checks.require(apart, format!("alpha[{}]", k + 1), format_args!("{alpha} rad"), wanted);
+                let name = format!("alpha[{}]", k + 1);
+                checks.require(line >= SMALLEST_SINE, name, format_args!("{alpha} rad"), wanted);
             }
+        }
+        if self.method == Method::PredictionError {
+            return;
         }
         for (name, value, unit) in numbers("tolerance.", &self.tolerance, Names::of::<N, K>()) {
             let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
-            let unused = !value.is_finite() || value <= 0.0 || name == "tolerance.backwardForce";
-            checks.require(!paper || unused, name, format_args!("{value} {unit}"), wanted);
+            let unused = value == 0.0 || name == "tolerance.backwardForce";
+            checks.require(unused, name, format_args!("{value} {unit}"), wanted);
         }
         let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
-        checks.require(!paper || self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
-        let positive = |x: f64| x.is_finite() && x > 0.0;
-        // Tf is ignored by methods that have no window.
-        if paper && positive(self.step_s) && positive(self.window_s) {
-            let (n, slack, value) =
-                (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE, format!("{} s", self.window_s));
-            for (holds, wanted) in [
-                (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
-                (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
-                ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
-            ] {
-                checks.require(holds, "Tf", &value, wanted);
-            }
-            let enough = !positive(self.epsilon_s) || self.epsilon_s >= self.window_s * (1.0 - slack);
-            let wanted = "at least Tf, for there is no estimate before the first window is full,";
-            checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
+        checks.require(self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
+        let (n, slack) = (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE);
+        for (holds, wanted) in [
+            (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
+            (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+            ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+        ] {
+            checks.require(holds, "Tf", format_args!("{} s", self.window_s), wanted);
         }
+        let enough = self.epsilon_s >= self.window_s * (1.0 - slack);
+        let wanted = "at least Tf, for there is no estimate before the first window is full,";
+        checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
     }
 
     /// The method with R uncertain parameters: the gap, and in the plane the angles.

@@ -3,12 +3,12 @@
 //! A radial magnet does not pull along the shaft, and an axial one not across it: of a shaft in bearings of both kinds the axial motion is a part of
 //! its own. All other machines have one part.
 
+use libm::{atan2, sqrt};
+
 use super::one_bearing::Planar;
 use super::paper::Paper;
-use super::{
-    Body, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Method, Names, PredictionError,
-    PredictionErrorState, Sample, Taken, Verdict,
-};
+use super::prediction_error::{PredictionError, PredictionErrorState};
+use super::{Body, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Method, Names, Sample, Taken, Verdict};
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Saved;
@@ -22,23 +22,20 @@ macro_rules! of_sizes {
             type Method = $method;
 
             fn method($config: &EstimatorConfigOf<Self, $k>) -> Result<$method, Vec<Invalid>> {
-                Checks::all(|checks| {
-                    $config.$check::<$n>(checks);
-                    $config.check(Names::of::<$n, $k>(), checks);
-                })?;
-                $make
+                Checks::described($config, Names::of::<$n, $k>(), |checks| $config.$check::<$n>(checks))?;
+                Ok($make)
             }
         }
     };
 }
 
 // Coordinates, magnets, bearings, places for results; of the first part magnets, unknowns and columns of tolerances; its uncertain parameters.
-of_sizes!(2, 3, 1, 1, check_bearing, Planar, |config| Ok(match config.method {
+of_sizes!(2, 3, 1, 1, check_bearing, Planar, |config| match config.method {
     Method::PredictionError => Planar::PredictionError(config.parts::<2, 9, 11, 4>()),
     Method::Paper | Method::PaperLiteral => Planar::Paper(Paper::new(config)),
-}));
-of_sizes!(2, 4, 1, 1, check_bearing, Parts<2, 4, 10, 13>, |config| Ok(config.parts::<2, 10, 13, 5>()));
-of_sizes!(1, 2, 1, 1, check_bearing, Parts<1, 2, 3, 5>, |config| Ok(config.parts::<1, 3, 5, 1>()));
+});
+of_sizes!(2, 4, 1, 1, check_bearing, Parts<2, 4, 10, 13>, |config| config.parts::<2, 10, 13, 5>());
+of_sizes!(1, 2, 1, 1, check_bearing, Parts<1, 2, 3, 5>, |config| config.parts::<1, 3, 5, 1>());
 of_sizes!(5, 8, 3, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<5, 6, 18, 29, 15>());
 of_sizes!(5, 10, 3, 2, check_shaft, Parts<4, 8, 20, 33>, |config| config.parts_of_shaft::<5, 8, 20, 33, 17>());
 of_sizes!(4, 6, 2, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<4, 6, 18, 29, 15>());
@@ -116,7 +113,38 @@ impl<const N: usize, const A: usize> Judged<'_, N, A> {
             let current_a = std::array::from_fn(|k| self.input.current_a[magnet + k]);
             Sample::new(position_m, current_a, self.rotation)
         });
-        output.write(part, magnet, load..load + R, method, state, verdict);
+        let estimate = &state.estimate;
+        let [noise, total] = estimate.variance.map(|variance| variance.map(sqrt));
+        for k in 0..K {
+            output.lambda_hat[magnet + k] = estimate.unknowns[k];
+            output.lambda_raw[magnet + k] = estimate.lambda_raw[k];
+            (output.lambda_std[magnet + k], output.lambda_std_total[magnet + k]) = (noise[k], total[k]);
+            (output.ki[magnet + k], output.ks[magnet + k]) = (estimate.ki[k], estimate.ks[k]);
+        }
+        [output.position_noise_m[part], output.current_noise_a[part]] = estimate.noise;
+        // Of several parts, the worst.
+        let worst = |so_far: f64, own: f64| if part == 0 { own } else { so_far.max(own) };
+        output.condition = worst(output.condition, estimate.condition);
+        output.residual = worst(output.residual, estimate.residual);
+        let (unknowns, backward, loads) = (&estimate.unknowns, method.filter.machine.backward, U - R);
+        for n in 0..R {
+            output.load_n[load + n] = unknowns[loads + n];
+        }
+        if verdict == Verdict::Valid {
+            for plane in (0..(backward - K) / 2).filter(|_| method.filter.identify_unbalance) {
+                let [x, y] = [0, 1].map(|part| unknowns[K + 2 * plane + part]);
+                [output.unbalance_kg_m[plane], output.unbalance_phase_rad[plane]] = polar(x, y);
+            }
+            for bearing in 0..(loads - backward) / 2 {
+                let [x, y] = [0, 1].map(|part| unknowns[backward + 2 * bearing + part]);
+                [output.backward_force_n[bearing], output.backward_force_phase_rad[bearing]] = polar(x, -y);
+            }
+        }
         verdict
     }
+}
+
+/// Magnitude and phase, rad in (−π, π].
+fn polar(x: f64, y: f64) -> [f64; 2] {
+    [sqrt(x * x + y * y), atan2(y, x)]
 }

@@ -13,7 +13,7 @@ use super::config::Verdict;
 use super::innovations::{FilterState, Running, Sample, WhiteningFilter};
 use super::models::{Models, Weighed};
 use super::noise::{Noise, OUTLIER, USUAL_CURRENT_NOISE_A, Waiting};
-use super::sums::{AngleTable, Prior, Solution, Sums};
+use super::sums::{AngleTable, Prior, Solution, Sums, lambda_of};
 use super::validation::Validation;
 
 /// Blocks of samples in a revolution: a change is seen within half of one.
@@ -81,13 +81,6 @@ pub struct Estimate<const K: usize, const U: usize> {
     pub noise: [f64; 2],
     /// The verdict on the last sample.
     pub verdict: Verdict,
-}
-
-impl<const K: usize, const U: usize> Estimate<K, U> {
-    /// λ.
-    pub fn lambda(&self) -> SVector<f64, K> {
-        self.unknowns.fixed_rows::<K>(0).into_owned()
-    }
 }
 
 /// All that changes with a sample. Its large parts are on the heap: the threads of importers have small stacks.
@@ -240,7 +233,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     }
 
     fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
-        let [position_variance, current_variance] = noise.variances();
+        let [position_variance, current_variance] = noise.variances;
         if sample.missing > BRIDGED {
             state.filter = None;
         }
@@ -306,9 +299,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.samples += 1;
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        let passed = samples * state.least_pace(self.filter.step_s);
-        let of_rotor = state.of_rotor(sample.rotation.omega_rad_s, self.filter.step_s);
-        state.validation.add(&innovation, sample.turn, passed, of_rotor);
+        let pace = state.least_pace(self.filter.step_s);
+        // Revolutions of the rotor in one that is counted.
+        let of_rotor = if sample.rotation.omega_rad_s.abs() > TAU { state.pace / pace } else { 0.0 };
+        state.validation.add(&innovation, sample.turn, samples * pace, of_rotor);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
@@ -352,7 +346,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Solves the equations of all samples.
     fn solve(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = &state.noise else { return };
-        let variances = noise.variances();
+        let variances = noise.variances;
         let mut sums = state.models.sums().clone();
         sums.merge(&state.present);
         if sums.samples < LEAST_SAMPLES {
@@ -419,7 +413,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Takes the quarter that is over into the models.
     fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = state.noise.clone() else { return };
-        let variances = noise.variances();
+        let variances = noise.variances;
         let block = std::mem::replace(&mut *state.present, Sums::zeros());
         let time_s = state.quarter_samples * self.filter.step_s;
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
@@ -456,7 +450,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         revolution.sums.merge(&block);
         let over = revolution.passed >= 1.0;
         if over && let Some(alone) = revolution.sums.solve(&prior, variances) {
-            state.estimate.lambda_raw = alone.unknowns.fixed_rows::<K>(0).into_owned();
+            state.estimate.lambda_raw = lambda_of(&alone.unknowns);
         }
         if over || !state.turned {
             state.field = revolution.field.map(|sum| sum / revolution.samples);
@@ -471,7 +465,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Completes the estimate; the verdict on it.
     fn report(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
         let Some(noise) = &state.noise else { return Verdict::Collecting };
-        state.estimate.noise = noise.variances().map(sqrt);
+        state.estimate.noise = noise.variances.map(sqrt);
         state.estimate.residual = state.validation.nis;
         let Some(solution) = &state.solution else {
             let few = state.samples < (LEAST_SAMPLES + SOLVE_EVERY) as u64;
@@ -481,7 +475,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 (false, false) => Verdict::Singular,
             };
         };
-        let lambda = solution.lambda::<K>();
+        let lambda = lambda_of(&solution.unknowns);
         let [variance, total] = solution.variances(state.validation.nis, self.scale_variance);
         let tested = state.validation.verdict(state.per_revolution(), state.estimate.verdict == Verdict::Valid);
         let verdict = self.verdict(state, noise, tested, &lambda, &total);
@@ -503,9 +497,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if verdict == Verdict::Valid {
             estimate.unknowns = solution.unknowns;
         }
-        let held = (estimate.lambda() - lambda).map(|x| x * x);
+        let given = lambda_of::<K, U>(&estimate.unknowns);
+        let held = (given - lambda).map(|x| x * x);
         estimate.variance = [variance + held, total + held];
-        [estimate.ki, estimate.ks] = state.field.map(|field| estimate.lambda().component_mul(&field) * 2.0);
+        [estimate.ki, estimate.ks] = state.field.map(|field| given.component_mul(&field) * 2.0);
         verdict
     }
 
@@ -529,7 +524,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if state.estimated_at.is_none() || !(was_valid || state.models.is_confirmed()) {
             Verdict::Uncertain
         } else if state.quarters < state.unexplained_until
-            || (self.known_noise[1] > 0.0 && self.excess(noise.variances()[1]) > NOISE_EXCESS)
+            || (self.known_noise[1] > 0.0 && self.excess(noise.variances[1]) > NOISE_EXCESS)
         {
             Verdict::Unexplained
         } else if !noise.is_within_range() {
@@ -554,7 +549,7 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
     /// Whether all places are within their lists.
     pub fn has_shape(&self) -> bool {
-        self.models.has_shape() && self.waiting.has_shape() && self.table.has_shape()
+        self.models.has_shape() && self.waiting.has_shape()
     }
 
     /// Counts what passes of a revolution with a sample and those missing before it.
@@ -570,11 +565,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     /// Revolutions in a sample, of a slow rotor those of one of 2250 rpm: quarters and orders are counted by it.
     fn least_pace(&self, step_s: f64) -> f64 {
         self.pace.max(step_s / REVOLUTION_AT_REST_S)
-    }
-
-    /// Revolutions of the rotor in one that is counted, 0 at rest.
-    fn of_rotor(&self, omega_rad_s: f64, step_s: f64) -> f64 {
-        if omega_rad_s.abs() > TAU { self.pace / self.least_pace(step_s) } else { 0.0 }
     }
 
     /// Samples in a revolution at the present pace.

@@ -30,7 +30,7 @@ pub struct Readings<const N: usize, const K: usize> {
     smallest_m: SVector<f64, N>,
     mean_m: SVector<f64, N>,
     /// Missing samples in a row.
-    missing: u32,
+    pub missing: u32,
     rotation: Option<Rotation>,
 }
 
@@ -45,11 +45,6 @@ impl<const N: usize, const K: usize> Readings<N, K> {
             missing: 0,
             rotation: None,
         }
-    }
-
-    /// Whether more samples are missing than a gap has.
-    pub fn are_lost(&self) -> bool {
-        self.missing > STUCK_SAMPLES
     }
 
     /// The rotation at the last sample that could be used.

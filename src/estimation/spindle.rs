@@ -9,11 +9,11 @@ use nalgebra::{SMatrix, SVector};
 
 use super::motion::Square;
 use super::parts::Parts;
-use super::{Estimator, EstimatorConfigOf, Machine, Tolerance};
+use super::{Estimator, EstimatorConfigOf, Machine};
 use crate::bearing::magnet::Geometry;
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::Checks;
 use crate::plant::PLANES;
 
 /// The estimator of a spindle with three magnets in each radial bearing, and an axial one.
@@ -22,63 +22,45 @@ pub type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
 /// Parameters of the radial machine with a tolerance, besides the angles: gap, J_t, J_p, positions of magnets, of sensors, of unbalance.
 const BESIDE_ANGLES: usize = 9;
 
-impl Tolerance {
-    /// Checks what a shaft alone has.
-    fn check_shaft<const B: usize>(&self, geometry: &RotorConfig<f64, B>, checks: &mut Checks) {
-        let [begin_m, end_m] = geometry.extent_m;
-        for (name, value) in [
-            ("tolerance.position", self.position_m),
-            ("tolerance.sensorPosition", self.sensor_position_m),
-            ("tolerance.unbalancePosition", self.unbalance_position_m),
-        ] {
-            let on_shaft = value.is_nan() || value < end_m - begin_m || begin_m >= end_m;
-            let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
-            checks.require(on_shaft, name, format_args!("{value} m"), wanted);
-        }
-        let inertia = geometry.shaft.transverse_kgm2;
-        let light = self.transverse_kgm2.is_nan() || self.transverse_kgm2 < inertia || inertia <= 0.0;
-        let wanted = format!("less than Jt = {inertia} kg.m2,");
-        checks.require(light, "tolerance.Jt", format_args!("{} kg.m2", self.transverse_kgm2), wanted);
-        // The tilt is told by the distance of the sensors.
-        let apart_m = (geometry.bearings[0].sensor_position_m - geometry.bearings[1].sensor_position_m).abs();
-        let small =
-            self.sensor_position_m.is_nan() || self.sensor_position_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
-        let wanted = format!("less than the distance of the sensors, {apart_m} m,");
-        checks.require(small, "tolerance.sensorPosition", format_args!("{} m", self.sensor_position_m), wanted);
-    }
-}
-
 impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
     /// Reports what [`Rotor::new`] refuses; planes of unbalance that are not on the shaft, or at the same place; a tolerance beyond it.
     pub(super) fn check_shaft<const N: usize>(&self, checks: &mut Checks) {
-        Rotor::<N, A, B>::checked(self.geometry, checks);
+        let (geometry, tolerance) = (&self.geometry, &self.tolerance);
+        Rotor::<N, A, B>::checked(*geometry, checks);
         let [first_m, second_m] = self.unbalance_position_m;
-        self.geometry.check_position("unbalance[1].position", first_m, checks);
-        self.geometry.check_position("unbalance[2].position", second_m, checks);
+        geometry.check_position("unbalance[1].position", first_m, checks);
+        geometry.check_position("unbalance[2].position", second_m, checks);
         checks.require(
-            (first_m - second_m).abs() >= SHORTEST_DISTANCE_M || !(first_m - second_m).is_finite(),
+            (first_m - second_m).abs() >= SHORTEST_DISTANCE_M,
             "unbalance[2].position",
             format_args!("{second_m} m"),
             format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
         );
-        self.tolerance.check_shaft(&self.geometry, checks);
+        let [begin_m, end_m] = geometry.extent_m;
+        for (name, value) in [
+            ("tolerance.position", tolerance.position_m),
+            ("tolerance.sensorPosition", tolerance.sensor_position_m),
+            ("tolerance.unbalancePosition", tolerance.unbalance_position_m),
+        ] {
+            let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
+            checks.require(value < end_m - begin_m || begin_m >= end_m, name, format_args!("{value} m"), wanted);
+        }
+        let (inertia, of_inertia) = (geometry.shaft.transverse_kgm2, tolerance.transverse_kgm2);
+        let wanted = format!("less than Jt = {inertia} kg.m2,");
+        checks.require(of_inertia < inertia, "tolerance.Jt", format_args!("{of_inertia} kg.m2"), wanted);
+        // The tilt is told by the distance of the sensors.
+        let apart_m = (geometry.bearings[0].sensor_position_m - geometry.bearings[1].sensor_position_m).abs();
+        let value_m = tolerance.sensor_position_m;
+        let wanted = format!("less than the distance of the sensors, {apart_m} m,");
+        let small = value_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
+        checks.require(small, "tolerance.sensorPosition", format_args!("{value_m} m"), wanted);
     }
 
-    /// Both parts of the motion.
-    ///
-    /// # Errors
-    /// If the readings do not tell a tilt.
+    /// Both parts of the motion, for checked parameters.
     pub(super) fn parts_of_shaft<const N: usize, const K: usize, const U: usize, const T: usize, const R: usize>(
         &self,
-    ) -> Result<Parts<4, K, U, T>, Vec<Invalid>> {
+    ) -> Parts<4, K, U, T> {
         const { assert!(R == BESIDE_ANGLES + K, "an angle for each magnet") };
-        if Machine::<4, K, U>::of_shaft(&self.geometry, self.unbalance_position_m).is_none() {
-            return Err(vec![Invalid {
-                name: "B.sensorPosition".into(),
-                value: format!("{} m", self.geometry.bearings[1].sensor_position_m),
-                wanted: "a position of the sensors that tells a tilt".into(),
-            }]);
-        }
         let t = &self.tolerance;
         let mut std = [0.0; R];
         std[0] = t.gap_m;
@@ -101,7 +83,7 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
                 bearing.sensor_position_m += beside[4 + at];
                 planes_m[at] += beside[6 + at];
             }
-            // The check above and that of the tolerances hold for what is a tolerance away.
+            // The checks hold for what is a tolerance away as well.
             Machine::of_shaft(&geometry, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"))
         };
         // The axial motion knows no unbalance.
@@ -110,10 +92,8 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
         };
         let (m_kg, lambda0) = (self.geometry.shaft.m_kg, self.lambda0_nm2_a2);
         let axial = || self.prediction_error(m_kg, axial, [t.gap_m], [lambda0[K], lambda0[K + 1]]);
-        Ok(Parts {
-            first: self.prediction_error(m_kg, radial, std, std::array::from_fn(|k| lambda0[k])),
-            axial: (N > ACROSS).then(axial),
-        })
+        let first = self.prediction_error(m_kg, radial, std, std::array::from_fn(|k| lambda0[k]));
+        Parts { first, axial: (N > ACROSS).then(axial) }
     }
 }
 

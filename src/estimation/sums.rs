@@ -236,11 +236,6 @@ pub struct Solution<const U: usize, const T: usize> {
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
-    /// The first K unknowns.
-    pub fn lambda<const K: usize>(&self) -> SVector<f64, K> {
-        self.unknowns.fixed_rows::<K>(0).into_owned()
-    }
-
     /// The greatest relative standard deviation of one of K λ; infinite if one is not positive.
     pub fn relative_std<const K: usize>(&self) -> f64 {
         let relative = |(lambda, variance): (&f64, &f64)| match *lambda > 0.0 && *variance >= 0.0 {
@@ -260,6 +255,11 @@ impl<const U: usize, const T: usize> Solution<U, T> {
         });
         [noise, total]
     }
+}
+
+/// λ of the K magnets, the first of the unknowns.
+pub fn lambda_of<const K: usize, const U: usize>(unknowns: &SVector<f64, U>) -> SVector<f64, K> {
+    unknowns.fixed_rows::<K>(0).into_owned()
 }
 
 /// The estimate of prediction errors alone.
@@ -395,7 +395,7 @@ const CELLS: usize = 32;
 /// The mean of `i_k²/gap_k²` over earlier revolutions, over the rotor angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AngleTable<const K: usize> {
-    cells: Vec<Cell<K>>,
+    cells: Box<[Cell<K>; CELLS]>,
     /// The cell in which the rotor is.
     present: usize,
 }
@@ -413,12 +413,7 @@ struct Cell<const K: usize> {
 impl<const K: usize> AngleTable<K> {
     pub fn empty() -> Self {
         let cell = Cell { mean: SVector::zeros(), weight: 0.0, seen: 0.0, sum: SVector::zeros() };
-        Self { cells: vec![cell; CELLS], present: 0 }
-    }
-
-    /// Whether the table is whole, and the place one of it.
-    pub fn has_shape(&self) -> bool {
-        self.cells.len() == CELLS && self.present < CELLS
+        Self { cells: Box::new([cell; CELLS]), present: 0 }
     }
 
     /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.

@@ -27,15 +27,6 @@ pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize
     output: ControllerOutput<N, K>,
 }
 
-/// The configuration with the speed, which may change during a run.
-fn config<const N: usize, const K: usize, const B: usize, const G: usize>(
-    values: &Values<N, K, B, G>,
-) -> ControllerConfigOf<N, K, B, G> {
-    let mut config = values.config.clone();
-    config.reference.omega_rad_s = values.input.omega_rad_s;
-    config
-}
-
 /// Logs that force constants have been replaced.
 fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K], now: &[f64; K]) {
     let list = |values: &[f64; K]| values.map(|value| Digits::<6>(value).to_string()).join(", ");
@@ -75,7 +66,7 @@ where
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Controller::new(config(values)).map(Self)
+        Controller::new(values.config.clone()).map(Self)
     }
 
     fn period_s(&self) -> f64 {

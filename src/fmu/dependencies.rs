@@ -3,9 +3,9 @@
 use fmu_export::variable::Dependency::{Constant, Fixed};
 use fmu_export::variable::Row;
 
-use crate::machine::Machine;
+use crate::machine::{Coordinate, Machine};
 
-/// Inputs and states with direct feedthrough to the outputs that all plants have.
+/// Inputs and states with direct feedthrough to the outputs.
 pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     let (name, index) = (row.variable.name.clone(), row.index());
     let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
@@ -20,6 +20,27 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     }
     if is_of_magnet("coil.uInduced") {
         return row.depends_on(["u", "psi"].map(of_magnet)).depends_on(moving());
+    }
+    let at_bearing =
+        machine.bearings.iter().enumerate().find_map(|(b, bearing)| Some((b, name.strip_prefix(bearing.prefix)?)));
+    if let Some((b, own)) = at_bearing {
+        // With a point in front, for Y is not A.Y.
+        let of_moved = |part: fn(&Coordinate) -> &'static str| {
+            machine.moves(b).into_iter().map(move |n| format!(".{}", part(&machine.coordinates[n])))
+        };
+        let positions = of_moved(|coordinate| coordinate.position);
+        let motion = positions.clone().chain(of_moved(|coordinate| coordinate.rate));
+        let magnets = machine.magnets_of(b);
+        match own {
+            "FX" | "FY" | "FZ" => {
+                let drives = ["i", "psi"].map(|what| machine.of_magnets(what)[magnets.clone()].to_vec());
+                return row.depends_on(drives.concat()).depends_on(positions);
+            }
+            // Friction along the shaft does not come from its turning.
+            "touchdown.FY" | "touchdown.FZ" => return row.depends_on(["omega"]).depends_on(motion),
+            "touchdown.FX" | "touchdown.contact" | "contact" => return row.depends_on(motion),
+            _ => (),
+        }
     }
     let Some(coordinate) = machine.coordinates.get(index) else { return row };
     // The magnets that move the coordinate, and what else they move. A force along the shaft does not turn with it.
@@ -45,7 +66,7 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
 
 /// Adds to a row what it depends on beyond that.
 pub(super) fn dependent(row: Row<()>, machine: &Machine) -> Row<()> {
-    if machine.tilts() { of_shaft(row, machine) } else { of_one_bearing(row, machine) }
+    if machine.tilts() { of_shaft(row) } else { of_one_bearing(row, machine) }
 }
 
 /// Dependencies of contact with the backup bearing at the start, besides the motion.
@@ -62,7 +83,6 @@ fn of_one_bearing(row: Row<()>, machine: &Machine) -> Row<()> {
     let angle = machine.is_planar().then_some("alpha[{k}]");
     let turning: &[&str] =
         if machine.planes > 0 { &["unbalance.magnitude", "unbalance.phase", "omega", "theta0"] } else { &[] };
-    let ring: &[&str] = if machine.is_planar() { &["omega"] } else { &[] };
     let pulling = |row: Row<_>| {
         row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(["drive", "coil.fluxSaturation"])
     };
@@ -86,8 +106,7 @@ fn of_one_bearing(row: Row<()>, machine: &Machine) -> Row<()> {
         "F" => {
             let of_magnets = ["lambda", "i", "coil.open"].into_iter().flat_map(|name| machine.of_magnets(name));
             let angles = machine.of_magnets("alpha").into_iter().filter(|_| machine.is_planar());
-            pulling(row.depends_on(["i", "psi"]).depends_on(machine.of_resultant("")))
-                .starts_from(angles.chain(of_magnets))
+            pulling(row).starts_from(angles.chain(of_magnets))
         }
         "gap" => row.starts_from(["s"]).starts_from(at_start.clone()).starts_from(angle),
         "perturbation." => row
@@ -95,48 +114,24 @@ fn of_one_bearing(row: Row<()>, machine: &Machine) -> Row<()> {
             .starts_from(turning.iter().copied())
             .starts_from(["m"])
             .starts_from(along(&["p", "perturbation.amplitude", "perturbation.phase", "gravity."])),
-        "touchdown.contact" => touching(row.depends_on(machine.of_resultant("")).depends_on(machine.of_resultant("v"))),
-        "touchdown.F" => touching(
-            row.depends_on(ring.iter().copied())
-                .depends_on(machine.of_resultant(""))
-                .depends_on(machine.of_resultant("v"))
-                .starts_from(ring.iter().copied())
-                .starts_from(["touchdown.friction", "touchdown.radius"].into_iter().filter(|_| machine.is_planar())),
-        ),
+        "touchdown.contact" => touching(row),
+        "touchdown.F" => {
+            let ring = ["omega", "touchdown.friction", "touchdown.radius"].into_iter();
+            touching(row.starts_from(ring.filter(|_| machine.is_planar())))
+        }
         _ => row,
     }
 }
 
-/// Coordinates that move the shaft sideways; Y is not A.Y.
-const SIDEWAYS: [&str; 4] = [".Y", ".Z", "beta", "gamma"];
-
-/// Their rates.
-const RATES: [&str; 4] = ["vY", "vZ", "betaRate", "gammaRate"];
-
 /// Dependencies of the outputs of a shaft at its bearings.
-fn of_shaft(row: Row<()>, machine: &Machine) -> Row<()> {
+fn of_shaft(row: Row<()>) -> Row<()> {
     let name = row.variable.name.clone();
-    let (bearing, own) = name.split_once('.').unwrap_or(("", &name));
-    let drives = || {
-        let of_bearing = move |name: &String| name.starts_with(bearing);
-        ["i", "psi"].into_iter().flat_map(|name| machine.of_magnets(name)).filter(of_bearing).collect::<Vec<_>>()
-    };
-    match (bearing, own) {
-        (_, own) if own.starts_with("im[") => row.starts_from_parameters(),
+    match name.split_once('.').unwrap_or(("", &name)) {
         (_, "Ym" | "Zm" | "Xm") => row.starts_from_parameters(),
-        (_, own) if own.starts_with("psi[") => {
-            let current = name.replace("psi", "i");
-            row.starts_from_parameters().starts_from([current])
-        }
+        (_, own) if own.starts_with("im[") => row.starts_from_parameters(),
+        (_, own) if own.starts_with("psi[") => row.starts_from_parameters().starts_from([name.replace("psi", "i")]),
         ("A" | "B", "Y") => row.depends(Fixed, [".Y", "gamma"]),
         ("A" | "B", "Z") => row.depends(Fixed, [".Z", "beta"]),
-        ("A" | "B", "FY" | "FZ") => row.depends_on(drives()).depends_on(SIDEWAYS),
-        ("A" | "B", "touchdown.FY" | "touchdown.FZ") => {
-            row.depends_on(["omega"]).depends_on(SIDEWAYS).depends_on(RATES)
-        }
-        ("A" | "B", "contact") => row.depends_on(SIDEWAYS).depends_on(RATES),
-        ("X", "FX") => row.depends_on(drives()).depends_on(["X"]),
-        ("X", "touchdown.FX" | "contact") => row.depends_on(["X", "vX"]),
         _ => row,
     }
 }

@@ -7,7 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
 use crate::bearing::rotor::RotorConfig;
-use crate::estimation::{Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict};
+use crate::estimation::{
+    Bearings, Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict,
+};
 use crate::machine::Machine;
 use crate::variables::{Saved, Variables};
 
@@ -15,25 +17,13 @@ use crate::variables::{Saved, Variables};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine, default)]
 #[serde(bound = "EstimatorConfigOf<G, K>: Saved, EstimatorInputOf<N, K>: Saved, EstimatorOutputOf<N, K, P>: Saved")]
-pub struct Values<G, const N: usize, const K: usize, const P: usize>
-where
-    G: Variables<Context = Machine> + Clone + 'static,
-    EstimatorConfigOf<G, K>: Default,
-{
+pub struct Values<G: Bearings, const N: usize, const K: usize, const P: usize> {
     #[nested(prefix = "")]
     config: EstimatorConfigOf<G, K>,
     #[nested(prefix = "")]
     input: EstimatorInputOf<N, K>,
     #[nested(prefix = "")]
     output: EstimatorOutputOf<N, K, P>,
-}
-
-/// Reports a verdict that has changed.
-fn log_verdict(log: &mut dyn Log, instant_s: f64, former: Verdict, verdict: Verdict) {
-    let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
-    if former != verdict && log.wants(topic) {
-        log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
-    }
 }
 
 /// The model of an estimator.
@@ -49,7 +39,6 @@ pub type Spindle<const N: usize, const B: usize, const K: usize> = EstimatorMode
 impl<G, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
-    EstimatorConfigOf<G, K>: Default,
     // True of every length that is used; serde does not know it of all.
     Values<G, N, K, P>: Saved,
     StateOf<G, N, K, P>: Saved + Send + Sync + 'static,
@@ -85,7 +74,11 @@ where
     ) -> Result<(), StepError> {
         let former = values.output.verdict;
         values.output = self.0.sample(state, &values.input);
-        log_verdict(log, instant_s, former, values.output.verdict);
+        let verdict = values.output.verdict;
+        let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
+        if former != verdict && log.wants(topic) {
+            log.message(topic, format_args!("at {} s the estimate is {verdict}", Digits::<9>(instant_s)));
+        }
         Ok(())
     }
 

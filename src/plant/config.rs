@@ -70,9 +70,7 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     #[parameter(name = "theta0", unit = RADIAN)]
     pub theta_rad: T,
     /// Acceleration of gravity {direction}
-    #[parameter(
-        names = context.of_lengths("gravity."), count = context.of_lengths("").len(), unit = METRE_PER_SECOND2, nominal = 10.0
-    )]
+    #[parameter(names = context.of_lengths("gravity."), unit = METRE_PER_SECOND2, nominal = 10.0)]
     pub gravity_m_s2: [T; N],
     /// The backup bearings.
     #[nested(
@@ -84,26 +82,24 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     #[nested(prefix = "")]
     pub sensor: SensorConfig<N, K>,
     /// Upper bound of the integration step
-    #[parameter(name = "solver.maxStep", unit = SECOND, min = 0.0, nominal = 1e-5, display_unit = "µs", value = 5e-5)]
+    #[parameter(name = "solver.maxStep", unit = SECOND, above = 0.0, nominal = 1e-5, display_unit = "µs", value = 5e-5)]
     pub max_step_s: f64,
     /// Force constant of {magnet}
     #[parameter(
-        names = context.of_magnets("lambda"), tunable, unit = LAMBDA, min = 0.0, nominal = 1e-6,
+        names = context.of_magnets("lambda"), tunable, unit = LAMBDA, above = 0.0, nominal = 1e-6,
         value = std::array::from_fn(|k| lambda_nm2_a2(Rotor::<N, K, B>::MACHINE, k))
     )]
     pub lambda_nm2_a2: [T; K],
     /// Unbalance of the rotor{in plane}, mass times eccentricity
-    #[parameter(
-        names = context.of_planes("magnitude"), count = context.planes, tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4
-    )]
+    #[parameter(names = context.of_planes("magnitude"), tunable, unit = KILOGRAM_METRE, min = 0.0, nominal = 1e-4)]
     pub unbalance_kgm: [T; PLANES],
     /// Angle of the unbalance{in plane} from the mark on the rotor that theta refers to
-    #[parameter(names = context.of_planes("phase"), count = context.planes, tunable, unit = RADIAN)]
+    #[parameter(names = context.of_planes("phase"), tunable, unit = RADIAN)]
     pub unbalance_phase_rad: [T; PLANES],
     /// Position of plane {k} along the shaft, from the centre of gravity
     #[parameter(
-        names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), count = context.if_tilting(PLANES),
-        unit = METRE, nominal = 0.1, value = [-0.08, 0.10]
+        names = context.of_planes("position").into_iter().take(context.if_tilting(PLANES)), unit = METRE, nominal = 0.1,
+        value = [-0.08, 0.10]
     )]
     pub unbalance_position_m: [T; PLANES],
     /// Harmonic perturbation of a rotor in one bearing.
@@ -162,68 +158,35 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
 }
 
 impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B> {
-    /// Reports invalid parameters by their names in the interface.
+    /// Reports what numbers within their limits have wrong together, by their names in the interface.
     pub(super) fn check(&self, checks: &mut Checks) {
         let rotor = Rotor::<N, K, B>::checked(self.rotor, checks);
         let machine = Rotor::<N, K, B>::MACHINE;
-        self.check_tunable(checks);
         if machine.tilts() {
             for (name, at_m) in machine.of_planes("position").into_iter().zip(self.unbalance_position_m) {
                 self.rotor.check_position(name, at_m, checks);
             }
         }
         self.check_start(&rotor, checks);
-        checks.each(Checks::finite, machine.of_lengths("gravity."), &self.gravity_m_s2, "m/s2");
         self.coil.check(rotor.geometry().gap_m, self.lambda_nm2_a2, checks);
-        for (bearing, touchdown) in machine.bearings.iter().zip(&self.touchdown) {
-            checks.of(bearing.prefix, |checks| touchdown.check(checks));
-        }
-        self.sensor.check(machine, checks);
+        self.sensor.check(checks);
         check_step("solver.maxStep", self.max_step_s, checks);
     }
 
-    /// Reports invalid tunable parameters.
-    pub(super) fn check_tunable(&self, checks: &mut Checks) {
-        let machine = Rotor::<N, K, B>::MACHINE;
-        checks.each(Checks::positive, machine.of_magnets("lambda"), &self.lambda_nm2_a2, "N.m2/A2");
-        checks.each(Checks::not_negative, machine.of_planes("magnitude"), &self.unbalance_kgm, "kg.m");
-        checks.each(Checks::finite, machine.of_planes("phase"), &self.unbalance_phase_rad, "rad");
-        let Harmonic { amplitude_n, omega_rad_s, phase_rad } = self.harmonic;
-        checks.each(Checks::finite, machine.of_resultant("perturbation.amplitude"), &amplitude_n, "N");
-        checks.not_negative("perturbation.omega", omega_rad_s, "rad/s");
-        checks.each(Checks::finite, machine.of_resultant("perturbation.phase"), &phase_rad, "rad");
-    }
-
-    /// Reports a start that is not finite, and a rotor that starts at a magnet, by the coordinate that brings it nearest.
+    /// Reports a rotor that starts at a magnet, by the coordinate that brings it nearest.
     fn check_start(&self, rotor: &Rotor<N, K, B>, checks: &mut Checks) {
         let (machine, position_m) = (Rotor::<N, K, B>::MACHINE, self.position_m);
-        let names = machine.at_start(|coordinate| coordinate.position);
-        for (n, name) in names.iter().enumerate() {
-            checks.finite(name.clone(), position_m[n], machine.either(n, "m", "rad"));
-        }
-        for (n, name) in machine.at_start(|coordinate| coordinate.rate).into_iter().enumerate() {
-            checks.finite(name, self.velocity_m_s[n], machine.either(n, "m/s", "rad/s"));
-        }
-        checks.finite("theta0", self.theta_rad, "rad");
         let geometry = rotor.geometry();
         let gaps = geometry.gaps(position_m);
-        // Values that are not finite have been refused already.
-        let touches = |k: &usize| gaps[*k] <= 0.0 && gaps[*k].is_finite() && geometry.gap_m[*k] > 0.0;
-        let Some(k) = (0..K).find(touches) else { return };
+        let Some(k) = gaps.iter().position(|gap_m| *gap_m <= 0.0) else { return };
         let share = |n: usize| position_m[n] * geometry.directions[k][n];
         let worst = (0..N).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
         let magnet = machine.of_magnets("gap").swap_remove(k);
         checks.require(
             false,
-            names[worst].clone(),
+            machine.at_start(|coordinate| coordinate.position).swap_remove(worst),
             format_args!("{} {}", position_m[worst], machine.either(worst, "m", "rad")),
             format!("a start inside the gap ({magnet} would be {} m)", Short(gaps[k])),
         );
-    }
-
-    /// The same with the tunable parameters of others.
-    pub(super) fn retuned(&self, to: &Self) -> Self {
-        let Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, .. } = *to;
-        Self { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic: to.harmonic.clone(), ..self.clone() }
     }
 }

@@ -94,7 +94,7 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Force of all magnets on the rotor along {axis}
     ///
     /// Per coordinate, P(3); moments in N·m.
-    #[output(names = context.of_resultant("F"), count = context.of_resultant("").len(), unit = NEWTON, nominal = 10.0)]
+    #[output(names = context.of_resultant("F"), unit = NEWTON, nominal = 10.0)]
     pub resultant_n: [T; N],
     /// Air gap at {magnet}
     #[output(names = context.of_magnets("gap"), unit = METRE, nominal = 1e-4, display_unit = "mm")]
@@ -109,9 +109,7 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Force of the backup bearing on the rotor along {axis}
     ///
     /// Per coordinate; moments in N·m.
-    #[output(
-        names = context.of_resultant("touchdown.F"), count = context.of_resultant("").len(), unit = NEWTON, nominal = 1000.0
-    )]
+    #[output(names = context.of_resultant("touchdown.F"), unit = NEWTON, nominal = 1000.0)]
     pub contact_n: [T; N],
     /// Flux linked with the coil of {magnet}; a state with drive = voltage
     #[local(names = context.of_magnets("psi"), unit = WEBER, state, nominal = 1e-2)]

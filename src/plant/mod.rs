@@ -53,6 +53,7 @@ mod trajectory;
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::Drive;
+use crate::bearing::rotor::Rotor;
 use crate::invalid::Checks;
 use crate::invalid::Invalid;
 pub use crate::plant::sensor::SensorConfig;
@@ -164,20 +165,20 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// Every parameter that is not finite or outside its range, by its name in the interface; gaps and angles as in
     /// [`Magnets::new`](crate::bearing::magnet::Magnets::new); the coordinate of a rotor that would start outside the gap.
     pub fn new(config: PlantConfigOf<f64, N, K, B>) -> Result<Self, Vec<Invalid>> {
-        Checks::all(|checks| config.check(checks))?;
+        Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| config.check(checks))?;
         Ok(Self { equations: Equations::new(config) })
     }
 
-    /// Takes the tunable parameters of another configuration.
+    /// Takes the tunable parameters of another configuration; its numbers must be within their limits, as the FMU requires.
     ///
     /// # Errors
-    /// As in [`Plant::new`]; nothing is changed then.
+    /// A coil that is too fast; nothing is changed then.
     pub fn retune(&mut self, to: &PlantConfigOf<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
-        let config = self.equations.config.retuned(to);
-        Checks::all(|checks| {
-            config.check_tunable(checks);
-            config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, checks);
-        })?;
+        let PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, ref harmonic, .. } = *to;
+        let harmonic = harmonic.clone();
+        let config =
+            PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, ..self.config().clone() };
+        Checks::all(|checks| config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, checks))?;
         self.equations.config = config;
         Ok(())
     }

@@ -39,19 +39,19 @@ pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
     #[parameter(names = context.of_readings("sensor.offset"), unit = METRE, nominal = 1e-6)]
     pub position_offset_m: [f64; N],
     /// Relative gain error of the sensor of {reading}
-    #[parameter(names = context.of_readings("sensor.gainError"), unit = ONE, min = -1.0, nominal = 0.01)]
+    #[parameter(names = context.of_readings("sensor.gainError"), unit = ONE, above = -1.0, nominal = 0.01)]
     pub position_gain_error: [f64; N],
     /// Offset of the current sensor of {magnet}: its reading without current
     #[parameter(names = context.of_magnets("sensor.currentOffset"), unit = AMPERE, nominal = 1e-2)]
     pub current_offset_a: [f64; K],
     /// Relative gain error of the current sensor of {magnet}
-    #[parameter(names = context.of_magnets("sensor.currentGainError"), unit = ONE, min = -1.0, nominal = 0.01)]
+    #[parameter(names = context.of_magnets("sensor.currentGainError"), unit = ONE, above = -1.0, nominal = 0.01)]
     pub current_gain_error: [f64; K],
     /// Delay of the measured positions and im, up to 16 sample times
     #[parameter(name = "sensor.delay", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs")]
     pub delay_s: f64,
     /// Sample time of the sensors
-    #[parameter(name = "sensor.Ts", unit = SECOND, min = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
+    #[parameter(name = "sensor.Ts", unit = SECOND, above = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
     pub step_s: f64,
     /// Seed of the noise; equal seeds give equal noise
     #[parameter(name = "sensor.seed", start = 1)]
@@ -59,25 +59,11 @@ pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
 }
 
 impl<const N: usize, const K: usize> SensorConfig<N, K> {
-    /// Reports invalid parameters by their names in the interface.
-    pub(crate) fn check(&self, machine: &Machine, checks: &mut Checks) {
-        checks.not_negative("sensor.positionNoise", self.position_noise_m, "m");
-        checks.not_negative("sensor.currentNoise", self.current_noise_a, "A");
+    /// Reports sample time and delay if they do not suit.
+    pub(crate) fn check(&self, checks: &mut Checks) {
         check_step("sensor.Ts", self.step_s, checks);
-        checks.not_negative("sensor.positionResolution", self.position_resolution_m, "m");
-        checks.not_negative("sensor.currentResolution", self.current_resolution_a, "A");
-        checks.each(Checks::finite, machine.of_readings("sensor.offset"), &self.position_offset_m, "m");
-        checks.each(Checks::finite, machine.of_magnets("sensor.currentOffset"), &self.current_offset_a, "A");
-        let names = [machine.of_readings("sensor.gainError"), machine.of_magnets("sensor.currentGainError")];
-        for (name, error) in
-            names.into_iter().flatten().zip(self.position_gain_error.into_iter().chain(self.current_gain_error))
-        {
-            checks.require(error.is_finite() && error > -1.0, name, error, "a finite number above -1");
-        }
-        // A sample time that was refused restricts no delay.
-        let longest_s = LONGEST_DELAY as f64 * self.step_s;
         checks.require(
-            self.delay_s >= 0.0 && (self.delay_s <= longest_s || !(longest_s.is_finite() && longest_s > 0.0)),
+            self.delay_s <= LONGEST_DELAY as f64 * self.step_s,
             "sensor.delay",
             format_args!("{} s", self.delay_s),
             format!("a time from 0 to {LONGEST_DELAY} sample times"),

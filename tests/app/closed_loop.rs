@@ -57,7 +57,6 @@ fn controller_config(of: &impl Fn(&str) -> f64) -> ControllerConfig {
         rotor: rotor(of),
         reference: ReferenceConfig {
             paths: [PathConfig { r_y_m, r_z_m, ..PathConfig::default() }],
-            omega_rad_s: of("reference.omega"),
             ..ReferenceConfig::of(&PLANAR)
         },
     }

@@ -82,7 +82,7 @@ fn a_refused_change_changes_nothing() {
             &[
                 ("m", 1.0, "fixed"),
                 ("Y", 1.0, "computed"),
-                ("lambda[2]", -1e-6, "-0.000001 N.m2/A2 is refused: expected a finite number above 0"),
+                ("lambda[2]", -1e-6, "-0.000001 N.m2/A2 is refused: expected a value above 0 N.m2/A2"),
                 ("unbalance.magnitude", f64::NAN, "is refused"),
                 ("unbalance.phase", f64::INFINITY, "is refused"),
             ][..],

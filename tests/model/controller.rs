@@ -29,6 +29,8 @@ type SpindleController = ControllerConfigOf<5, 8, 3, 3>;
 struct Loop<const N: usize, const K: usize, const B: usize, const G: usize> {
     plant: PlantConfigOf<f64, N, K, B>,
     controller: ControllerConfigOf<N, K, B, G>,
+    /// Speed of the rotor, on the reference trajectory too.
+    omega_rad_s: f64,
     /// Constant load, in N and N·m.
     load_n: [f64; N],
     /// Estimate of λ given to the controller, valid from `valid_s` on.
@@ -69,7 +71,7 @@ impl Loop<2, 3, 1, 1> {
         (rotor.shaft.m_kg, rotor.bearings[0].gap_m) = (3.4, 4e-4);
         rotor.bearings[0].alpha_rad.iter_mut().for_each(|alpha| *alpha += 0.15);
         case.controller.rotor = *rotor;
-        (case.plant.harmonic.omega_rad_s, case.controller.reference.omega_rad_s) = (TAU * 63.0, TAU * 63.0);
+        (case.plant.harmonic.omega_rad_s, case.omega_rad_s) = (TAU * 63.0, TAU * 63.0);
         case.plant.lambda_nm2_a2 = [3.1e-6, 2.7e-6, 2.4e-6];
         case.lambda_hat = case.plant.lambda_nm2_a2;
         case
@@ -115,8 +117,8 @@ impl Loop<5, 8, 3, 3> {
         controller.reference.paths[1] =
             PathConfig { r_y_m: 60e-6, r_z_m: 25e-6, phase_rad: 1.2, ..PathConfig::default() };
         controller.reference.paths[2].amplitude_m = 20e-6;
-        controller.reference.omega_rad_s = rpm * TAU / 60.0;
-        Self::of(plant, controller, [8.0, 15.0, -20.0, 0.6, -0.9])
+        let omega_rad_s = rpm * TAU / 60.0;
+        Self { omega_rad_s, ..Self::of(plant, controller, [8.0, 15.0, -20.0, 0.6, -0.9]) }
     }
 
     /// Without noise, load and unbalance.
@@ -146,6 +148,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
             lambda_hat: plant.lambda_nm2_a2,
             plant,
             controller,
+            omega_rad_s: 100.0 * std::f64::consts::PI,
             load_n,
             lambda_at: |lambda, _| lambda,
             valid_s: 0.0,
@@ -167,10 +170,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
     /// The samples of 0.4 s.
     fn run(&self) -> Vec<Record<N, K>> {
         let ControllerConfigOf { rotor, law, reference, .. } = &self.controller;
-        let (step_s, omega_rad_s) = (law.step_s, reference.omega_rad_s);
+        let (step_s, omega_rad_s) = (law.step_s, self.omega_rad_s);
         let rotor = Rotor::<N, K, B>::new(*rotor).expect("rotor");
         let path = Reference::new(reference.clone(), step_s, &rotor).expect("reference");
-        let begin = path.ahead(&path.start(), 0.0);
+        let mut begin = path.start();
+        path.sample(&mut begin, omega_rad_s, [0.0; N], [0.0; N]);
+        let begin = path.ahead(&begin, 0.0);
         let (position_m, velocity_m_s) = (begin.map(|point| point.position_m), begin.map(|point| point.velocity_m_s));
         let plant = Plant::new(PlantConfigOf { position_m, velocity_m_s, ..self.plant.clone() }).expect("plant");
         let controller = Controller::new(self.controller.clone()).expect("controller");

@@ -26,7 +26,7 @@ use crate::machine::Machine;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct Excitation {
     /// `1 + a sin 2πφ` at the last sample.
-    factor: f64,
+    pub factor: f64,
     /// φ at the sample at which f last changed, in revolutions, in [0, 1).
     base_rev: f64,
     /// Number of that sample.
@@ -36,33 +36,22 @@ pub(crate) struct Excitation {
 }
 
 impl Excitation {
-    /// `1 + a sin 2πφ` at the last sample.
-    pub(super) fn factor(&self) -> f64 {
-        self.factor
-    }
-
     /// Whether its count may be part of a state after so many samples.
     pub(super) fn is_in_order(&self, samples: u64) -> bool {
         self.base_sample < samples.max(1)
     }
 }
 
-/// Checks a modulation; a sample time that is itself refused restricts no frequency.
+/// Checks the frequencies of a modulation.
 pub(in crate::control) fn check<const K: usize, const G: usize>(
-    config: &TrackingConfig<K, G>,
+    &TrackingConfig { step_s, modulation_hz, .. }: &TrackingConfig<K, G>,
     machine: &Machine,
     checks: &mut Checks,
 ) {
-    let &TrackingConfig { step_s, modulation, modulation_hz, .. } = config;
-    checks.require((0.0..=1.0).contains(&modulation), "F0.modulation", modulation, "a fraction of F0 from 0 to 1");
-    let highest_hz = if step_s.is_finite() && step_s > 0.0 { 0.5 / step_s } else { f64::INFINITY };
+    let highest_hz = 0.5 / step_s;
+    let wanted = format!("a finite number above 0, at most half the sample rate ({} Hz)", Short(highest_hz));
     for (name, hz) in machine.of_groups("F0.modulationFrequency").into_iter().zip(modulation_hz) {
-        checks.require(
-            hz.is_finite() && hz > 0.0 && hz <= highest_hz,
-            name,
-            format_args!("{hz} Hz"),
-            format!("a finite number above 0, at most half the sample rate ({} Hz)", Short(highest_hz)),
-        );
+        checks.require(hz <= highest_hz, name, format_args!("{hz} Hz"), wanted.clone());
     }
 }
 
@@ -105,18 +94,10 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         })
     }
 
-    /// φ of the force that the first sample commands, in revolutions.
-    fn first_phase_rev(&self, frequency_hz: f64) -> f64 {
-        wrapped(frequency_hz * self.ahead_s())
-    }
-
-    /// Time from a sample to the instant for which its force is computed, in s: the middle of held currents, the end of
+    /// φ of the force that the first sample commands, in revolutions. The force is computed for the middle of held currents, or for the end of
     /// voltages.
-    fn ahead_s(&self) -> f64 {
-        let samples = match self.config.law.coil.drive {
-            Drive::Current => 1.5,
-            Drive::Voltage => 2.0,
-        };
-        samples * self.config.law.step_s
+    fn first_phase_rev(&self, frequency_hz: f64) -> f64 {
+        let samples = if self.config.law.coil.drive == Drive::Current { 1.5 } else { 2.0 };
+        wrapped(frequency_hz * (samples * self.config.law.step_s))
     }
 }

@@ -90,30 +90,16 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             self.observer.predict_ramp(state.expected[a], next[a], acceleration[a] - d)
         });
         let moment = gyroscopic(last.map(|[_, v, _]| v));
-        let force = std::array::from_fn(|a| {
-            let [_, _, d] = state.expected[a];
-            m[a] * (acceleration[a] - d) - moment[a]
-        });
-        let predicted_m = geometry.gaps(last.map(|[x, ..]| x));
-        let last_gap_m = self.limited(predicted_m);
-        let wanted_n = self.share(force, level, lambda, last_gap_m);
-        let reference_a = magnet::currents(wanted_n, last_gap_m, lambda);
+        let planned_a = state.planned_a;
+        let (command, last_gap_m) = self.command_at(state, acceleration, moment, level, last.map(|[x, ..]| x));
+        state.planned_a = command.current_a;
         let wanted_v: [f64; K] = std::array::from_fn(|k| {
-            let last_a = (reference_a[k] + self.decay * (next_a[k] - state.planned_a[k])).max(0.0);
+            let last_a = (command.current_a[k] + self.decay * (next_a[k] - planned_a[k])).max(0.0);
             let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
             change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])
         });
         let voltage_v = wanted_v.map(|u| u.clamp(-limit_v, limit_v));
         state.voltage_v = voltage_v;
-        state.planned_a = reference_a;
-        state.asked_n = wanted_n;
-        ControllerOutput {
-            current_a: reference_a,
-            voltage_v,
-            force_n: force,
-            saturated: last_gap_m != predicted_m,
-            limited: voltage_v != wanted_v,
-            ..ControllerOutput::default()
-        }
+        ControllerOutput { voltage_v, limited: voltage_v != wanted_v, ..command }
     }
 }

@@ -79,8 +79,8 @@ type NormalVector = SVector<f64, MAGNETS>;
 
 const ROWS: usize = 2 * ROWS_PER_AXIS;
 
-/// Upper triangle of DᵀD.
-const NORMAL: usize = MAGNETS * (MAGNETS + 1) / 2;
+/// DᵀD.
+const NORMAL: usize = MAGNETS * MAGNETS;
 
 /// DᵀN follows.
 const RIGHT: usize = NORMAL;
@@ -311,9 +311,7 @@ impl Paper {
         // The paper solves the rows of the z axis; those of both axes judge the result.
         let p = d.tr_mul(&d);
         let h = d.tr_mul(&n);
-        for (channel, (row, column)) in upper_triangle().enumerate() {
-            channels[channel] = p[(row, column)];
-        }
+        channels.fixed_rows_mut::<NORMAL>(0).copy_from_slice(p.as_slice());
         channels.fixed_rows_mut::<MAGNETS>(RIGHT).copy_from(&h);
         channels[SQUARE] = n.norm_squared();
         let [shape_0, shape_1] = shape(&n.as_slice()[..ROWS_PER_AXIS], &n.as_slice()[ROWS_PER_AXIS..]);
@@ -378,19 +376,9 @@ impl Paper {
     }
 }
 
-/// Row and column of the upper triangle, in the order of the channels.
-fn upper_triangle() -> impl Iterator<Item = (usize, usize)> {
-    (0..MAGNETS).flat_map(|row| (row..MAGNETS).map(move |column| (row, column)))
-}
-
 /// DᵀD out of the channels.
 fn normal(channels: &Channels) -> NormalMatrix {
-    let mut p = NormalMatrix::zeros();
-    for (channel, (row, column)) in upper_triangle().enumerate() {
-        p[(row, column)] = channels[channel];
-        p[(column, row)] = channels[channel];
-    }
-    p
+    NormalMatrix::from_column_slice(&channels.as_slice()[..NORMAL])
 }
 
 /// `n_i/d`, scaled unknowns; not finite where d is zero.

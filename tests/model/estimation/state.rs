@@ -138,7 +138,7 @@ fn what_a_method_cannot_have_is_named() {
     for method in METHODS {
         let mut config = EstimatorConfig { method, step_s: f64::NAN, filter_zeta: 0.0, ..good.clone() };
         config.geometry.shaft.m_kg = -1.0;
-        assert_eq!(names(config), ["m", "filter.zeta", "Ts"], "{method:?}");
+        assert_eq!(names(config), ["m", "Ts", "filter.zeta"], "{method:?}");
     }
     for (magnet, angle_rad, name) in [(2, f64::NAN, "alpha[3]"), (1, 2.0 * PI, "alpha[2]"), (2, -PI / 3.0, "alpha[3]")]
     {
