@@ -24,7 +24,8 @@ fn recording(bench: &Bench, told: bool) -> Recording {
         theta_rad: recorded.theta,
         omega_rad_s: recorded.omega,
         usable: Vec::new(),
-        missing: Vec::new(),
+        position_error_m: Vec::new(),
+        square_error_a2: Vec::new(),
         hold: Hold::HeldBefore,
         position_noise_m: told.then_some(bench.position_noise),
         current_noise_a: told.then_some(bench.current_noise),
@@ -167,10 +168,11 @@ fn a_current_that_is_not_known_is_not_used() {
     let bench = Bench { seconds: 1.0, seed: 44, ..Bench::default() };
     let of = |instead_a: f64| {
         let mut recording = recording(&bench, true);
-        recording.missing = vec![Missing::default(); recording.theta_rad.len()];
-        for row in (0..recording.missing.len()).filter(|row| (21..50).contains(&(row % 200))) {
+        let rows = recording.theta_rad.len();
+        recording.square_error_a2 = vec![vec![0.0; rows]; 3];
+        for row in (0..rows).filter(|row| (21..50).contains(&(row % 200))) {
             recording.current_a[1][row] = instead_a;
-            recording.missing[row].current[1] = Origin::Unknown;
+            recording.square_error_a2[1][row] = f32::INFINITY;
         }
         likelihood::identify(&[recording], &options(&bench)).unwrap()
     };
@@ -179,25 +181,6 @@ fn a_current_that_is_not_known_is_not_used() {
     for (k, (found, other)) in found.lambda.iter().zip(&other.lambda).enumerate() {
         let moved = (found.value - other.value) / found.total_std;
         assert!(moved.abs() < 0.5, "λ{k} moved by {moved} standard deviations");
-    }
-}
-
-/// Of rows that are missing, the currents that follow tell what the filter cannot know: they answer the noise of the positions. λ is not taken from that.
-#[test]
-fn missing_rows_of_a_noisy_bench_do_not_deceive() {
-    for (seed, gap) in [(48, 10), (49, 10), (50, 30)] {
-        let noise = Bench { position_noise: 0.5e-6, current_noise: 15e-3, ..Bench::default() };
-        let bench = Bench { seconds: 1.0, seed, ..noise };
-        let mut recording = recording(&bench, false);
-        let [mut lost] = Noise::channels(seed);
-        let missing = |_| match lost.standard_normal().abs() < 1.25 / f64::from(gap) {
-            true => Missing { position: true, current: [Origin::Filled; MAGNETS] },
-            false => Missing::default(),
-        };
-        recording.missing = (0..recording.theta_rad.len()).map(missing).collect();
-        let found = likelihood::identify(&[recording], &options(&bench)).unwrap();
-        is_right(&format!("seed {seed}"), &found, &bench);
-        assert_eq!(found.suspects, [], "seed {seed}");
     }
 }
 

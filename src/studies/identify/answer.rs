@@ -2,6 +2,7 @@
 
 mod judge;
 mod recorded;
+mod restored;
 mod shown;
 mod words;
 
@@ -13,7 +14,7 @@ pub(super) use self::recorded::recording;
 pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
-use super::likelihood::{self, DELAY, DYNAMICS, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
+use super::likelihood::{self, DELAY, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::significant;
@@ -32,7 +33,8 @@ const OTHER: f64 = 0.05;
 const TURNED_RAD: f64 = 0.1;
 
 /// Said where ± holds less than it should.
-const ALONE: &str = "± does not contain by how much λ would differ with more gaps, or with another reading of the currents: no other search converged.";
+const ALONE: &str =
+    "± does not contain by how much λ would differ with another reading of the currents: no other search converged.";
 
 /// Question to the recordings.
 #[derive(Clone, Debug)]
@@ -99,15 +101,14 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
                        load.";
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
     }
-    let data = Data::of(recordings, &question.stated);
-    let is_searched = question.stated.bench().any(|of| of.is_open() && !["m", DYNAMICS].contains(&plain(&of.name)));
-    let read_as = |hold: &Hold| recordings.iter().map(|samples| recording(samples, &question.stated, *hold)).collect();
+    let read_as = |hold: &Hold| -> Vec<Recording> {
+        recordings.iter().map(|samples| recording(samples, &question.stated, *hold)).collect()
+    };
+    let all = read_as(&question.stated.hold);
     let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(read_as).collect();
-    let thinned = data.thinned.iter().filter(|_| is_searched).map(|thinned| (thinned, false));
-    let beside = thinned.chain(as_likely.iter().map(|other| (other, true)));
-    let judged = judged(&data, beside, question);
-    let mut answer = worded(with_delay(recordings, &data, &judged).unwrap_or(judged), &data.all);
-    for (samples, recording) in recordings.iter().zip(&data.all) {
+    let judged = judged(&all, as_likely.iter().map(|other| (other, true)), question);
+    let mut answer = worded(with_delay(recordings, &all, &judged).unwrap_or(judged), &all);
+    for (samples, recording) in recordings.iter().zip(&all) {
         if let Some(off) = drifts(samples, recording) {
             answer.valid = false;
             answer.verdict = format!(
@@ -129,30 +130,12 @@ fn drifts(samples: &Samples, recording: &Recording) -> Option<f64> {
     (off.abs() > 5.0 * std && off.abs() < OTHER && angle_rad.abs() > TURNED_RAD).then_some(off)
 }
 
-/// Recordings as the likelihood takes them, and the same with more gaps where there are any.
-struct Data {
-    all: Vec<Recording>,
-    thinned: Option<Vec<Recording>>,
-}
-
-impl Data {
-    fn of(recordings: &[Samples], stated: &Stated) -> Self {
-        let of = |samples: &Samples| recording(samples, stated, stated.hold);
-        let all: Vec<Recording> = recordings.iter().map(of).collect();
-        let thinned: Vec<Option<Samples>> = recordings.iter().map(Samples::thinned).collect();
-        let or_whole = |(thinned, whole): (&Option<_>, &Recording)| thinned.as_ref().map_or_else(|| whole.clone(), of);
-        let has_gaps = thinned.iter().any(Option::is_some);
-        let thinned = has_gaps.then(|| thinned.iter().zip(&all).map(or_whole).collect());
-        Self { all, thinned }
-    }
-}
-
 /// A delay that is found without being asked for is at most so many times as long as that of a typical bench.
 const FURTHEST: f64 = 3.0;
 
 /// The same with a delay of the positions of which nothing is stated, if the residuals ask for one or several readings of the currents are as likely (with a delay each), and
 /// it fits much better. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
-fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Judged> {
+fn with_delay(recordings: &[Samples], all: &[Recording], before: &Judged) -> Option<Judged> {
     let is_open = !before.question.as_likely.is_empty();
     if before.refusal.is_none() && !is_open {
         return None;
@@ -172,8 +155,7 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
     let mut question = before.question.clone();
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
     let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
-    let beside = data.thinned.iter().chain([&other]).map(|other| (other, false));
-    let mut delayed = judged(data, beside, question);
+    let mut delayed = judged(all, [(&other, false)].into_iter(), question);
     let now = delayed.found.as_ref().filter(|now| now.converged)?;
     // Estimates by instruments are not at the maximum of the likelihood: a delay has to be as certain as it is likely, and all the more certain the less typical it is.
     let delay_of = |at: &usize| (now.bench[*at].estimate, now.bench[*at].parameter.typical);
@@ -196,8 +178,11 @@ fn with_delay(recordings: &[Samples], data: &Data, before: &Judged) -> Option<Ju
 }
 
 /// Identifies and judges. By how much λ differs with each of the recordings `beside` is part of its deviation; positions of some may be late.
-fn judged<'a>(data: &Data, beside: impl Iterator<Item = (&'a Vec<Recording>, bool)>, question: Question) -> Judged {
-    let all = &data.all[..];
+fn judged<'a>(
+    all: &[Recording],
+    beside: impl Iterator<Item = (&'a Vec<Recording>, bool)>,
+    question: Question,
+) -> Judged {
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options = Options { parts: question.stated.parts.clone(), slow_force, leaves_out: true };
     let mut identified = match question.slow_force {
@@ -252,9 +237,7 @@ fn refusal(
                    force (F0.modulation)";
         return Some(Refusal { why: why.into(), more: More::Findings });
     }
-    // The likelihood would propose other readings by chance.
-    let deceived = found.is_ok_and(|found| found.deceived_by_gaps);
-    Some(Refusal { why, more: if weak && deceived { More::Findings } else { More::Proposals } })
+    Some(Refusal { why, more: More::Proposals })
 }
 
 /// The answer in words.

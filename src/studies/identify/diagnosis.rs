@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 
 use super::answer::{implausible, with_slow_force};
-use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, Options, Origin, Recording};
+use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -70,9 +70,8 @@ fn currents(take: &mut Take, reorder: impl FnOnce(&mut [usize])) {
     let mut order: Vec<usize> = (0..take.recording.current_a.len()).collect();
     reorder(&mut order[take.magnets()]);
     take.recording.current_a = order.iter().map(|k| take.recording.current_a[*k].clone()).collect();
-    for missing in &mut take.recording.missing {
-        let before = missing.current;
-        order.iter().zip(&mut missing.current).for_each(|(k, to)| *to = before[*k]);
+    if !take.recording.square_error_a2.is_empty() {
+        take.recording.square_error_a2 = order.iter().map(|k| take.recording.square_error_a2[*k].clone()).collect();
     }
 }
 
@@ -235,8 +234,10 @@ pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
         let mut take = stretch(&take(at), HOLD_STRETCHES);
         take.options = take.options.late();
         // A force that is not known goes with every reading.
-        let rows = take.recording.usable.iter_mut().zip(&take.recording.missing);
-        rows.for_each(|(usable, missing)| *usable &= !missing.current.contains(&Origin::Unknown));
+        for error_a2 in &take.recording.square_error_a2 {
+            let rows = take.recording.usable.iter_mut().zip(error_a2);
+            rows.for_each(|(usable, error_a2)| *usable &= error_a2.is_finite());
+        }
         take
     });
     let all = |takes: &[Take; N]| in_order(takes.len(), &|at| identified(&takes[at]));

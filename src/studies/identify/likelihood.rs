@@ -38,7 +38,6 @@ mod expected;
 mod filter;
 mod kalman;
 mod lag;
-mod missing;
 mod outcome;
 mod resolution;
 mod rotor;
@@ -74,8 +73,10 @@ pub struct Recording {
     pub omega_rad_s: Vec<f64>,
     /// Which samples may be used; empty for all of them. What is not usable separates segments, each with a state of its own.
     pub usable: Vec<bool>,
-    /// Samples that were not recorded and are filled from their neighbours; empty if there are none. The filter predicts across them.
-    pub missing: Vec<Missing>,
+    /// By how much positions may be off that were not recorded, m, standard deviations by coordinate: 0 for those that were; empty if all were.
+    pub position_error_m: Vec<Vec<f32>>,
+    /// The same of squared currents, A², by magnet; infinite where nothing tells.
+    pub square_error_a2: Vec<Vec<f32>>,
     /// Meaning of a sample of a current.
     pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
@@ -89,30 +90,6 @@ impl Recording {
     fn rows(&self) -> usize {
         self.theta_rad.len()
     }
-}
-
-/// Whether a current was recorded.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Origin {
-    /// It was.
-    #[default]
-    Recorded,
-    /// It was not, and is filled from its neighbours.
-    Filled,
-    /// It was not for a long time: the force of the magnet is not known.
-    Unknown,
-}
-
-/// Magnets of a machine at most.
-pub const MAGNETS: usize = 10;
-
-/// Signals that were not recorded in a row.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Missing {
-    /// A position was not.
-    pub position: bool,
-    /// The currents.
-    pub current: [Origin; MAGNETS],
 }
 
 /// Settings of a part of the motion besides its bench.
@@ -394,8 +371,6 @@ pub struct Identification {
     pub iterations: usize,
     /// Whether the last step was smaller than 5 % of a standard deviation.
     pub converged: bool,
-    /// Whether instruments found λ because the likelihood says little of it where readings are missing; nor does it judge other readings of the recording then.
-    pub deceived_by_gaps: bool,
     /// By how much a slow force raises the logarithm of the likelihood with everything else as it is; where it is not estimated, before a change of load or λ is
     /// left out.
     pub gain_by_slow_force: f64,
@@ -437,9 +412,7 @@ impl Identification {
         self.conditions.iter().flat_map(|conditions| &conditions.parts)
     }
 
-    /// Adds to the deviations of λ by how much it differs in another identification. More gaps move it: a controller answers the noise of a reading that was not recorded, so that its currents explain the
-    /// errors of the filter; the bias grows with the number of gaps, and further ones tell its size (simulation and extrapolation, Cook and Stefanski 1994).
-    /// Where the bench is exactly as stated, instruments are free of it.
+    /// Adds to the deviations of λ by how much it differs in another identification.
     pub(super) fn widen(&mut self, other: &Self) {
         let moved = DVector::from_fn(self.lambda.len(), |k, _| other.lambda[k].value - self.lambda[k].value);
         self.lambda_covariance += &moved * moved.transpose();
@@ -492,7 +465,6 @@ impl Identification {
         self.by_scores |= other.by_scores;
         self.iterations = self.iterations.max(other.iterations);
         self.converged &= other.converged;
-        self.deceived_by_gaps |= other.deceived_by_gaps;
         self.gain_by_slow_force += other.gain_by_slow_force;
         self.log_likelihood += other.log_likelihood;
         self

@@ -5,10 +5,6 @@ use super::units::significant;
 use crate::estimation::Hold;
 use crate::machine::Machine;
 
-/// Rows by which gaps that are added follow those that there are: their effects are over by then, and the conditions are the same.
-const LATER: usize = 16;
-const MOST_ADDED: f64 = 0.03;
-
 /// Where angle and speed of the rotor come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rotation {
@@ -87,19 +83,6 @@ impl Samples {
             missing.for_each(|(_, value)| *value = f64::NAN);
         }
         columns
-    }
-
-    /// The same with as many gaps again, but in [`MOST_ADDED`] of the rows at most, [`LATER`] rows behind those that there are; none if nothing is missing.
-    pub(super) fn thinned(&self) -> Option<Self> {
-        let mut thinned = (self.apart.is_none() && !self.missing.is_empty()).then(|| self.clone())?;
-        let gaps: Vec<usize> = (0..self.len().saturating_sub(LATER)).filter(|row| self.missing[*row] != 0).collect();
-        let every = (gaps.len() as f64 / (MOST_ADDED * self.len() as f64)).ceil().max(1.0) as usize;
-        gaps.iter().step_by(every).for_each(|row| thinned.missing[row + LATER] |= self.missing[*row]);
-        let mut columns = thinned.unfilled();
-        columns.iter_mut().for_each(|column| signals::fill(column));
-        thinned.current_a = columns.split_off(self.position_m.len());
-        thinned.position_m = columns;
-        Some(thinned)
     }
 
     /// Takes over angle and speed, and completes one from the other or from the speed that was told.

@@ -86,8 +86,7 @@ fn what_says_nothing_is_not_valid() {
     is_right("modulated", &ask(&[simulated(&scenario)], &[]));
 }
 
-/// Rows that are missing at random, alone and in bursts, and single cells: the answer has the stated standard deviation, which is small: 3.2 % on the noisy
-/// bench where the force of a row that is missing counts as unknown, 1.2 % where it is predicted.
+/// Rows that are missing at random, alone and in bursts: the answer has the stated standard deviation, which is small.
 #[test]
 fn what_is_missing_is_a_gap() {
     type Missing = fn(usize, &[f64], &[f64]) -> bool;

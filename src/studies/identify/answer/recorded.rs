@@ -2,57 +2,106 @@
 
 use std::f64::consts::TAU;
 
+use super::restored::{Restored, Signals};
 use crate::estimation::Hold;
-use crate::studies::identify::Stated;
-use crate::studies::identify::likelihood::{Missing, Origin, Part, Recording};
+use crate::studies::identify::likelihood::{Part, Recording};
 use crate::studies::identify::plausible::REST_RAD_S;
 use crate::studies::identify::samples::{Rotation, Samples};
+use crate::studies::identify::{Stated, rms};
 
 /// The recording of a machine, if a current sample stands for this.
 pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
-    let (count, position_m, mut current_a) = (samples.len(), samples.position_m.clone(), samples.currents(hold));
-    let missing = missing(samples, &mut current_a);
+    let (count, position_m, current_a) = (samples.len(), samples.position_m.clone(), samples.currents(hold));
     let known = samples.rotation != Rotation::Unknown;
     let rotation = |column: &[f64]| if known && !column.is_empty() { column.to_vec() } else { vec![0.0; count] };
     let (theta_rad, omega_rad_s) = (rotation(&samples.theta_rad), rotation(&samples.omega_rad_s));
-    let finite = |j: usize| {
-        let signals = position_m.iter().chain(&current_a).chain([&theta_rad, &omega_rad_s]);
-        signals.map(|signal| signal[j]).all(f64::is_finite)
-    };
-    let usable = (0..count).map(finite).collect();
     let [position_noise_m, current_noise_a] = stated.noise.map(|noise| (noise > 0.0).then_some(noise));
-    Recording {
+    let mut recording = Recording {
         step_s: samples.step_s,
         position_m,
         current_a,
         theta_rad,
         omega_rad_s,
-        usable,
-        missing,
+        usable: Vec::new(),
+        position_error_m: Vec::new(),
+        square_error_a2: Vec::new(),
         hold,
         position_noise_m,
         current_noise_a,
+    };
+    if !samples.missing.is_empty() {
+        restore(&mut recording, samples, &stated.parts);
     }
+    let signals = recording.position_m.iter().chain(&recording.current_a);
+    let signals: Vec<&Vec<f64>> = signals.chain([&recording.theta_rad, &recording.omega_rad_s]).collect();
+    recording.usable = (0..count).map(|row| signals.iter().all(|signal| signal[row].is_finite())).collect();
+    recording
 }
 
 /// Time over which the force of a magnet may be unknown, s: about that in which an unstable rotor multiplies its errors, √(m/ks). With bench parameters, searches crept along
 /// longer ones, where the trajectory follows its own linearisation.
 const LONGEST_S: f64 = 0.01;
 
-/// Samples that were not recorded. A current that is missing for a while, by itself, gets a straight line: the motion goes on without its force being known.
-fn missing(samples: &Samples, current_a: &mut [Vec<f64>]) -> Vec<Missing> {
-    let (positions, magnets) = (samples.position_m.len(), current_a.len());
+/// Fills what was not recorded by what the controller made of it. A current that is missing for longer, by itself, gets a straight line: the motion goes on without its
+/// force being known. Rows whose positions nothing tells are not used.
+fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
+    let positions = recording.position_m.len();
     let lacks = |row: usize, signal: usize| samples.missing[row] >> signal & 1 != 0;
-    let mut missing = vec![Missing::default(); samples.missing.len()];
-    for (row, missing) in missing.iter_mut().enumerate() {
-        missing.position = (0..positions).any(|signal| lacks(row, signal));
-        for k in (0..magnets).filter(|k| lacks(row, positions + k)) {
-            let is_filled = current_a[k][row].is_finite();
-            missing.current[k] = if is_filled { Origin::Filled } else { Origin::Unknown };
+    let errors = |first: usize, count: usize| -> Vec<Vec<f32>> {
+        let error = |row: usize, signal: usize| if lacks(row, signal) { f32::INFINITY } else { 0.0 };
+        (first..first + count)
+            .map(|signal| (0..samples.missing.len()).map(|row| error(row, signal)).collect())
+            .collect()
+    };
+    recording.position_error_m = errors(0, positions);
+    recording.square_error_a2 = errors(positions, recording.current_a.len());
+    for part in parts {
+        let (coordinates, magnets) = (part.body.coordinates(), part.body.magnets());
+        let gap_m = |position_m: &[Vec<f64>], row: usize, k: usize| {
+            part.body.gap_at(k, |position| position_m[part.positions + position][row])
+        };
+        let pull = |k: usize| -> Vec<f64> {
+            let of = |(row, i): (usize, &f64)| (i / gap_m(&recording.position_m, row, k)).powi(2);
+            recording.current_a[part.magnets + k].iter().enumerate().map(of).collect()
+        };
+        let pulls: Vec<Vec<f64>> = (0..magnets).map(pull).collect();
+        let pulls: Vec<&[f64]> = pulls.iter().map(Vec::as_slice).collect();
+        let measured = &recording.position_m[part.positions..][..coordinates];
+        let measured: Vec<&[f64]> = measured.iter().map(Vec::as_slice).collect();
+        let is_missing = |row: usize, signal: usize| match signal.checked_sub(magnets) {
+            Some(position) => lacks(row, part.positions + position),
+            None => lacks(row, positions + part.magnets + signal),
+        };
+        let along = |k: usize, n: usize| part.body.gap_at(k, |_| 0.0) - part.body.gap_at(k, |at| f64::from(at == n));
+        let directions: Vec<Vec<f64>> = (0..magnets).map(|k| (0..coordinates).map(|n| along(k, n)).collect()).collect();
+        let signals = Signals::new([&pulls, &measured], &directions, &recording.theta_rad, is_missing);
+        let (of_pulls, of_positions): (Vec<_>, Vec<_>) =
+            signals.restored().into_iter().partition(|of| of.signal < magnets);
+        for Restored { row, signal, value, std } in of_positions {
+            let position = part.positions + signal - magnets;
+            recording.position_m[position][row] = value;
+            recording.position_error_m[position][row] = std as f32;
+        }
+        let rms_a = |of: &Vec<f64>| rms(of.iter().copied().filter(|i| i.is_finite()));
+        let largest_a: Vec<f64> = recording.current_a.iter().map(rms_a).collect();
+        for Restored { row, signal, value, std } in of_pulls {
+            let (magnet, square_m2) = (part.magnets + signal, gap_m(&recording.position_m, row, signal).powi(2));
+            // By itself for longer, it is missing for its value: an outlier, or clipped.
+            let is_odd = recording.current_a[magnet][row].is_nan() && (0..positions).all(|signal| !lacks(row, signal));
+            if !is_odd && std * square_m2 < largest_a[magnet].powi(2) {
+                recording.current_a[magnet][row] = (value.max(0.0) * square_m2).sqrt();
+                recording.square_error_a2[magnet][row] = (std * square_m2) as f32;
+            }
         }
     }
-    for (k, current_a) in current_a.iter_mut().enumerate() {
-        let known: Vec<usize> = (0..missing.len()).filter(|row| missing[*row].current[k] != Origin::Unknown).collect();
+    // Not even bridged: the controller answers what it read there, and the filter would take that for the force of the magnets.
+    for (position_m, error_m) in recording.position_m.iter_mut().zip(&mut recording.position_error_m) {
+        for (position_m, error_m) in position_m.iter_mut().zip(error_m).filter(|(_, error_m)| error_m.is_infinite()) {
+            (*position_m, *error_m) = (f64::NAN, 0.0);
+        }
+    }
+    for (current_a, error_a2) in recording.current_a.iter_mut().zip(&recording.square_error_a2) {
+        let known: Vec<usize> = (0..error_a2.len()).filter(|row| error_a2[*row].is_finite()).collect();
         let gaps = known.iter().zip(&known[1.min(known.len())..]);
         for (from, to) in gaps.filter(|(from, to)| (*to - *from) as f64 * samples.step_s <= LONGEST_S) {
             let [first, last] = [from, to].map(|row| current_a[*row]);
@@ -61,20 +110,21 @@ fn missing(samples: &Samples, current_a: &mut [Vec<f64>]) -> Vec<Missing> {
             }
         }
     }
-    missing
 }
 
 impl Recording {
     /// Some of its rows.
     pub(in crate::studies::identify) fn part(&self, of: std::ops::Range<usize>) -> Self {
         let each = |columns: &[Vec<f64>]| columns.iter().map(|column| column[of.clone()].to_vec()).collect();
+        let errors = |columns: &[Vec<f32>]| columns.iter().map(|column| column[of.clone()].to_vec()).collect();
         Self {
             position_m: each(&self.position_m),
             current_a: each(&self.current_a),
             theta_rad: self.theta_rad[of.clone()].to_vec(),
             omega_rad_s: self.omega_rad_s[of.clone()].to_vec(),
             usable: self.usable[of.clone()].to_vec(),
-            missing: self.missing.get(of.clone()).unwrap_or_default().to_vec(),
+            position_error_m: errors(&self.position_error_m),
+            square_error_a2: errors(&self.square_error_a2),
             ..*self
         }
     }

@@ -99,6 +99,22 @@ impl Body {
         }
     }
 
+    /// Gap of a magnet where the sensors read these positions, m, as if they were at the magnets.
+    pub(in crate::studies::identify) fn gap_at(&self, k: usize, position_m: impl Fn(usize) -> f64) -> f64 {
+        let radial = |gap_m: f64, alpha_rad: f64, first: usize| {
+            let (sin, cos) = libm::sincos(alpha_rad);
+            gap_m - sin * position_m(first) - cos * position_m(first + 1)
+        };
+        match self {
+            Self::Disc { gap_m, alpha_rad, .. } => radial(*gap_m, alpha_rad[k], 0),
+            Self::Shaft { geometry, magnets, .. } => {
+                let bearing = &geometry.bearings[k / magnets];
+                radial(bearing.gap_m, bearing.alpha_rad[k % magnets], 2 * (k / magnets))
+            }
+            Self::Axis { gap_m, .. } => gap_m + if k == 0 { -position_m(0) } else { position_m(0) },
+        }
+    }
+
     /// Stated numbers.
     pub(in crate::studies::identify) fn numbers(&self) -> Vec<(String, f64)> {
         let mut numbers = vec![("m".to_owned(), self.m_kg())];

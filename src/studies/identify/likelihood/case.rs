@@ -1,14 +1,14 @@
 //! One recording, cut into pieces, and its noise levels.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 use super::data::{Piece, Track};
-use super::missing::{Cubic, unknown_a};
-use super::{Missing, Part, Recording, SHORTEST, resolution};
+use super::{Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
 use crate::studies::identify::mean;
 
+/// Error of a squared current that is not known, relative to its mean: so large that the interval tells nothing of the magnet.
+const NOTHING: f64 = 20.0;
 /// Rows of a piece.
 const PIECE: usize = 1 << 15;
 /// Memory of the filter in s, beyond which a sample does not matter: the field's negative stiffness makes its slowest pole some 100 rad/s
@@ -31,21 +31,18 @@ pub(super) struct Case<'a> {
     pub recording: &'a Recording,
     /// By coordinate, m.
     pub position: Vec<&'a [f64]>,
-    /// Its currents as they were read, by magnet, A; the same where those that were not recorded are filled.
+    /// Its currents, by magnet, A.
     pub current: Vec<&'a [f64]>,
-    pub filled: Vec<Cow<'a, [f64]>>,
-    /// The first of its magnets among those of the recording.
-    pub first: usize,
+    /// By how much positions and currents may be off that were not recorded ([`Recording::position_error_m`]); empty if all were.
+    pub position_error: Vec<&'a [f32]>,
+    pub square_error: Vec<&'a [f32]>,
+    /// Errors of squared currents of which nothing is known, A².
+    pub unknown_a2: Vec<f64>,
     /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
     pub at: Vec<[f64; 2]>,
     pub middle: Vec<[f64; 2]>,
     /// Half the number of rows over which ω̇ is taken.
     pub half_width: usize,
-    /// Whether currents that were filled count as not known.
-    pub distrusts_filled: bool,
-    /// Errors of currents that were filled, and of those that are not known, A.
-    pub filled_a: Vec<f64>,
-    pub unknown_a: Vec<f64>,
     pub segments: Vec<Range<usize>>,
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
@@ -57,6 +54,8 @@ pub(super) struct Case<'a> {
     /// Power of the gap with which the noise of the positions grows, with its standard deviation; 0 unless it is estimated.
     pub exponent: f64,
     pub exponent_std: f64,
+    /// Factor of the errors of squared currents that were not recorded.
+    pub restored: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: Vec<f64>,
     /// As how many rows they count, if not all.
@@ -78,13 +77,6 @@ impl Case<'_> {
     /// Whether both levels of noise are stated.
     pub fn has_known_noise(&self) -> bool {
         self.recording.position_noise_m.is_some() && self.recording.current_noise_a.is_some()
-    }
-
-    /// Number of gaps: rows that lack a reading before one that lacks none.
-    pub fn gaps(&self) -> usize {
-        let missing = |piece: &Piece| self.recording.missing.get(piece.counted.clone()).unwrap_or_default().windows(2);
-        let ends = self.pieces.iter().flat_map(missing);
-        ends.filter(|rows| rows[0] != Missing::default() && rows[1] == Missing::default()).count()
     }
 
     /// Rows of a block.
@@ -139,11 +131,14 @@ fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
 
 pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
     let (h, rows) = (recording.step_s, recording.rows());
-    let columns = |of: &'a [Vec<f64>], first: usize, count: usize| -> Vec<&'a [f64]> {
-        of[first..first + count].iter().map(Vec::as_slice).collect()
-    };
-    let position = columns(&recording.position_m, part.positions, part.body.coordinates());
-    let current = columns(&recording.current_a, part.magnets, part.body.magnets());
+    fn columns<T>(of: &[Vec<T>], first: usize, count: usize) -> Vec<&[T]> {
+        of.iter().skip(first).take(count).map(Vec::as_slice).collect()
+    }
+    let (coordinates, magnets) = (part.body.coordinates(), part.body.magnets());
+    let position = columns(&recording.position_m, part.positions, coordinates);
+    let current = columns(&recording.current_a, part.magnets, magnets);
+    let position_error = columns(&recording.position_error_m, part.positions, coordinates);
+    let square_error = columns(&recording.square_error_a2, part.magnets, magnets);
     let is_usable = |of: &[bool], row: usize| of.get(row).copied().unwrap_or(true);
     let segments = segments((0..rows).map(|row| is_usable(&recording.usable, row) && is_usable(usable, row)));
     if segments.is_empty() {
@@ -155,7 +150,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
     };
     let (theta, omega) = (&recording.theta_rad, &recording.omega_rad_s);
     let n = position.len();
-    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new(), predicted: Vec::new() };
+    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new() };
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
@@ -167,23 +162,24 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         }
     }
     let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(&position, &segments));
-    let is_read = |row: &usize| !recording.missing.get(*row).is_some_and(|missing| missing.position);
+    let is_read = |row: &usize| !position_error.iter().any(|error_m| error_m[*row] > 0.0);
     let read: Vec<usize> = segments.iter().flat_map(Clone::clone).filter(is_read).collect();
     let steps = position.iter().map(|of| resolution::step(read.iter().map(|row| of[*row])));
     let resolution_m: Vec<f64> = steps.collect();
     let counting = resolution::counting(&position, &read, &resolution_m, noise);
     Some(Case {
         recording,
-        filled: current.iter().copied().map(Cow::Borrowed).collect(),
-        first: part.magnets,
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         half_width: ((RATE_S / h).round() as usize).max(1),
-        distrusts_filled: false,
-        filled_a: Cubic::of(recording, &current).rms_a(),
-        unknown_a: unknown_a(&current),
+        unknown_a2: current
+            .iter()
+            .map(|of| NOTHING * mean(of.iter().filter(|i| i.is_finite()).map(|i| i * i)))
+            .collect(),
         position,
         current,
+        position_error,
+        square_error,
         pieces: pieces(&segments, h),
         segments,
         position_noise: noise.max(1e-10),
@@ -192,6 +188,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         slow_force: 0.0,
         exponent: 0.0,
         exponent_std: 0.0,
+        restored: 1.0,
         resolution_m,
         counting,
         track,
@@ -262,6 +259,20 @@ pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3], least: 
     let before = case.slow_force;
     case.slow_force = (before * libm::exp(step)).max(least);
     libm::log(case.slow_force / before).abs() * (-bend.min(0.0)).sqrt().min(1.0)
+}
+
+/// How far errors of currents that were not recorded may be from those that are expected, as a standard deviation of the logarithm.
+const RESTORED_LOG_STD: f64 = 1.0;
+
+/// Level of the errors of currents that were not recorded, from the likelihood at three levels; the change of its logarithm, weighed by its information.
+pub(super) fn restored_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
+    let value = |i: usize| {
+        let far = (libm::log(case.restored) + (i as f64 - 1.0) * NOISE_STEP) / RESTORED_LOG_STD;
+        -0.5 * (sums[i][0] + sums[i][1] + far * far)
+    };
+    let (step, bend) = peak([0, 1, 2].map(value));
+    case.restored *= libm::exp(step);
+    step.abs() * (-bend.min(0.0)).sqrt().min(1.0)
 }
 
 /// How far the noise of the positions may depend on the gap, as a standard deviation of its power.

@@ -2,60 +2,47 @@
 
 use std::ops::Range;
 
-use super::Origin;
 use super::case::Case;
+use super::filter::Levels;
 use super::lag;
 use super::rotor::{ByMagnet, Interval, Rotor, Shaft, Squares, State};
 use crate::estimation::Hold;
 
-/// Factor of the measurement variance of a row that was not recorded: the filter predicts across it.
-const UNKNOWN: f64 = 1e10;
 /// Least gap that noise is reckoned with, relative to the nominal one.
 const LEAST_GAP: f64 = 0.05;
 /// Rows after a current that is not known in which the filter finds the velocity again.
 const FOUND_AGAIN: usize = 4;
 
 impl Case<'_> {
+    /// Whether a position of a row was not recorded.
     #[inline(always)]
     pub fn is_missing(&self, row: usize) -> bool {
-        self.recording.missing.get(row).is_some_and(|missing| missing.position)
+        self.position_error.iter().any(|error_m| error_m[row] > 0.0)
     }
 
-    /// Where the currents of a row come from; there are rows that were not recorded.
-    fn origins(&self, row: usize) -> &[Origin] {
-        &self.recording.missing[row].current[self.first..][..self.current.len()]
+    /// Whether a current of the interval that ends at a row was not recorded.
+    pub fn is_restored(&self, row: usize) -> bool {
+        (0..self.square_error.len()).any(|k| self.error_a2(row, k, 1.0) > 0.0)
     }
 
-    /// Whether a current is known well enough to be counted on.
-    fn is_known(&self, origin: Origin) -> bool {
-        origin == Origin::Recorded || origin == Origin::Filled && !self.distrusts_filled
-    }
-
-    /// Whether a current of a row is not known.
-    #[inline(always)]
-    fn is_unknown(&self, row: usize) -> bool {
-        !self.recording.missing.is_empty() && self.origins(row).iter().any(|of| !self.is_known(*of))
-    }
-
-    /// Whether the force of a magnet is not known in the interval that ends at a row.
-    pub fn is_adrift(&self, row: usize) -> bool {
-        !self.recording.missing.is_empty() && (0..self.current.len()).any(|k| !self.is_known(self.origin(row, k)))
-    }
-
-    /// Whether an innovation tells of the noise: not where the position was not recorded, nor where the force is not known.
+    /// Whether an innovation tells of the noise: not where the position was not recorded, nor where nothing tells a current.
     #[inline(always)]
     pub fn tells(&self, row: usize) -> bool {
-        self.recording.missing.is_empty()
-            || !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(|row| self.is_unknown(row))
+        let is_unknown = |row: usize| self.square_error.iter().any(|error_a2| error_a2[row].is_infinite());
+        !self.is_missing(row) && !(row.saturating_sub(FOUND_AGAIN)..=row).any(is_unknown)
     }
 
-    /// The origin of the current `k` of the interval that ends at a row.
-    fn origin(&self, row: usize, k: usize) -> Origin {
-        let [before, here] = [row - 1, row].map(|row| self.origins(row)[k]);
+    /// Error of the squared current `k` of the interval that ends at a row, A²: 0 if its readings were recorded. `level` is that of the errors of
+    /// restored readings.
+    fn error_a2(&self, row: usize, k: usize, level: f64) -> f64 {
+        let Some(error_a2) = self.square_error.get(k) else { return 0.0 };
+        let of = |row: usize| match error_a2[row] {
+            error_a2 if error_a2.is_finite() => (level * f64::from(error_a2)).min(self.unknown_a2[k]),
+            _ => self.unknown_a2[k],
+        };
         match self.recording.hold {
-            Hold::HeldBefore => here,
-            Hold::HeldAfter => before,
-            Hold::Linear => before.max(here),
+            Hold::HeldBefore | Hold::HeldAfter => of(self.commanded(row)),
+            Hold::Linear => 0.5 * libm::hypot(of(row - 1), of(row)),
         }
     }
 
@@ -101,9 +88,6 @@ pub(super) struct Track {
     /// Expected values of every row, in single precision, for there are many: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
     /// and rates. Empty as long as it is not known.
     pub expected: Vec<f32>,
-    /// Squared currents that were not recorded, of the interval that ends at a row, as they were to be expected, with their standard deviations, A². Empty as long
-    /// as they are not known.
-    pub predicted: Vec<[f32; 2]>,
 }
 
 /// A piece of a recording: the rows that count, within those that are filtered. The first row of `filtered` starts a filter.
@@ -140,7 +124,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         Self {
             on,
             position: std::array::from_fn(|n| on.case.position[n]),
-            current: std::array::from_fn(|k| &on.case.filled[k][..]),
+            current: std::array::from_fn(|k| on.case.current[k]),
             state: on.case.track.state.as_chunks().0.as_chunks().0,
         }
     }
@@ -159,12 +143,12 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
         let On { case, rotor, .. } = self.on;
         let variance = case.position_noise * case.position_noise;
-        let variance = if case.is_missing(row) { UNKNOWN * variance } else { variance };
-        if exponent == 0.0 {
-            return [variance; N];
-        }
         let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(LEAST_GAP), 2.0 * exponent);
-        self.state[row][0].map(|at| variance * grown(at))
+        let mut of = if exponent == 0.0 { [variance; N] } else { self.state[row][0].map(|at| variance * grown(at)) };
+        for (of, error_m) in of.iter_mut().zip(&case.position_error) {
+            *of += f64::from(error_m[row]).powi(2);
+        }
+        of
     }
 
     /// Variance that the acceleration by a slow force gains in so many rows.
@@ -184,12 +168,15 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         rotor.interval(states, &self.squares(row), expected, [*from, between, *to])
     }
 
-    /// Factors of the noise of the currents in the interval that ends at a row: errors of currents that were not recorded are what they are.
+    /// Factors of the noise of the currents in the interval that ends at a row, or of the errors of those that were not recorded.
     #[inline(always)]
-    pub fn scales(&self, row: usize, mut factors: ByMagnet) -> ByMagnet {
-        let case = self.on.case;
-        if !case.recording.missing.is_empty() {
-            (0..K).filter(|k| case.origin(row, *k) != Origin::Recorded).for_each(|k| factors[k] = 1.0);
+    pub fn scales(&self, row: usize, levels: &Levels) -> ByMagnet {
+        let (case, mut factors) = (self.on.case, levels.currents);
+        for (k, factor) in factors.iter_mut().enumerate().take(case.square_error.len()) {
+            let [error_a2, of_level] = [1.0, levels.restored].map(|of| case.error_a2(row, k, of * case.restored));
+            if error_a2 > 0.0 {
+                *factor = of_level / error_a2;
+            }
         }
         factors
     }
@@ -204,22 +191,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
             (None, _) => rotor.squares(read(case.commanded(row)), None),
             (Some([lag, ..]), _) => rotor.following(lag, read(case.commanded(row)), row),
         };
-        if case.recording.missing.is_empty() {
-            return squares;
-        }
-        for k in 0..K {
-            let error_a = match (case.origin(row, k), case.track.predicted.get(K * row + k)) {
-                (Origin::Recorded, _) => continue,
-                (Origin::Filled, Some(predicted)) => {
-                    let [square, std] = predicted.map(f64::from);
-                    (squares.start[k], squares.middle[k], squares.end[k]) = (square, square, square);
-                    squares.std[k] = std;
-                    continue;
-                }
-                (Origin::Filled, None) if !case.distrusts_filled => case.filled_a[k],
-                _ => case.unknown_a[k],
-            };
-            squares.std[k] *= (error_a / rotor.noise).max(1.0);
+        for k in 0..case.square_error.len() {
+            squares.std[k] = libm::hypot(squares.std[k], case.error_a2(row, k, case.restored));
         }
         squares
     }

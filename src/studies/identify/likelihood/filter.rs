@@ -177,9 +177,9 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted
             };
             kalman.predict(transition, interval, &SAME.currents, of.slow(1));
             for k in 0..if gains { K } else { 0 } {
-                let mut scales = SAME.currents;
-                scales[k] += LEVEL_STEP;
-                raised[k].predict(transition, interval, &of.scales(row, scales), of.slow(1));
+                let mut levels = SAME;
+                levels.currents[k] += LEVEL_STEP;
+                raised[k].predict(transition, interval, &of.scales(row, &levels), of.slow(1));
             }
             rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
             if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| *bench) {
@@ -409,10 +409,12 @@ pub(super) struct Levels {
     pub slow: f64,
     /// Change of the exponent of the gap in the position noise.
     pub exponent: f64,
+    /// Factor of the errors of currents that were not recorded.
+    pub restored: f64,
 }
 
 /// As they are.
-pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0 };
+pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0, restored: 1.0 };
 
 /// `[ln det sum, NIS sum, rows]` with noise times each of three sets of factors, at the same position noise.
 fn likelihoods<const N: usize, const K: usize, const S: usize>(on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
@@ -425,7 +427,7 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(on: On<'_>, level
     each_row(of, start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
-                kalman.predict(transition, interval, &of.scales(row, levels.currents), slow(levels, 1));
+                kalman.predict(transition, interval, &of.scales(row, levels), slow(levels, 1));
             }
         }
         for f in 0..3 {

@@ -37,7 +37,7 @@ impl Lag {
         });
         let magnets = case.current.len();
         let mut start_a = vec![0.0; magnets * case.recording.rows()];
-        for (k, read) in case.filled.iter().enumerate() {
+        for (k, read) in case.current.iter().enumerate() {
             for segment in &case.segments {
                 let mut at = read[segment.start];
                 for row in segment.clone().skip(1) {

@@ -34,7 +34,6 @@ pub(super) fn report(
         by_scores: finished.by_scores,
         iterations: search.iterations,
         converged: search.converged,
-        deceived_by_gaps: search.deceived_by_gaps(),
         gain_by_slow_force,
         log_likelihood: -0.5 * search.merit(&finished.blocks),
     }
@@ -70,7 +69,7 @@ fn conditions(
     let ([mut ki, mut ks], mut rows) = ([ByMagnet::<f64>::default(); 2], 0);
     for piece in &case.pieces {
         let first = usize::from(piece.counted.start == piece.filtered.start);
-        for row in piece.counted.clone().skip(first).filter(|row| !case.is_adrift(*row)) {
+        for row in piece.counted.clone().skip(first).filter(|row| !case.is_restored(*row)) {
             let on = On { case, rotor: &rotor, piece };
             let [gaps, squares] = (rotor.passes.driven)(on, row);
             for k in 0..layout.magnets {

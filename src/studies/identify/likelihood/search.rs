@@ -9,12 +9,11 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use finish::Finished;
 use finish::finish;
 
-use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, slow_force_step};
+use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, restored_step, slow_force_step};
 use super::changes;
 use super::data::{On, Piece};
 use super::expected::expected;
 use super::filter::{Block, Columns, Levels, SAME, Wanted};
-use super::missing;
 use super::outcome;
 use super::rotor::{Kind, Rotor};
 use super::solve::{Normal, inverse, part};
@@ -230,7 +229,7 @@ impl Search<'_> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
             let on = On { case, rotor, piece: &case.pieces[0] };
-            (case.track.expected, case.track.predicted) = expected(on, innovations);
+            case.track.expected = expected(on, innovations);
         }
     }
 
@@ -244,17 +243,6 @@ impl Search<'_> {
             all[r][n * rows.start..n * rows.end].copy_from_slice(&own);
         }
         all
-    }
-
-    /// Fills the currents that are missing by what is known of the innovations ([`missing`]).
-    fn refill(&mut self) {
-        if self.cases.iter().all(|case| case.recording.missing.is_empty() || case.distrusts_filled) {
-            return;
-        }
-        let innovations = self.innovations(WHITENED, 0.0);
-        for (case, innovations) in self.cases.iter_mut().zip(&innovations) {
-            missing::refill(case, innovations);
-        }
     }
 
     /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
@@ -293,6 +281,10 @@ impl Search<'_> {
         if self.kind.part.beside.exponent {
             let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..SAME });
             change = change.max(self.step_level(levels, exponent_step));
+        }
+        if self.cases.iter().any(|case| !case.square_error.is_empty()) {
+            let levels = steps.map(|restored| Levels { restored, ..SAME });
+            change = change.max(self.step_level(levels, restored_step));
         }
         if self.kind.slow_force {
             let least = LEAST_SLOW_FORCE * self.weight_n();
@@ -339,7 +331,8 @@ impl Search<'_> {
 
     /// Where the search has ended.
     fn found(&self) -> Point {
-        let noise = |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force, case.exponent];
+        let noise =
+            |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force, case.exponent, case.restored];
         (self.x.clone(), self.cases.iter().map(noise).collect())
     }
 
@@ -347,10 +340,9 @@ impl Search<'_> {
     fn start_at(&mut self, (x, noise): Point) {
         self.x = x;
         for (case, noise) in self.cases.iter_mut().zip(noise) {
-            [case.position_noise, case.current_noise, case.slow_force, case.exponent] = noise;
+            [case.position_noise, case.current_noise, case.slow_force, case.exponent, case.restored] = noise;
         }
         self.smooth();
-        self.refill();
     }
 
     /// λ, unbalance and load first, then the lag of the currents, then all: far from the solution, bench parameters would take up what λ has to explain, and a delay
@@ -370,7 +362,6 @@ impl Search<'_> {
         if self.kind.layout.dynamics.is_some() {
             self.iterate(UNSMOOTHED, ROUGH)?;
         }
-        self.refill();
         self.expect();
         self.iterate(UNSMOOTHED, CONVERGED)
     }
@@ -405,8 +396,8 @@ impl Search<'_> {
     }
 }
 
-/// Where a search ends: unknowns, and by recording noise of positions and currents, level of the slow force, power of the gap.
-type Point = (Vec<f64>, Vec<[f64; 4]>);
+/// Where a search ends: unknowns, and by recording noise of positions and currents, level of the slow force, power of the gap, level of the errors of what was restored.
+type Point = (Vec<f64>, Vec<[f64; 5]>);
 
 /// λ that would carry the weight of the rotor with the currents of the recording.
 fn first_guess(cases: &[Case<'_>], body: &Body) -> f64 {
@@ -461,8 +452,6 @@ fn start<'a>(
     search.weight = counting / rows;
     if search.exact() {
         search.prior[layout.load + kind.places.mass].1 = 0.0;
-        // Instruments follow no error of a current that was filled from those that follow.
-        search.cases.iter_mut().for_each(|case| case.distrusts_filled = true);
     } else {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }

@@ -10,15 +10,10 @@ use super::super::case::{Case, NOISE_STEP};
 use super::super::filter::{Block, Columns, SAME};
 use super::super::solve::{self, Normal, part};
 use super::super::{Estimate, Failed};
-use super::{Blocks, CONVERGED, NOISE_SETTLED, NOT_APART, Search};
+use super::{Blocks, CONVERGED, NOT_APART, Search};
 
 /// Variance of the size of the bias of scores ([`Search::bias`]): 0 where the loop is fast, 1 without feedback; as on line.
 const BIAS_VARIANCE: f64 = 0.25;
-/// Standard deviation of the same by gaps in all rows ([`Search::gap_variance`]): with 3 % and 10 % of the rows missing at random, the rms of the
-/// sizes that instruments find is 260 and 200 times that ratio (`scripts/faults.py`, seeds 9901 to 9920).
-const GAPS: f64 = 300.0;
-/// Most turns between the estimate and the noise that belongs to it: 4 to 6 in the same recordings.
-const ALTERNATIONS: usize = 8;
 /// Most steps with instruments.
 const INSTRUMENTAL: usize = 6;
 /// Blocks from which scores give a covariance.
@@ -74,9 +69,6 @@ fn inverse(a: &DMatrix<f64>) -> Result<DMatrix<f64>, Failed> {
 
 /// Takes the sums of a search over all columns.
 pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
-    if search.deceived_by_gaps() {
-        search.alternate()?;
-    }
     if search.converged {
         // λ has the variance that its mean over the levels of noise is, and the mean square of a level σ known to s in its logarithm is σ² exp(2 s²).
         search.cases.iter_mut().for_each(|case| case.current_noise *= libm::exp(case.noise_variance));
@@ -191,33 +183,6 @@ impl Search<'_> {
         (0..magnets).map(|k| (more[k] - less[k]) / (4.0 * NOISE_STEP * self.x[k])).collect()
     }
 
-    /// Variance that missing readings add to that of the size of the bias.
-    ///
-    /// A controller answers the noise of a position in its later currents. If the position was not recorded, these currents are correlated with the errors of the
-    /// filter, which the likelihood takes for their force: with noise of 0.5 µm and 10 % of the rows missing, its maximum is twice λ. Instruments consist of readings
-    /// that were recorded, and do not see it.
-    fn gap_variance(&self) -> f64 {
-        let [gaps, rows] = [Case::gaps, Case::rows].map(|of| self.cases.iter().map(of).sum::<usize>() as f64);
-        (GAPS * gaps / rows).powi(2)
-    }
-
-    /// Whether the maximum of the likelihood says little of λ because readings are missing.
-    pub fn deceived_by_gaps(&self) -> bool {
-        self.converged && self.exact() && self.gap_variance() > BIAS_VARIANCE
-    }
-
-    /// Estimate by instruments and noise in turn: where readings are missing, the noise that belongs to the maximum of the likelihood is not that of the bench.
-    fn alternate(&mut self) -> Result<(), Failed> {
-        for _ in 0..ALTERNATIONS {
-            self.free_of_bias()?;
-            if self.settle_noise() < NOISE_SETTLED {
-                break;
-            }
-            self.expect();
-        }
-        Ok(())
-    }
-
     /// Moves from the maximum of the likelihood to the estimate that instruments free of its bias; returns the covariance that this adds.
     fn free_of_bias(&mut self) -> Result<DMatrix<f64>, Failed> {
         let of = self.estimated();
@@ -246,7 +211,7 @@ impl Search<'_> {
     /// the covariance of what remains unknown.
     ///
     /// Noise of the currents in the regressors lowers the score of λ_k by A_k, what the controller makes of the noise of the positions raises it, by about
-    /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`], [`Search::gap_variance`]), moves ϑ by −J⁻¹ A s; κ, which divides all
+    /// as much where its loop is fast. The sum, −s_k A_k with s_k of variance V ([`BIAS_VARIANCE`]), moves ϑ by −J⁻¹ A s; κ, which divides all
     /// forces, has −1/κ Σ λ_k A_k s_k in its score. The estimate by instruments ϑ_IV is free of it and has the covariance P = H⁻¹ G H⁻ᵀ: for λ and κ alone, with
     /// B = (J⁻¹ A)_λ, `ŝ = V Bᵀ (V B Bᵀ + P_λ − (J⁻¹)_λ)⁻¹ (ϑ_IV − ϑ)_λ`. The on-line
     /// estimator does the same with one s for all.
@@ -266,7 +231,7 @@ impl Search<'_> {
             follows[(i, k)] = own * (self.weight * attenuation[k]);
         }
         let moves = inverse * follows;
-        let variance = BIAS_VARIANCE + self.gap_variance();
+        let variance = BIAS_VARIANCE;
         let unknown = || (DVector::zeros(n), &moves * moves.transpose() * variance);
         if !self.has_instruments() {
             return unknown();

@@ -1,0 +1,310 @@
+//! Readings that were not recorded, restored from the currents with which the controller answered them.
+//!
+//! A filter that predicts across a missing position takes the later currents for known. They are not independent of its error: the controller
+//! has read the position, noise and all, and answered. With noise of 0.5 µm and 10 % of the rows missing, the maximum of such a likelihood was
+//! twice λ. But the answer also tells what was read. Where nothing is missing, a linear model of the controller is fitted (ARX, Ljung 1999,
+//! section 4.2),
+//!
+//! ```text
+//! p(t) = c + Σ_l A_l p(t−l) + B_l q(t−l) + e(t),    l = 1 … n,
+//! ```
+//!
+//! p the pulls `(i/gap)²`, q the positions, with coefficients that go with the angle of the shaft, `1, cos θ, sin θ`, where that lowers the
+//! final prediction error. Missing positions are those that satisfy it best in all rows that answer them (least squares, weighted by the
+//! inverse covariance of e).
+//!
+//! Missing pulls follow from what is before them alone. If later answers told them, they would be off by what those are beyond expectation,
+//! which pushes the rotor as well. Nor is the model quite linear: magnets only pull. Where it expects less of one, the others are expected to
+//! pull as much more as their errors go with its own.
+
+use std::collections::BTreeMap;
+
+use nalgebra::{DMatrix, DVector};
+
+/// Samples that the model looks back at, and factors of the angle: what a controller filters shows in a longer past.
+const MODELS: [[usize; 2]; 4] = [[4, 1], [4, 3], [8, 1], [8, 3]];
+/// Rows to a coefficient: at least, and at most, for more hardly tell more.
+const ROWS: [usize; 2] = [4, 40];
+/// Fits, each with rows weighted by what the one before leaves of those nearby: while the controller starts it leaves ten times as much.
+const FITS: usize = 4;
+/// Added to the diagonal of the normal equations, relative to the rows: hardly more than rounding, for positions differ little from sample to
+/// sample, and the controller answers their difference. With 10⁻⁶, λ was off by four deviations.
+const RIDGE: f64 = 1e-12;
+/// Rows nearby by which the model is judged.
+const NEAR: usize = 30;
+/// Most readings that are restored together: the effort grows with their cube.
+const TOGETHER: usize = 200;
+/// Standard deviation of a reading of which nothing is known, relative to that of its signal: it tells nothing.
+const NOTHING: f64 = 10.0;
+/// By how much force constants differ, relative: those of drawn bearings by 0.12.
+const SPREAD: f64 = 0.15;
+
+/// A reading, as it was restored.
+pub struct Restored {
+    pub row: usize,
+    /// The pulls come first, then the positions.
+    pub signal: usize,
+    pub value: f64,
+    pub std: f64,
+}
+
+/// Row and signal.
+type Place = (usize, usize);
+
+/// Signals of bearings that are controlled together, by their means and standard deviations.
+pub struct Signals<'a, F: Fn(usize, usize) -> bool> {
+    of: Vec<&'a [f64]>,
+    pulls: usize,
+    scales: Vec<[f64; 2]>,
+    /// Of the pulls, by position.
+    directions: &'a [Vec<f64>],
+    theta_rad: &'a [f64],
+    is_missing: F,
+}
+
+/// A linear model of the controller.
+#[derive(Default)]
+struct Model {
+    past: usize,
+    /// One factor of the angle after the other, in each the past samples, the last one first, and the constant; by pull.
+    coefficients: DMatrix<f64>,
+    factors: usize,
+    /// Inverse covariance of the errors.
+    weights: DMatrix<f64>,
+    /// The rows that it was fitted to, with their errors, by pull and row.
+    rows: Vec<usize>,
+    errors: DMatrix<f64>,
+}
+
+impl Model {
+    /// The coefficients where the angle has these factors: of the past samples and the constant, by pull.
+    fn at(&self, factors: [f64; 3]) -> DMatrix<f64> {
+        let terms = self.coefficients.nrows() / self.factors;
+        (0..self.factors).map(|of| self.coefficients.rows(of * terms, terms) * factors[of]).sum()
+    }
+
+    /// Mean square of the errors of rows nearby, by their covariance: 1, but more where the controller is another, as before it takes up estimates.
+    fn misfit(&self, row: usize) -> f64 {
+        let at = self.rows.partition_point(|of| *of < row);
+        let first = at.saturating_sub(NEAR / 2).min(self.rows.len().saturating_sub(NEAR));
+        let near = self.errors.columns(first, NEAR.min(self.rows.len()));
+        (&self.weights * near).dot(&near) / near.len() as f64
+    }
+
+    /// The pulls of a row that are not known, with their covariance, where these are expected and those known.
+    fn conditional(
+        &self,
+        expected: &DVector<f64>,
+        known: &[Option<f64>],
+    ) -> Option<(Vec<usize>, DVector<f64>, DMatrix<f64>)> {
+        let (free, given): (Vec<usize>, Vec<usize>) = (0..known.len()).partition(|k| known[*k].is_none());
+        let off = DVector::from_iterator(given.len(), given.iter().map(|k| known[*k].unwrap_or(0.0) - expected[*k]));
+        let covariance = self.weights.select_rows(&free).select_columns(&free).cholesky()?.inverse();
+        let pulled = self.weights.select_rows(&free).select_columns(&given) * off;
+        Some((free.clone(), expected.select_rows(&free) - &covariance * pulled, covariance))
+    }
+}
+
+impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
+    /// `is_missing` tells of a row and a signal whether it was not recorded there; a pull acts on the positions along its direction.
+    pub fn new(
+        [pulls, positions]: [&[&'a [f64]]; 2],
+        directions: &'a [Vec<f64>],
+        theta_rad: &'a [f64],
+        is_missing: F,
+    ) -> Self {
+        let of = [pulls, positions].concat();
+        let scale = |(signal, of): (usize, &&[f64])| {
+            let known =
+                || (0..of.len()).filter(|row| !is_missing(*row, signal)).map(|row| of[row]).filter(|v| v.is_finite());
+            let count = known().count().max(1) as f64;
+            let mean = known().sum::<f64>() / count;
+            [mean, (known().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()]
+        };
+        let scales = of.iter().enumerate().map(scale).collect();
+        Self { of, pulls: pulls.len(), scales, directions, theta_rad, is_missing }
+    }
+
+    fn count(&self) -> usize {
+        self.of.len()
+    }
+
+    /// NaN if it is missing.
+    fn value(&self, (row, signal): Place) -> f64 {
+        let [mean, std] = self.scales[signal];
+        if (self.is_missing)(row, signal) { f64::NAN } else { (self.of[signal][row] - mean) / std }
+    }
+
+    fn is_known(&self, row: usize) -> bool {
+        (0..self.count()).all(|signal| self.value((row, signal)).is_finite())
+    }
+
+    fn factors(&self, row: usize) -> [f64; 3] {
+        let (sin, cos) = libm::sincos(self.theta_rad[row]);
+        [1.0, cos, sin]
+    }
+
+    /// The places of so many samples before a row, the last one first.
+    fn past(&self, row: usize, samples: usize) -> impl Iterator<Item = Place> {
+        (1..=samples).flat_map(move |back| (0..self.count()).map(move |signal| (row - back, signal)))
+    }
+
+    /// The model of so many past samples and factors of the angle, and the logarithm of its final prediction error (Akaike; Ljung 1999,
+    /// section 16.4); none if too few rows tell.
+    fn model(&self, [past, factors]: [usize; 2]) -> Option<(f64, Model)> {
+        let terms = factors * (past * self.count() + 1);
+        let mut since = 0;
+        let has_past = |row: &usize| {
+            since = if self.is_known(*row) { since + 1 } else { 0 };
+            since > past
+        };
+        let rows: Vec<usize> = (0..self.theta_rad.len()).filter(has_past).collect();
+        let every = (rows.len() / (ROWS[1] * terms)).max(1);
+        let rows: Vec<usize> = rows.into_iter().step_by(every).collect();
+        if rows.len() < ROWS[0] * terms {
+            return None;
+        }
+        let column = |row: &usize| {
+            let past: Vec<f64> = self.past(*row, past).map(|place| self.value(place)).chain([1.0]).collect();
+            self.factors(*row)
+                .into_iter()
+                .take(factors)
+                .flat_map(move |factor| past.clone().into_iter().map(move |of| factor * of))
+        };
+        let terms_of = DMatrix::from_iterator(terms, rows.len(), rows.iter().flat_map(column));
+        let answers = DMatrix::from_fn(self.pulls, rows.len(), |k, of| self.value((rows[of], k)));
+        let (count, ridge) = (rows.len() as f64, RIDGE * rows.len() as f64);
+        let mut model = Model { past, factors, rows, ..Model::default() };
+        let mut weights = DVector::repeat(model.rows.len(), 1.0);
+        let mut final_error = 0.0;
+        for _ in 0..FITS {
+            let weighted = DMatrix::from_fn(terms, model.rows.len(), |i, of| terms_of[(i, of)] * weights[of]);
+            let gram = &weighted * terms_of.transpose() + DMatrix::from_diagonal_element(terms, terms, ridge);
+            model.coefficients = gram.cholesky()?.solve(&(&weighted * answers.transpose()));
+            model.errors = &answers - model.coefficients.tr_mul(&terms_of);
+            // Errors of the coefficients come on top of those of the answers.
+            let more = (count + terms as f64) / (count - terms as f64);
+            let weighted = DMatrix::from_fn(self.pulls, model.rows.len(), |k, of| model.errors[(k, of)] * weights[of]);
+            let cholesky = (&weighted * model.errors.transpose() * (more / weights.sum())).cholesky()?;
+            (final_error, model.weights) = (cholesky.ln_determinant(), cholesky.inverse());
+            weights = DVector::from_iterator(model.rows.len(), model.rows.iter().map(|row| 1.0 / model.misfit(*row)));
+            final_error -= self.pulls as f64 * weights.map(libm::log).mean();
+        }
+        Some((final_error, model))
+    }
+
+    /// The readings that are missing, as far as the answers of the controller tell them.
+    pub fn restored(&self) -> Vec<Restored> {
+        let models = MODELS.into_iter().filter_map(|of| self.model(of));
+        let Some((_, model)) = models.min_by(|(a, _), (b, _)| a.total_cmp(b)) else { return Vec::new() };
+        let is_missing = |row: &usize| (0..self.count()).any(|signal| (self.is_missing)(*row, signal));
+        let rows: Vec<usize> = (0..self.theta_rad.len()).filter(is_missing).collect();
+        // Before a row of a longer run, nothing is known.
+        let runs = rows.chunk_by(|row, next| row + 1 == *next).filter(|run| run.len() <= model.past);
+        let rows: Vec<usize> = runs.flatten().copied().collect();
+        rows.chunk_by(|row, next| next - row <= model.past).flat_map(|rows| self.together(&model, rows)).collect()
+    }
+
+    /// The missing readings of rows that answers have in common.
+    fn together(&self, model: &Model, rows: &[usize]) -> Vec<Restored> {
+        let mut restored = BTreeMap::new();
+        if rows[0] >= model.past {
+            for rows in rows.chunks((TOGETHER / self.count()).max(1)) {
+                self.positions(model, rows, &mut restored);
+                rows.iter().for_each(|row| self.pulls(model, *row, &mut restored));
+            }
+        }
+        let each = restored.into_iter().map(|((row, signal), [value, variance])| {
+            let [mean, scale] = self.scales[signal];
+            Restored { row, signal, value: mean + scale * value, std: scale * variance.sqrt() }
+        });
+        each.collect()
+    }
+
+    /// Adds missing positions of some rows: least squares for all that is missing there, by all rows that answer it.
+    fn positions(&self, model: &Model, rows: &[usize], restored: &mut BTreeMap<Place, [f64; 2]>) {
+        let is_missing = |place: &Place| (self.is_missing)(place.0, place.1);
+        let places = rows.iter().flat_map(|row| (0..self.count()).map(|signal| (*row, signal)));
+        let places: BTreeMap<Place, usize> = places.filter(is_missing).zip(0..).collect();
+        let size = places.len();
+        let known = |place: Place| restored.get(&place).map_or_else(|| self.value(place), |[value, _]| *value);
+        let mut information = DMatrix::identity(size, size) / (NOTHING * NOTHING);
+        let mut right = DVector::zeros(size);
+        for row in rows[0]..self.theta_rad.len().min(rows[rows.len() - 1] + model.past + 1) {
+            // e = rest − Σ slope · unknown.
+            let mut slopes = DMatrix::<f64>::zeros(self.pulls, size);
+            let mut rest = DVector::<f64>::zeros(self.pulls);
+            let coefficients = model.at(self.factors(row));
+            for k in 0..self.pulls {
+                let mut add = |place: Place, factor: f64| match places.get(&place) {
+                    Some(at) => slopes[(k, *at)] -= factor,
+                    None => rest[k] += factor * known(place),
+                };
+                add((row, k), 1.0);
+                self.past(row, model.past).zip(coefficients.column(k).iter()).for_each(|(of, factor)| add(of, -factor));
+                rest[k] -= coefficients[(coefficients.nrows() - 1, k)];
+            }
+            // Nothing follows from what is not usable.
+            if rest.iter().all(|rest| rest.is_finite()) {
+                let weighted = slopes.tr_mul(&model.weights);
+                information += &weighted * &slopes;
+                right += weighted * rest;
+            }
+        }
+        let Some(cholesky) = information.cholesky() else { return };
+        let (values, covariance) = (cholesky.solve(&right), cholesky.inverse());
+        let positions = places.into_iter().filter(|((_, signal), _)| *signal >= self.pulls);
+        let variance = |row: usize, at: usize| model.misfit(row) * covariance[(at, at)];
+        restored.extend(positions.map(|(place, at)| (place, [values[at], variance(place.0, at)])));
+    }
+
+    /// Adds the missing pulls of a row, from what is before it.
+    fn pulls(&self, model: &Model, row: usize, restored: &mut BTreeMap<Place, [f64; 2]>) {
+        let known = |place| [self.value(place), 0.0];
+        let past =
+            self.past(row, model.past).map(|place| restored.get(&place).copied().unwrap_or_else(|| known(place)));
+        let (values, variances): (Vec<f64>, Vec<f64>) = past.chain([[1.0, 0.0]]).map(|[value, of]| (value, of)).unzip();
+        let coefficients = model.at(self.factors(row));
+        let expected = coefficients.tr_mul(&DVector::from(values));
+        if expected.iter().any(|of| !of.is_finite()) {
+            return;
+        }
+        // Errors of what was restored before go on.
+        let inherited = coefficients.map(|of| of * of).tr_mul(&DVector::from(variances));
+        let mut known: Vec<Option<f64>> =
+            (0..self.pulls).map(|k| (!(self.is_missing)(row, k)).then(|| self.value((row, k)))).collect();
+        let Some((missing, _, covariance)) = model.conditional(&expected, &known) else { return };
+        // Magnets only pull: where the model expects less, the others pull as much more as they do then.
+        while let Some((free, values, _)) = model.conditional(&expected, &known) {
+            let above = |at: &usize| {
+                let [mean, std] = self.scales[free[*at]];
+                values[*at] + mean / std
+            };
+            match (0..free.len()).min_by(|a, b| above(a).total_cmp(&above(b))).filter(|lowest| above(lowest) < 0.0) {
+                Some(lowest) => known[free[lowest]] = Some(values[lowest] - above(&lowest)),
+                None => {
+                    free.iter().zip(values.iter()).for_each(|(k, value)| known[*k] = Some(*value));
+                    break;
+                }
+            }
+        }
+        let mut covariance = covariance * model.misfit(row);
+        (0..missing.len()).for_each(|at| covariance[(at, at)] += inherited[missing[at]]);
+        let part = self.part_of_force(&missing, &covariance);
+        for (at, k) in missing.iter().enumerate() {
+            restored.insert((row, *k), [known[*k].unwrap_or(0.0), part * covariance[(at, at)]]);
+        }
+    }
+
+    /// The part of the variance of missing pulls of a row that their force has. The controller divides a force among magnets that pull against
+    /// each other: errors of their pulls cancel, as far as their force constants are equal.
+    fn part_of_force(&self, pulls: &[usize], covariance: &DMatrix<f64>) -> f64 {
+        let along = |i: usize, j: usize| {
+            let [a, b] = [i, j].map(|at| pulls[at]);
+            let of: f64 = self.directions[a].iter().zip(&self.directions[b]).map(|(a, b)| a * b).sum();
+            of * self.scales[a][1] * self.scales[b][1] * covariance[(i, j)]
+        };
+        let force: f64 = (0..pulls.len()).flat_map(|i| (0..pulls.len()).map(move |j| along(i, j))).sum();
+        force / (0..pulls.len()).map(|i| along(i, i)).sum::<f64>() + SPREAD * SPREAD
+    }
+}
