@@ -430,7 +430,7 @@ impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
                 tolerances,
             },
             known_noise: [self.position_noise_m, self.current_noise_a],
-            // What scales λ: the mass, and the gains of the currents.
+            // The mass and the gains of the currents scale λ.
             scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
         }
     }

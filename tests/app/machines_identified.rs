@@ -270,7 +270,7 @@ fn a_change_that_hides_the_solution_is_found() {
     finds(&document, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
 }
 
-/// The controller answers what it read: the currents tell a row that is missing, and λ is known as well as with all rows.
+/// The controller answers what it read: the currents tell a row that is missing, and λ is known to a per cent.
 #[test]
 fn rows_missing_at_random_cost_little() {
     let mut random = crate::support::Random::new(7);

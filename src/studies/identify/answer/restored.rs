@@ -273,21 +273,20 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         let inherited = coefficients.map(|of| of * of).tr_mul(&DVector::from(variances));
         let mut known: Vec<Option<f64>> =
             (0..self.pulls).map(|k| (!(self.is_missing)(row, k)).then(|| self.value((row, k)))).collect();
-        let Some((missing, _, covariance)) = model.conditional(&expected, &known) else { return };
+        let Some((missing, mut values, covariance)) = model.conditional(&expected, &known) else { return };
         // Magnets only pull: where the model expects less, the others pull as much more as they do then.
-        while let Some((free, values, _)) = model.conditional(&expected, &known) {
-            let above = |at: &usize| {
-                let [mean, std] = self.scales[free[*at]];
-                values[*at] + mean / std
-            };
-            match (0..free.len()).min_by(|a, b| above(a).total_cmp(&above(b))).filter(|lowest| above(lowest) < 0.0) {
-                Some(lowest) => known[free[lowest]] = Some(values[lowest] - above(&lowest)),
-                None => {
-                    free.iter().zip(values.iter()).for_each(|(k, value)| known[*k] = Some(*value));
-                    break;
-                }
-            }
+        let mut free = missing.clone();
+        let zero = |k: usize| -self.scales[k][0] / self.scales[k][1];
+        let lowest = |free: &[usize], values: &DVector<f64>| {
+            let above = free.iter().zip(values.iter()).map(|(k, value)| (value - zero(*k), *k));
+            above.min_by(|(a, _), (b, _)| a.total_cmp(b)).filter(|(above, _)| *above < 0.0).map(|(_, k)| k)
+        };
+        while let Some(k) = lowest(&free, &values) {
+            known[k] = Some(zero(k));
+            let Some((rest, of_rest, _)) = model.conditional(&expected, &known) else { return };
+            (free, values) = (rest, of_rest);
         }
+        free.iter().zip(values.iter()).for_each(|(k, value)| known[*k] = Some(*value));
         let mut covariance = covariance * model.misfit(row);
         (0..missing.len()).for_each(|at| covariance[(at, at)] += inherited[missing[at]]);
         let part = self.part_of_force(&missing, &covariance);
