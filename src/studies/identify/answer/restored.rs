@@ -227,7 +227,6 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         let places = rows.iter().flat_map(|row| (0..self.count()).map(|signal| (*row, signal)));
         let places: BTreeMap<Place, usize> = places.filter(is_missing).zip(0..).collect();
         let size = places.len();
-        let known = |place: Place| restored.get(&place).map_or_else(|| self.value(place), |[value, _]| *value);
         let mut information = DMatrix::identity(size, size) / (NOTHING * NOTHING);
         let mut right = DVector::zeros(size);
         for row in rows[0]..self.theta_rad.len().min(rows[rows.len() - 1] + model.past + 1) {
@@ -238,13 +237,13 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
             for k in 0..self.pulls {
                 let mut add = |place: Place, factor: f64| match places.get(&place) {
                     Some(at) => slopes[(k, *at)] -= factor,
-                    None => rest[k] += factor * known(place),
+                    None => rest[k] += factor * self.value(place),
                 };
                 add((row, k), 1.0);
                 self.past(row, model.past).zip(coefficients.column(k).iter()).for_each(|(of, factor)| add(of, -factor));
                 rest[k] -= coefficients[(coefficients.nrows() - 1, k)];
             }
-            // Nothing follows from what is not usable.
+            // Nothing follows from what is not usable, or is restored with other rows.
             if rest.iter().all(|rest| rest.is_finite()) {
                 let weighted = slopes.tr_mul(&model.weights);
                 information += &weighted * &slopes;
@@ -253,7 +252,9 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         }
         let Some(cholesky) = information.cholesky() else { return };
         let (values, covariance) = (cholesky.solve(&right), cholesky.inverse());
-        let positions = places.into_iter().filter(|((_, signal), _)| *signal >= self.pulls);
+        // What may be off by as much as it varies is not known.
+        let is_told = |(_, signal): Place, at: usize| signal >= self.pulls && covariance[(at, at)] < 1.0;
+        let positions = places.into_iter().filter(|(place, at)| is_told(*place, *at));
         let variance = |row: usize, at: usize| model.misfit(row) * covariance[(at, at)];
         restored.extend(positions.map(|(place, at)| (place, [values[at], variance(place.0, at)])));
     }
