@@ -333,7 +333,7 @@ pub enum Change {
     Lambda(Vec<Estimate>),
     /// The load has other values in this part.
     Load {
-        /// χ² of the change (2 degrees of freedom).
+        /// χ² of the change, with as many degrees of freedom as there are loads.
         chi_square: f64,
     },
 }

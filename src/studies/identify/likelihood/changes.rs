@@ -7,11 +7,12 @@ use super::filter::Block;
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, part};
 use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
+use crate::estimation::chi_square as chance;
 use crate::studies::statistics::median;
 
-/// χ² of a change of three force constants between two blocks above which it counts. At one place chance makes 30 with a probability of
-/// 1.4 · 10⁻⁶ (three degrees of freedom); there are [`BLOCKS`] places, which are not independent of each other.
-const CHANGE: f64 = 30.0;
+/// χ² of a change of force constants or loads between two blocks above which it counts, as a normal deviate. At one place chance makes it with a
+/// probability of 3.4 · 10⁻⁶; there are as many places as blocks, which are not independent of each other.
+const CHANGE: f64 = 4.5;
 /// A change of λ less than this, relative, is no change of the bearing but what models leave.
 const LEAST_CHANGE: f64 = 0.01;
 /// Normalised innovations squared of a block, relative to the median of all, above which it is left out, and by how many of their
@@ -26,6 +27,8 @@ pub(super) struct Found {
     pub row: usize,
     pub lambda: bool,
     pub chi_square: f64,
+    /// By how much χ² is above that of chance.
+    pub excess: f64,
 }
 
 /// The most significant change of λ or load.
@@ -65,9 +68,9 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Found> {
                 let chi_square = step.dot(&g) / dispersion;
                 let relative = (0..layout.magnets).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
                 let large = !lambda || relative.fold(0.0, f64::max) > LEAST_CHANGE;
-                let best = found.as_ref().map_or(CHANGE, |found| found.chi_square);
-                if chi_square > best && large {
-                    found = Some(Found { recording: r, row: block.rows.end, lambda, chi_square });
+                let excess = chi_square - chance(unknowns.len() as f64, CHANGE);
+                if excess > found.as_ref().map_or(0.0, |found| found.excess) && large {
+                    found = Some(Found { recording: r, row: block.rows.end, lambda, chi_square, excess });
                 }
             }
         }

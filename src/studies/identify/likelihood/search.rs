@@ -540,7 +540,7 @@ fn change_from_a_half(recordings: &[Recording], kind: &Kind<'_>) -> Option<(Cont
         Some((finished, change))
     };
     let halves = [false, true].into_iter().filter_map(from);
-    let (finished, change) = halves.max_by(|(_, a), (_, b)| a.chi_square.total_cmp(&b.chi_square))?;
+    let (finished, change) = halves.max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
     Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
