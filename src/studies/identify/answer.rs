@@ -10,7 +10,7 @@ use nalgebra::DVector;
 
 pub(super) use self::judge::implausible;
 use self::judge::{judge, moved};
-pub(super) use self::recorded::recording;
+pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::words::words_on_dynamics;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Take};
@@ -101,13 +101,14 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
                        load.";
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
     }
-    let read_as = |hold: &Hold| -> Vec<Recording> {
-        recordings.iter().map(|samples| recording(samples, &question.stated, *hold)).collect()
+    let stated = question.stated.clone();
+    let all: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &stated, stated.hold)).collect();
+    let other = |hold: Hold| -> Vec<Recording> {
+        all.iter().zip(recordings).map(|(of, samples)| read_as(of, samples, &stated, hold)).collect()
     };
-    let all = read_as(&question.stated.hold);
-    let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(read_as).collect();
+    let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(|hold| other(*hold)).collect();
     let judged = judged(&all, as_likely.iter().map(|other| (other, true)), question);
-    let mut answer = worded(with_delay(recordings, &all, &judged).unwrap_or(judged), &all);
+    let mut answer = worded(with_delay(other, &all, &judged).unwrap_or(judged), &all);
     for (samples, recording) in recordings.iter().zip(&all) {
         if let Some(off) = drifts(samples, recording) {
             answer.valid = false;
@@ -135,7 +136,7 @@ const FURTHEST: f64 = 3.0;
 
 /// The same with a delay of the positions of which nothing is stated, if the residuals ask for one or several readings of the currents are as likely (with a delay each), and
 /// it fits much better. The course of a current between two samples is not known then: by how much λ differs with the next likely reading of the samples is part of its deviation.
-fn with_delay(recordings: &[Samples], all: &[Recording], before: &Judged) -> Option<Judged> {
+fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &Judged) -> Option<Judged> {
     let is_open = !before.question.as_likely.is_empty();
     if before.refusal.is_none() && !is_open {
         return None;
@@ -154,8 +155,7 @@ fn with_delay(recordings: &[Samples], all: &[Recording], before: &Judged) -> Opt
     let first = *delays.first()?;
     let mut question = before.question.clone();
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
-    let other: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &question.stated, next)).collect();
-    let mut delayed = judged(all, [(&other, false)].into_iter(), question);
+    let mut delayed = judged(all, [(&other(next), false)].into_iter(), question);
     let now = delayed.found.as_ref().filter(|now| now.converged)?;
     // Estimates by instruments are not at the maximum of the likelihood: a delay has to be as certain as it is likely, and all the more certain the less typical it is.
     let delay_of = |at: &usize| (now.bench[*at].estimate, now.bench[*at].parameter.typical);

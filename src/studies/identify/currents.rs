@@ -53,10 +53,11 @@ impl Holds {
     /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
+        let of = answer::recording(samples, stated, stated.hold);
         let take = |at: usize| {
             let currents = READINGS[at];
             let stated = stated.clone().read_as(currents);
-            let recording = answer::recording(samples, &stated, currents.hold);
+            let recording = answer::read_as(&of, samples, &stated, currents.hold);
             let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
             let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
             let others = options.bench().filter(|of| !kept.contains(&plain(&of.name)));

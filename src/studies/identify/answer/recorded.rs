@@ -38,6 +38,14 @@ pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     recording
 }
 
+/// The same recording if a current sample stands for something else. What is missing is restored anew only where currents of a pace of their own are others then.
+pub fn read_as(of: &Recording, samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
+    match samples.apart {
+        Some(_) => recording(samples, stated, hold),
+        None => Recording { hold, ..of.clone() },
+    }
+}
+
 /// Time over which the force of a magnet may be unknown, s: about that in which an unstable rotor multiplies its errors, √(m/ks). With bench parameters, searches crept along
 /// longer ones, where the trajectory follows its own linearisation.
 const LONGEST_S: f64 = 0.01;

@@ -171,17 +171,17 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
                 .take(factors)
                 .flat_map(move |factor| past.clone().into_iter().map(move |of| factor * of))
         };
-        let terms_of = DMatrix::from_iterator(terms, rows.len(), rows.iter().flat_map(column));
-        let answers = DMatrix::from_fn(self.pulls, rows.len(), |k, of| self.value((rows[of], k)));
+        let terms_of = DMatrix::from_row_iterator(rows.len(), terms, rows.iter().flat_map(column));
+        let answers = DMatrix::from_fn(rows.len(), self.pulls, |of, k| self.value((rows[of], k)));
         let (count, ridge) = (rows.len() as f64, RIDGE * rows.len() as f64);
         let mut model = Model { past, factors, rows, ..Model::default() };
         let mut weights = DVector::repeat(model.rows.len(), 1.0);
         let mut final_error = 0.0;
         for _ in 0..FITS {
-            let weighted = DMatrix::from_fn(terms, model.rows.len(), |i, of| terms_of[(i, of)] * weights[of]);
-            let gram = &weighted * terms_of.transpose() + DMatrix::from_diagonal_element(terms, terms, ridge);
-            model.coefficients = gram.cholesky()?.solve(&(&weighted * answers.transpose()));
-            model.errors = &answers - model.coefficients.tr_mul(&terms_of);
+            let weighted = DMatrix::from_fn(model.rows.len(), terms, |of, i| terms_of[(of, i)] * weights[of]);
+            let gram = weighted.tr_mul(&terms_of) + DMatrix::from_diagonal_element(terms, terms, ridge);
+            model.coefficients = gram.cholesky()?.solve(&weighted.tr_mul(&answers));
+            model.errors = (&answers - &terms_of * &model.coefficients).transpose();
             // Errors of the coefficients come on top of those of the answers.
             let more = (count + terms as f64) / (count - terms as f64);
             let weighted = DMatrix::from_fn(self.pulls, model.rows.len(), |k, of| model.errors[(k, of)] * weights[of]);
