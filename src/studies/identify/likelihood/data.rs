@@ -159,7 +159,6 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     }
 
     /// The interval that ends at `row`.
-    #[inline(always)]
     pub fn interval(&self, row: usize, from: &Shaft, to: &Shaft) -> Interval<N, K> {
         let On { case, rotor, .. } = self.on;
         let between = case.shaft_between(row, from, to);
@@ -169,7 +168,6 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     }
 
     /// Factors of the noise of the currents in the interval that ends at a row, or of the errors of those that were not recorded.
-    #[inline(always)]
     pub fn scales(&self, row: usize, levels: &Levels) -> ByMagnet {
         let (case, mut factors) = (self.on.case, levels.currents);
         for (k, factor) in factors.iter_mut().enumerate().take(case.square_error.len()) {
@@ -182,7 +180,6 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     }
 
     /// Squared currents that the interval ending at `row` is driven by, A².
-    #[inline(always)]
     pub fn squares(&self, row: usize) -> Squares<K> {
         let On { case, rotor, .. } = self.on;
         let read = |row: usize| self.current.map(|current| current[row]);
@@ -198,7 +195,6 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     }
 
     /// Derivative of the acceleration to the lag in the interval that ends at a row, by magnets that pull from a point, with the place of the lag; none without one.
-    #[inline(always)]
     pub fn by_lag(&self, row: usize, at: &[f64; N]) -> Option<(usize, [f64; N])> {
         let On { case, rotor, .. } = self.on;
         let ([_, more, less], command) = (rotor.lag.as_ref()?, self.current.map(|of| of[case.commanded(row)]));

@@ -175,11 +175,11 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted
                 Some((pulls, [q, v])) => ([std::array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
-            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
+            kalman.predict(transition, &interval.offset, &interval.noise, &SAME.currents, of.slow(1));
             for k in 0..if gains { K } else { 0 } {
                 let mut levels = SAME;
                 levels.currents[k] += LEVEL_STEP;
-                raised[k].predict(transition, interval, &of.scales(row, &levels), of.slow(1));
+                raised[k].predict(transition, &interval.offset, &interval.noise, &of.scales(row, &levels), of.slow(1));
             }
             rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
             if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| *bench) {
@@ -346,7 +346,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64
     let mut kept = Vec::with_capacity(piece.filtered.len());
     each_row(of, piece.filtered.clone(), |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
+            kalman.predict(transition, &interval.offset, &interval.noise, &SAME.currents, of.slow(1));
         }
         let transition = interval.map(|(_, transition)| *transition);
         let predicted = kalman.clone();
@@ -388,7 +388,7 @@ fn innovations<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> [V
     let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
     each_row(of, piece.filtered.start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, interval, &SAME.currents, of.slow(1));
+            kalman.predict(transition, &interval.offset, &interval.noise, &SAME.currents, of.slow(1));
         }
         let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
         if row >= piece.counted.start {
@@ -427,7 +427,7 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(on: On<'_>, level
     each_row(of, start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
-                kalman.predict(transition, interval, &of.scales(row, levels), slow(levels, 1));
+                kalman.predict(transition, &interval.offset, &interval.noise, &of.scales(row, levels), slow(levels, 1));
             }
         }
         for f in 0..3 {

@@ -1,10 +1,10 @@
 //! The Kalman filter of the deviation from a trajectory: transition over an interval, prediction, correction.
 //!
-//! Sizes: N coordinates, K magnets, S states.
+//! Sizes: N coordinates, S states.
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
-use super::rotor::{ByMagnet, Interval, Rotor};
+use super::rotor::{ByMagnet, Rotor, State};
 
 /// Kalman filter of the deviation.
 #[derive(Clone, Debug)]
@@ -141,14 +141,7 @@ impl<const N: usize> Transition<N> {
     }
 
     /// `F P Fᵀ + Σ scale_k² Γ_k Γ_kᵀ`; `slow` is the variance that the acceleration of a slow force gains in an interval.
-    #[inline(always)]
-    fn propagate<const S: usize, const K: usize>(
-        &self,
-        noise: &[[f64; N]; K],
-        scales: &ByMagnet,
-        slow: f64,
-        p: &mut [[f64; S]; S],
-    ) {
+    fn propagate<const S: usize>(&self, noise: &[[f64; N]], scales: &ByMagnet, slow: f64, p: &mut [[f64; S]; S]) {
         let h = self.h;
         // P is symmetric: its rows are its columns.
         let mut half = [[0.0; S]; S];
@@ -206,23 +199,22 @@ impl<const S: usize> Kalman<S> {
         Self { x: [0.0; S], p }
     }
 
-    #[inline(always)]
-    pub fn predict<const N: usize, const K: usize>(
+    pub fn predict<const N: usize>(
         &mut self,
         transition: &Transition<N>,
-        interval: &Interval<N, K>,
+        offset: &State<N>,
+        noise: &[[f64; N]],
         scales: &ByMagnet,
         slow: f64,
     ) {
         self.x = transition.apply(&self.x);
-        for (x, offset) in self.x.iter_mut().zip(interval.offset.as_flattened()) {
+        for (x, offset) in self.x.iter_mut().zip(offset.as_flattened()) {
             *x += offset;
         }
-        transition.propagate(&interval.noise, scales, slow, &mut self.p);
+        transition.propagate(noise, scales, slow, &mut self.p);
     }
 
     /// `residual`: measured minus read at the trajectory.
-    #[inline(always)]
     pub fn update<const N: usize>(
         &mut self,
         rotor: &Rotor,

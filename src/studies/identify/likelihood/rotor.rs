@@ -450,7 +450,6 @@ impl Rotor {
     /// The interval between two points of the trajectory. The stiffness is that of the expected `i_k²/gap_k²`, once they are known: in that of the measured
     /// ones, noise of the currents would meet itself in the innovations, and bias the scores of all that hardly moves the rotor (an offset by 20 standard
     /// deviations after 5 s, with 12 nm and 41 mA).
-    #[inline(always)]
     pub fn interval<const N: usize, const K: usize>(
         &self,
         [from, to]: [&State<N>; 2],
@@ -490,7 +489,6 @@ impl Rotor {
     ///
     /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
     /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
-    #[inline(always)]
     pub fn force_columns<const N: usize, const K: usize>(
         &self,
         [at, rate]: &State<N>,
@@ -573,7 +571,6 @@ impl Rotor {
     }
 
     /// `∂reading/∂θ` at a fixed trajectory, for all but the parameters of the force, whose columns stay as they are.
-    #[inline(always)]
     pub fn sensor_columns<const N: usize>(
         &self,
         at: &State<N>,
