@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 
 pub use fmu_export::unit;
 pub use fmu_export::unit::{Display, Unit};
-pub use fmu_export::{Choice, Invalid, Variables, is_finite};
+pub use fmu_export::{Array, Choice, Invalid, Variables, is_finite};
 
 /// Force constant λ of a magnet.
 pub const LAMBDA: Unit =

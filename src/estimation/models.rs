@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
 use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
+use crate::variables::Array;
 
 /// The models of change: the memory τ in s, from that of a bearing that does not change down to less than a block at 3000 rpm, and the random walk of the
 /// loads as acceleration of the rotor, m/s² per √s; 0.03 are 0.2 N for 6.7 kg in a second. Without walks ± of λ after a load ramp of 1 N/s is 1.3 instead of 0.4 %, and at
@@ -104,7 +105,7 @@ impl<const U: usize> Course<U> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Models<const K: usize, const U: usize, const T: usize> {
     /// On the heap one by one: the threads of importers have small stacks.
-    sums: [Box<Sums<K, U, T>>; CHANGES.len()],
+    sums: Array<Box<Sums<K, U, T>>, { CHANGES.len() }>,
     /// Logarithms of the evidence, relative to that of the first.
     evidence: [f64; CHANGES.len()],
     used: usize,
@@ -127,7 +128,7 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
 
 impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     pub fn start() -> Self {
-        let sums = std::array::from_fn(|_| Box::new(Sums::zeros()));
+        let sums = Array(std::array::from_fn(|_| Box::new(Sums::zeros())));
         Self {
             sums,
             evidence: [0.0; CHANGES.len()],

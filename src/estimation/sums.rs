@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::innovations::Innovation;
 use super::motion::{Square, add_product};
+use crate::variables::Array;
 
 /// Variance of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
 /// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001); 1/16 would
@@ -395,7 +396,7 @@ const CELLS: usize = 32;
 /// The mean of `i_k²/gap_k²` over earlier revolutions, over the rotor angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AngleTable<const K: usize> {
-    cells: Box<[Cell<K>; CELLS]>,
+    cells: Box<Array<Cell<K>, CELLS>>,
     /// The cell in which the rotor is.
     present: usize,
 }
@@ -413,7 +414,7 @@ struct Cell<const K: usize> {
 impl<const K: usize> AngleTable<K> {
     pub fn empty() -> Self {
         let cell = Cell { mean: SVector::zeros(), weight: 0.0, seen: 0.0, sum: SVector::zeros() };
-        Self { cells: Box::new([cell; CELLS]), present: 0 }
+        Self { cells: Box::new(Array([cell; CELLS])), present: 0 }
     }
 
     /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.

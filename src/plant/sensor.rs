@@ -13,7 +13,7 @@ use crate::machine::Machine;
 use crate::plant::check_step;
 use crate::plant::noise::Noise;
 use crate::variables::unit::{AMPERE, METRE, ONE, SECOND};
-use crate::variables::{Saved, Variables};
+use crate::variables::{Array, Saved, Variables};
 
 /// The longest delay, in samples.
 pub const LONGEST_DELAY: usize = 16;
@@ -128,13 +128,13 @@ pub struct Sample<const N: usize = 2, const K: usize = 3> {
 pub struct DelayLine<const N: usize = 2, const K: usize = 3> {
     /// Number of samples taken; sample k is taken at `start + k · T_s − delay` and delivered at `start + k · T_s`.
     pub taken: u64,
-    ring: [Sample<N, K>; LONGEST_DELAY + 1],
+    ring: Array<Sample<N, K>, { LONGEST_DELAY + 1 }>,
 }
 
 impl<const N: usize, const K: usize> DelayLine<N, K> {
     /// Samples before the start equal the one at the start.
     pub fn new(at_start: Sample<N, K>, delay_samples: f64) -> Self {
-        Self { taken: delay_samples as u64 + 1, ring: [at_start; LONGEST_DELAY + 1] }
+        Self { taken: delay_samples as u64 + 1, ring: Array([at_start; LONGEST_DELAY + 1]) }
     }
 
     /// Adds a sample.
