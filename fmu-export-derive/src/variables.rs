@@ -242,10 +242,8 @@ fn variable(
     };
     let describe = |elements: &TokenStream| {
         quote! {
-            for row in scope.rows(before, &::fmu_export::variables::Names::#names, #elements, #count) {
-                let index = row.index();
-                rows.push(#row);
-            }
+            let names = &::fmu_export::variables::Names::#names;
+            scope.rows(before, names, #elements, #count, rows, &|index, row| #row);
         }
     };
     // Code that is the same for all arguments of a generic structure is compiled once.

@@ -238,7 +238,8 @@ impl Scope {
         (0..count).map(structure).collect()
     }
 
-    /// The rows of a field that starts with these variables: all, or the first `count`; it has that number of variables before it.
+    /// Appends the rows of a field that starts with these variables: all, or the first `count`; it has that number of variables before it.
+    /// `complete` adds the attributes to one with its index.
     ///
     /// # Panics
     /// If there are not as many names as elements.
@@ -248,18 +249,19 @@ impl Scope {
         names: &Names,
         (lengths, slots): &Elements<'_>,
         count: Option<usize>,
-    ) -> Vec<Row<()>> {
+        rows: &mut Vec<Row<()>>,
+        complete: &dyn Fn(usize, Row<()>) -> Row<()>,
+    ) {
         let given = if let Names::Each(names) = names { Some(names) } else { None };
         let made = count.or(given.map(Vec::len)).unwrap_or(slots.len());
         assert!(made <= slots.len(), "count = {made} is refused for an array of {} elements", slots.len());
         if let Some(names) = given {
             assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
         }
-        let row = |index: usize| {
-            let row = slots[index].row(names.at(&self.prefix, index, lengths));
-            row.within(&self.prefix, self.number, self.first + before + index, index)
-        };
-        (0..made).map(row).collect()
+        for (index, slot) in slots[..made].iter().enumerate() {
+            let row = slot.row(names.at(&self.prefix, index, lengths));
+            rows.push(complete(index, row.within(&self.prefix, self.number, self.first + before + index, index)));
+        }
     }
 }
 
