@@ -284,7 +284,7 @@ where
     ) -> Self::Values {
         let point = Point::of(&self.0, state, &values.input, time_s);
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
-        let line = point.in_time::<3>(&slopes);
+        let line = point.in_time(&slopes);
         let (output, at_bearings) = Self::derivatives_of(&line, order);
         let position_m = line.motion.position_m.map(|series| series.derivative(order));
         Values { position_m, output, at_bearings, ..Values::default() }
@@ -293,11 +293,8 @@ where
 
 impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
     /// The derivatives of one order of all outputs.
-    fn derivatives_of<const ORDERS: usize>(
-        line: &Point<Taylor<ORDERS>, N, K, B>,
-        order: usize,
-    ) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
-        let of = |series: Taylor<ORDERS>| series.derivative(order);
+    fn derivatives_of(line: &Point<Taylor<3>, N, K, B>, order: usize) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
+        let of = |series: Taylor<3>| series.derivative(order);
         let equations = Equations::new(line.config.clone());
         let (Conditions { contact, .. }, omega_rad_s) = (line.conditions, line.input.omega_rad_s);
         let output = equations.outputs(&line.motion, &line.input, line.conditions);
@@ -309,7 +306,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
     /// constant almost everywhere.
     fn differentiate_first_sample(
         &self,
-        line: &Point<Taylor<2>, N, K, B>,
+        line: &Point<Taylor<3>, N, K, B>,
         direction: &Values<N, K, B>,
         derivatives: &mut Values<N, K, B>,
     ) {
@@ -319,7 +316,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         let current_draws = current.map(|mut noise| noise.standard_normal());
         let readings_m = line.config.rotor.readings(line.motion.position_m);
         derivatives.measured_position_m = std::array::from_fn(|n| {
-            let Taylor([reading_m, slope_m]) = readings_m[n];
+            let Taylor([reading_m, slope_m, _]) = readings_m[n];
             let rotor_m = (1.0 + sensor.position_gain_error[n]) * slope_m + towards.position_gain_error[n] * reading_m;
             let own_m = towards.position_offset_m[n] + towards.position_noise_m * position_draws[n];
             if sensor.position_resolution_m == 0.0 { rotor_m + own_m } else { 0.0 }

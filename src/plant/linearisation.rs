@@ -144,8 +144,12 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
     }
 
     /// The line from here in a direction, given in the units of the point: its outputs are values and derivatives along it.
-    pub fn along(&self, direction: &Self) -> Point<Taylor<2>, N, K, B> {
-        self.with(direction, |value, slope| Taylor([value, slope]))
+    pub fn along<const ORDERS: usize>(&self, direction: &Self) -> Point<Taylor<ORDERS>, N, K, B> {
+        self.with(direction, |value, slope| {
+            let mut series = Taylor::constant(value);
+            series.0[1] = slope;
+            series
+        })
     }
 
     /// The motion from here on, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the inputs; missing

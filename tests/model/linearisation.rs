@@ -141,7 +141,7 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                     at.set((at.get() + 1) % weights.len());
                     value * weights[at.get()]
                 });
-                let got = of_order(&point.along(&direction).outputs(), 1);
+                let got = of_order(&point.along::<2>(&direction).outputs(), 1);
                 let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
