@@ -69,6 +69,12 @@ impl Scalar for f64 {
     }
 }
 
+/// Two arrays combined number by number.
+#[inline]
+pub(crate) fn each<T: Copy, U: Copy, V, const N: usize>(own: &[T; N], off: &[U; N], f: impl Fn(T, U) -> V) -> [V; N] {
+    std::array::from_fn(|k| f(own[k], off[k]))
+}
+
 /// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
 macro_rules! joined {
     ($own:expr, $other:expr, $join:expr, $type:ident {
@@ -77,7 +83,7 @@ macro_rules! joined {
         let (own, other, join) = ($own, $other, $join);
         $type {
             $($scalar: join(own.$scalar, other.$scalar),)*
-            $($list: std::array::from_fn(|k| join(own.$list[k], other.$list[k])),)*
+            $($list: $crate::bearing::scalar::each(&own.$list, &other.$list, &join),)*
             $($rest: $value,)*
         }
     }};
