@@ -29,12 +29,17 @@ pub struct NotFinite {
 
 impl NotFinite {
     /// Refuses inputs that are not finite.
-    pub(crate) fn check(names: impl Fn() -> Vec<String>, values: &[f64]) -> Result<(), Self> {
+    pub(crate) fn check(names: &dyn Fn() -> Vec<String>, values: &[f64]) -> Result<(), Self> {
         match values.iter().position(|value| !value.is_finite()) {
             Some(at) => Err(Self { name: names().swap_remove(at), value: values[at] }),
             None => Ok(()),
         }
     }
+}
+
+/// Whether all these numbers are finite.
+pub(crate) fn are_finite(numbers: &[&[f64]]) -> bool {
+    numbers.iter().all(|numbers| numbers.iter().all(|number| number.is_finite()))
 }
 
 /// Collects findings, so that a user sees all of them at once: [`Checks::all`].

@@ -286,14 +286,14 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
 
     fn check_input(&self, input: &ControllerInput<N, K>) -> Result<(), NotFinite> {
         let machine = Rotor::<N, K, B>::MACHINE;
-        NotFinite::check(|| machine.measured(), &input.position_m)?;
-        NotFinite::check(|| vec!["reference.omega".into()], &[input.omega_rad_s])?;
+        NotFinite::check(&|| machine.measured(), &input.position_m)?;
+        NotFinite::check(&|| vec!["reference.omega".into()], &[input.omega_rad_s])?;
         if self.config.law.coil.drive == Drive::Voltage {
-            NotFinite::check(|| machine.of_magnets("im"), &input.current_a)?;
+            NotFinite::check(&|| machine.of_magnets("im"), &input.current_a)?;
         }
         if self.reference.is_external() {
             let names = || machine.of_resultant("").into_iter().map(|axis| axis + "ref").collect();
-            NotFinite::check(names, &input.reference_m)?;
+            NotFinite::check(&names, &input.reference_m)?;
         }
         Ok(())
     }

@@ -49,7 +49,7 @@ use crate::bearing::rotor::Rotor;
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
 use crate::control::reference::RefPoint;
-use crate::invalid::{Checks, NotFinite};
+use crate::invalid::{Checks, NotFinite, are_finite};
 use crate::machine::Machine;
 use crate::plant::check_step;
 use crate::variables::unit::{AMPERE, HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
@@ -303,10 +303,9 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             false => self.currents(state, &estimate, measured, level, course),
         };
         command.perturbation_n = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
-        let estimates = state.expected.iter().flatten().chain(&state.in_effect_n).chain(&command.current_a);
-        let coils = command.voltage_v.iter().chain(&state.planned_a);
-        let outputs = command.force_n.iter().chain(&command.perturbation_n);
-        if !estimates.chain(coils).chain(outputs).all(|value| value.is_finite()) {
+        let estimates = [state.expected.as_flattened(), &state.in_effect_n, &state.planned_a];
+        let outputs = [&command.current_a[..], &command.voltage_v, &command.force_n, &command.perturbation_n];
+        if !(are_finite(&estimates) && are_finite(&outputs)) {
             return Err(ControllerError::Overflow { sample: state.samples });
         }
         state.samples += 1;

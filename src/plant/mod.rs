@@ -54,8 +54,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::coil::Drive;
 use crate::bearing::rotor::Rotor;
-use crate::invalid::Checks;
-use crate::invalid::Invalid;
+use crate::invalid::{Checks, Invalid, are_finite};
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};
 use crate::variables::Saved;
@@ -302,7 +301,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let step_s = self.config().sensor.step_s;
         let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
-        let mut numbers = numbers.iter().chain(&state.position_m).chain(&state.velocity_m_s).chain(&state.linkage_wb);
+        let numbers = [&numbers[..], &state.position_m, &state.velocity_m_s, &state.linkage_wb];
         let inside = self.equations.geometry().gaps(state.position_m).iter().all(|gap| *gap > 0.0);
         // Importers may begin a step slightly off the end of the last one.
         let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
@@ -310,7 +309,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
         let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
         let on_their_way = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
-        numbers.all(|value| value.is_finite())
+        are_finite(&numbers)
             && inside
             && taken
             && (self.config().sensor.delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))

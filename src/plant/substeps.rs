@@ -7,6 +7,7 @@ use super::{
     UniformRotation,
 };
 use crate::bearing::rotor::Rotor;
+use crate::invalid::are_finite;
 use crate::plant::integration::{rk4, substeps};
 
 /// Upper bound of a sub-step, as a fraction of the reciprocal of the fastest rate of the model.
@@ -128,8 +129,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
             }
             let inside = self.equations.geometry().gaps(next.position_m).iter().all(|gap| *gap > 0.0);
             let Motion { position_m, velocity_m_s, linkage_wb } = next;
-            let mut numbers = position_m.iter().chain(&velocity_m_s).chain(&linkage_wb);
-            if !(inside && numbers.all(|value| value.is_finite())) {
+            if !(inside && are_finite(&[&position_m, &velocity_m_s, &linkage_wb])) {
                 let gap_m = self.equations.geometry().gaps(state.position_m);
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;

@@ -63,8 +63,8 @@ impl<const N: usize, const K: usize> InputTrajectory<N, K> {
 
 fn check_input<const N: usize, const K: usize>(input: &PlantInput<f64, N, K>) -> Result<(), NotFinite> {
     let machine = Machine::of::<N, K>();
-    NotFinite::check(|| machine.of_magnets("i"), &input.current_a)?;
-    NotFinite::check(|| machine.of_magnets("u"), &input.voltage_v)?;
-    NotFinite::check(|| machine.of_coordinates(|coordinate| coordinate.load), &input.perturbation_n)?;
-    NotFinite::check(|| vec!["omega".into()], &[input.omega_rad_s])
+    NotFinite::check(&|| machine.of_magnets("i"), &input.current_a)?;
+    NotFinite::check(&|| machine.of_magnets("u"), &input.voltage_v)?;
+    NotFinite::check(&|| machine.of_coordinates(|coordinate| coordinate.load), &input.perturbation_n)?;
+    NotFinite::check(&|| vec!["omega".into()], &[input.omega_rad_s])
 }
