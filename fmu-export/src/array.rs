@@ -94,7 +94,9 @@ pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usiz
                 let element = elements.next_element()?.ok_or_else(|| A::Error::invalid_length(read.len(), &self))?;
                 read.push(element);
             }
-            Ok(read.try_into().unwrap_or_else(|_| unreachable!("as many elements as the array has were read")))
+            // Not by value: the threads of importers have small stacks.
+            let read: Box<[T; N]> = read.try_into().unwrap_or_else(|_| unreachable!("there are as many elements"));
+            Ok(*read)
         }
     }
 

@@ -15,7 +15,6 @@ use super::innovations::Innovation;
 use super::motion::Square;
 use super::noise::OUTLIER;
 use super::sums::PredictionErrorSolution;
-use crate::variables::Array;
 
 /// Harmonics of the rotor angle that are tested.
 const HARMONICS: usize = 4;
@@ -59,8 +58,8 @@ const MEAN_REVOLUTIONS: f64 = 3.0;
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
     /// Quarters that have ended since the start, and since the sums of the lines began.
     quarters: [usize; 2],
-    harmonics: Array<Line<N, U, T>, HARMONICS>,
-    orders: Array<Line<N, U, T>, ORDERS>,
+    harmonics: [Line<N, U, T>; HARMONICS],
+    orders: [Line<N, U, T>; ORDERS],
     /// Revolutions since the start, modulo four; those of the rotor in each of them, 0 at rest.
     turned: f64,
     of_rotor: f64,
@@ -151,8 +150,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     pub fn start() -> Self {
         Self {
             quarters: [0; 2],
-            harmonics: Array([Line::zeros(); HARMONICS]),
-            orders: Array([Line::zeros(); ORDERS]),
+            harmonics: [Line::zeros(); HARMONICS],
+            orders: [Line::zeros(); ORDERS],
             turned: 0.0,
             of_rotor: 0.0,
             greatest: [0.0; 2],
@@ -174,7 +173,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Forgets the sums of the lines; what they said holds until new ones can be judged.
     pub fn forget(&mut self) {
         self.quarters[1] = 0;
-        (self.harmonics, self.orders) = (Array([Line::zeros(); HARMONICS]), Array([Line::zeros(); ORDERS]));
+        (self.harmonics, self.orders) = ([Line::zeros(); HARMONICS], [Line::zeros(); ORDERS]);
     }
 
     /// Counts a quarter of a revolution.
@@ -212,12 +211,12 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         };
         self.of_rotor = of_rotor;
         if of_rotor > 0.0 {
-            each(&mut *self.harmonics, turn, turn);
+            each(&mut self.harmonics, turn, turn);
         }
         self.turned = (self.turned + passed) % 4.0;
         let quarter = FRAC_PI_2 * self.turned;
         let [first, step] = [self.first_order() * quarter, quarter].map(angle::turn);
-        each(&mut *self.orders, first, step);
+        each(&mut self.orders, first, step);
     }
 
     /// Takes in the innovation of a good estimate.
@@ -256,7 +255,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let greatest = |lines: &[Line<N, U, T>]| {
             lines.iter().map(|line| line.chi_square(found, moved, position_variance)).fold(0.0, f64::max)
         };
-        let harmonics = if self.of_rotor > 0.0 { greatest(&*self.harmonics) } else { 0.0 };
+        let harmonics = if self.of_rotor > 0.0 { greatest(&self.harmonics) } else { 0.0 };
         self.greatest = [harmonics, greatest(&self.orders[..orders])];
     }
 
