@@ -25,9 +25,9 @@ const CHANGES: [[f64; 2]; 8] =
 /// Logarithm of the odds of a model whose memory ends against the one whose memory does not, before there are data. With −4, 4 of 80 spindles whose λ
 /// drift were beyond 5 deviations, with −3.5 2, with −3 2 but λ needed longer after a step (seeds 730001 to 730040). Loads that walk least are as
 /// probable as loads that stand still: while a rotor runs up, the mean squares of the currents rise, and a drift of loads or λ looks like another λ. With
-/// −3.5 and a memory of 0.5 s for this model 16 of 240 bearings of four magnets whose λ drift by up to 1 %/s were beyond 5 deviations, so none. A memory
-/// of 0.5 s with these odds makes ± of steady bearings a tenth wider (error/total 0.63 instead of 0.71), without end those that
-/// slow down are valid 91 instead of 95 % of the time.
+/// −3.5 and a memory of 0.5 s for this model, 16 of 240 bearings of four magnets whose λ drift by up to 1 %/s were beyond 5 deviations; now none is. With a
+/// memory of 0.5 s and these odds, ± of steady bearings would be a tenth wider (error/total 0.63 instead of 0.71); without end, those that slow down
+/// would be valid 91 instead of 95 % of the time.
 const PRIOR: f64 = -3.5;
 
 /// Logarithm of the odds by which a shorter memory replaces what a longer one knows: a wrong model is that far ahead with a probability below e⁻¹²

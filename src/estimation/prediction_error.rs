@@ -377,17 +377,21 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if std < RUNNING_STD || estimated {
             if !estimated {
                 state.estimated_at = Some(state.quarters);
-                // The filter ran with another stiffness, and its state remembers that: it starts again. Where λ was guessed too small, the weights S⁻¹ of
-                // these samples are too large, by 1 where the noise of the positions decides, and by (λ/λ_0)² where that of the currents does: they count
-                // with the geometric mean. With λ_0 a tenth of λ and a start far from the centre 16 of 600 runs were beyond 5 deviations before,
+                // Where λ was guessed too small, the weights S⁻¹ of these samples are too large, by 1 where the noise of the positions decides, and by
+                // (λ/λ_0)² where that of the currents does: they count with the geometric mean. The state of the filter, of which it was too sure, goes
+                // on to disturb: it starts again. With λ_0 a tenth of λ and a start far from the centre 16 of 600 runs were beyond 5 deviations before,
                 // many with a force that was none, and now none. More than a revolution with a wrong stiffness counts a tenth. To drop these samples
                 // altogether costs bearings with little excitation most of their time valid: 16 instead of 78 % in a study of weakly excited bearings.
                 let ratios = SVector::<f64, K>::from_fn(|k, _| self.lambda0[k] / solution.unknowns[k]);
                 let wrong = ratios.iter().any(|ratio| (1.0 / ratio - 1.0).abs() > RUNNING_STD);
-                let late = state.quarters >= QUARTERS as u64 && wrong;
-                state.discount(if late { 0.1 } else { ratios.min().min(1.0) });
-                state.filter = None;
-                state.validation.forget();
+                let (late, small) = (state.quarters >= QUARTERS as u64 && wrong, ratios.min() < 1.0 - RUNNING_STD);
+                if late || small {
+                    state.discount(if late { 0.1 } else { ratios.min() });
+                    state.validation.forget();
+                }
+                if small {
+                    state.filter = None;
+                }
             }
             let wide = widest.relative_std::<K>() < RUNNING_STD;
             state.running = if wide { widest.unknowns } else { solution.unknowns };

@@ -100,6 +100,16 @@ fn changes() -> Vec<Course> {
         drift(scenario, [0.0, 1.0], 0.01);
     };
     let drawn = Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", NotWrong, 1.0, drawn);
+    // The currents rise with the speed: a load that changes looks like other λ.
+    let opposed = |scenario: &mut Scenario, _| {
+        cases::speed(scenario, &[0.0, 0.3, 0.7, 1.0], &[1500.0, 1500.0, 8000.0, 8000.0]);
+        scale(scenario, "plant.unbalance.magnitude", 0.25);
+        for (name, part) in scenario.machine.of_magnets("lambda").iter().zip([0.01, 0.01, -0.01, -0.01]) {
+            change(scenario, name, [0.0, 1.0], part);
+        }
+    };
+    let opposed =
+        Course::new("four magnets, 1500 to 8000 rpm in 0.4 s, λ drift apart by 2 %/s", NotWrong, 1.0, opposed);
     vec![
         Course::new("500 to 6000 rpm and back", Valid, 2.0, |scenario, _| {
             cases::speed(scenario, &[0.0, 1.0, 2.0], &[500.0, 6000.0, 500.0]);
@@ -122,6 +132,7 @@ fn changes() -> Vec<Course> {
             change(scenario, "unbalance.magnitude", [0.0, 2.0], 0.2);
         }),
         Course { drawn: true, ..drawn },
+        Course { base: "planar4", ..opposed },
     ]
 }
 
