@@ -413,7 +413,7 @@ fn the_sensitivity_of_a_loop_is_a_table() {
     let (out, _) = ends(0, &folder("command/sensitivity"), &["sensitivity", "axial"]);
     says(&out, &["Peak of the sensitivity function", "Zones of ISO 14839-3", "true λ"]);
     assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
-    // What cannot be computed is an error, beside what can.
+    // Results that cannot be computed are errors, beside those that can.
     let arguments = ["sensitivity", "axial", "--set", "lambda0=[1e-300, 1e-300]"];
     let (out, err) = ends(1, &folder("command/sensitivity"), &arguments);
     assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");

@@ -353,7 +353,7 @@ fn a_scenario_tells_tolerances() {
     let folder = folder("identify/tolerance");
     program::write(&folder, "good.csv", csv(&run(montecarlo::NOISE, 0.2).1));
     let tell = |table: &str| program::write(&folder, "mine.toml", format!("[tolerance]\n{table}"));
-    // What the budget says to be told of these parameters, unless nothing is.
+    // The data that the budget says are told of these parameters, unless there are none.
     let is_told = |more: &[&str], wanted: &[(&str, Option<f64>)]| {
         let json = identified(&folder, &[&["--scenario", "mine.toml", "good.csv"], more].concat());
         for (name, wanted) in wanted {

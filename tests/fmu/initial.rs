@@ -1,4 +1,4 @@
-//! What model descriptions say of the start: which outputs depend on which inputs then, and the limits of parameters.
+//! Statements of model descriptions on the start: which outputs depend on which inputs then, and the limits of parameters.
 
 use fmu_export::Invalid;
 use fmu_export::variable::{Causality, Type, Variable};
@@ -81,7 +81,7 @@ fn limits_that_a_model_enforces_stand_in_its_description() {
                 instance.instance.set(index, named::value(&variable.data_type, number)).expect("a parameter");
                 instance.start().err().unwrap_or_default()
             };
-            // What is said of the parameter itself, if that is a limit.
+            // The part that concerns the parameter itself, if that is a limit.
             let limit = |findings: &[Invalid]| {
                 let limits = ["above 0", "above -1", "from 0 to", "at least"];
                 let own =

@@ -290,7 +290,7 @@ fn damaged_bytes_are_refused_with_a_reason() {
     drive(&fmu, 5..6);
 }
 
-/// What stands before the length of the content, and the content.
+/// The bytes before the length of the content, and the content.
 fn opened<'w>(model: &str, written: &'w [u8]) -> (&'w [u8], &'w [u8]) {
     let head = 8 + 2 + 1 + model.len() + 1 + 38;
     (&written[..head], &written[head + 8..written.len() - 32])

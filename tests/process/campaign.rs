@@ -24,7 +24,7 @@ const STEPS: u32 = 20;
 /// Runs the tests of this process one at a time, so that memory is not counted in another test.
 static ALONE: Mutex<()> = Mutex::new(());
 
-/// What the system says of this process.
+/// The status of this process, as the system reports it.
 fn read_of_process(name: &str) -> String {
     std::fs::read_to_string(format!("/proc/self/{name}")).expect("a system with /proc")
 }

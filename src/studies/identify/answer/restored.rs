@@ -71,7 +71,7 @@ struct Model {
     factors: usize,
     /// Inverse covariance of the errors.
     weights: DMatrix<f64>,
-    /// The rows that it was fitted to, with their errors, by pull and row.
+    /// The rows that it was fitted to, with their errors, by row and pull.
     rows: Vec<usize>,
     errors: DMatrix<f64>,
 }
@@ -87,8 +87,8 @@ impl Model {
     fn misfit(&self, row: usize) -> f64 {
         let at = self.rows.partition_point(|of| *of < row);
         let first = at.saturating_sub(NEAR / 2).min(self.rows.len().saturating_sub(NEAR));
-        let near = self.errors.columns(first, NEAR.min(self.rows.len()));
-        (&self.weights * near).dot(&near) / near.len() as f64
+        let near = self.errors.rows(first, NEAR.min(self.rows.len()));
+        (near * &self.weights).dot(&near) / near.len() as f64
     }
 
     /// The pulls of a row that are not known, with their covariance, where these are expected and those known.
@@ -181,11 +181,11 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
             let weighted = DMatrix::from_fn(model.rows.len(), terms, |of, i| terms_of[(of, i)] * weights[of]);
             let gram = weighted.tr_mul(&terms_of) + DMatrix::from_diagonal_element(terms, terms, ridge);
             model.coefficients = gram.cholesky()?.solve(&weighted.tr_mul(&answers));
-            model.errors = (&answers - &terms_of * &model.coefficients).transpose();
+            model.errors = &answers - &terms_of * &model.coefficients;
             // Errors of the coefficients come on top of those of the answers.
             let more = (count + terms as f64) / (count - terms as f64);
-            let weighted = DMatrix::from_fn(self.pulls, model.rows.len(), |k, of| model.errors[(k, of)] * weights[of]);
-            let cholesky = (&weighted * model.errors.transpose() * (more / weights.sum())).cholesky()?;
+            let weighted = DMatrix::from_fn(model.rows.len(), self.pulls, |of, k| model.errors[(of, k)] * weights[of]);
+            let cholesky = (weighted.tr_mul(&model.errors) * (more / weights.sum())).cholesky()?;
             (final_error, model.weights) = (cholesky.ln_determinant(), cholesky.inverse());
             weights = DVector::from_iterator(model.rows.len(), model.rows.iter().map(|row| 1.0 / model.misfit(*row)));
             final_error -= self.pulls as f64 * weights.map(libm::log).mean();
@@ -252,7 +252,7 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         }
         let Some(cholesky) = information.cholesky() else { return };
         let (values, covariance) = (cholesky.solve(&right), cholesky.inverse());
-        // What may be off by as much as it varies is not known.
+        // A reading that may be off by as much as it varies is not known.
         let is_told = |(_, signal): Place, at: usize| signal >= self.pulls && covariance[(at, at)] < 1.0;
         let positions = places.into_iter().filter(|(place, at)| is_told(*place, *at));
         let variance = |row: usize, at: usize| model.misfit(row) * covariance[(at, at)];
