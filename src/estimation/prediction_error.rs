@@ -25,6 +25,12 @@ const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 /// Over so many missing samples the filter predicts; after more it starts again.
 const BRIDGED: u32 = 8;
 
+/// The controller has read what is missing here, noise and all, and answered. For so many samples after a gap the currents and the errors of the
+/// filter depend on each other, and innovations do not count. With 10 and 20 % missing at random (planar and planar4, noise known and estimated; 20
+/// runs each, seeds 1410001), 22 of 160 runs were beyond 5 deviations where they counted, with 3 samples 23, with 8 2, with 12 and 16 none; with 12
+/// samples λ of a spindle were off by 5.9 (seeds 1420001). With 24 the estimate is valid less.
+const ANSWERED: u32 = 16;
+
 /// The estimate is solved at the end of each quarter, whose samples are judged first. At first, and where the noise is estimated, it is solved within a quarter
 /// too, for every so many samples, or for this part of those before: where it lags behind the data, its error passes for noise of the currents. With
 /// quarters alone this noise of spindles came out 1.5 times too large at 0.1 s, and error/std was 0.71 instead of 0.86 (seeds 61501 to 61600); with a
@@ -130,8 +136,9 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     twice_from: [u64; 2],
     /// Mean square of the currents, A².
     mean_square_a2: f64,
-    /// Samples since the start.
+    /// Samples since the start, and since the last that was missing.
     samples: u64,
+    since_gap: u32,
     /// The solution that is given out.
     solution: Option<Solution<U, T>>,
     validation: Box<Validation<N, U, T>>,
@@ -200,6 +207,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             twice_from: [0; 2],
             mean_square_a2: 0.0,
             samples: 0,
+            since_gap: u32::MAX,
             solution: None,
             validation: Box::new(Validation::start()),
         }
@@ -242,8 +250,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if sample.missing > BRIDGED {
             state.filter = None;
         }
-        let samples = 1.0 + f64::from(sample.missing);
-        state.advance(samples, sample.rotation.omega_rad_s, self.filter.step_s);
+        state.since_gap = if sample.missing > 0 { 0 } else { state.since_gap.saturating_add(1) };
+        state.advance(&sample, self.filter.step_s);
         let Some(filter) = &mut state.filter else {
             state.filter = Some(self.filter.start(sample, position_variance));
             return self.report(state);
@@ -302,12 +310,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.filter.correct(filter, &running, &innovation, sqrt(weight));
 
         state.samples += 1;
+        if estimated && state.since_gap < ANSWERED {
+            return self.end_sample(state);
+        }
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        let pace = state.least_pace(self.filter.step_s);
-        // Revolutions of the rotor in one that is counted.
-        let of_rotor = if sample.rotation.omega_rad_s.abs() > TAU { state.pace / pace } else { 0.0 };
-        state.validation.add(&innovation, sample.turn, samples * pace, of_rotor);
+        state.validation.add(&innovation, sample.turn);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
@@ -565,13 +573,18 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     }
 
     /// Counts what passes of a revolution with a sample and those missing before it.
-    fn advance(&mut self, samples: f64, omega_rad_s: f64, step_s: f64) {
-        let (omega, at_rest) = (omega_rad_s.abs(), step_s / REVOLUTION_AT_REST_S);
+    fn advance(&mut self, sample: &Sample<N, K>, step_s: f64) {
+        let (omega, at_rest) = (sample.rotation.omega_rad_s.abs(), step_s / REVOLUTION_AT_REST_S);
+        let samples = 1.0 + f64::from(sample.missing);
         // Below one revolution a second a rotor is at rest.
         self.pace = if omega > TAU { omega * step_s / TAU } else { at_rest };
         self.revolution.passed += samples * self.pace;
-        self.passed += samples * self.least_pace(step_s);
+        let least = self.least_pace(step_s);
+        self.passed += samples * least;
         self.quarter_samples += samples;
+        // Revolutions of the rotor in one that is counted.
+        let of_rotor = if omega > TAU { self.pace / least } else { 0.0 };
+        self.validation.advance(samples * least, of_rotor);
     }
 
     /// Revolutions in a sample, of a slow rotor those of one of 2250 rpm: quarters and orders are counted by it.

@@ -242,6 +242,8 @@ fn readings() -> Vec<Course> {
         Course::misread("currents one sample late for 50 ms", NotWrong, altered::late_currents(0.05)),
         missing("1 % of the samples repeated", Valid, Missing::Repeated, hundredth),
         missing("1 % of the samples not a number", Valid, Missing::NotANumber, hundredth),
+        missing("10 % of the samples not a number", Valid, Missing::NotANumber, |_, draw| draw.chance(0.1)),
+        missing("20 % of the samples not a number", NotWrong, Missing::NotANumber, |_, draw| draw.chance(0.2)),
         missing("3 of 50 samples repeated", NotWrong, Missing::Repeated, three_of_fifty),
         missing("3 of 50 samples not a number", NotWrong, Missing::NotANumber, three_of_fifty),
         Course::new("positions in steps of 1 µm", NotWrong, 1.0, |scenario, _| {
