@@ -72,6 +72,35 @@ fn a_gap_while_the_noise_is_sought() {
     assert_never_wrong("gaps at the start", &rotor, &outputs);
 }
 
+/// The controller answers what is missing here, so that the samples after a gap do not count; where none counts for long, there is no estimate.
+#[test]
+fn gaps_too_frequent_are_named() {
+    let rotor = noisy(8, 6001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    inputs[2000..4000].iter_mut().step_by(16).for_each(|input| input.position_m[1] = f64::NAN);
+    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    assert!(outputs[1999..2900].iter().all(|output| output.valid), "the estimate of before");
+    assert!(outputs[3100..4000].iter().all(|output| output.verdict == Verdict::BadSample));
+    assert!(outputs[5000..].iter().all(|output| output.valid), "it comes back by itself");
+    assert_never_wrong("frequent gaps", &rotor, &outputs);
+}
+
+/// An outlier of a position is left out; several in a row are no noise of a sensor.
+#[test]
+fn outliers_are_left_out() {
+    let rotor = noisy(9, 4001);
+    let estimator = estimator(config(&rotor));
+    for (lasting, wanted) in [(1, Verdict::Valid), (2, Verdict::Unexplained)] {
+        let mut inputs = rotor.inputs(Hold::HeldBefore);
+        (2000..2000 + lasting).for_each(|j| inputs[j].position_m[0] += 1e-5);
+        let outputs = run(&estimator, &inputs).0;
+        assert_eq!(outputs[1999 + lasting].verdict, wanted, "{lasting} in a row");
+        let back = outputs[2001..].iter().position(|output| output.valid);
+        assert!(back.is_some_and(|samples| samples < 1500), "{lasting} in a row: valid after {back:?} samples");
+        assert_never_wrong("outliers", &rotor, &outputs);
+    }
+}
+
 #[test]
 fn a_stuck_sensor_is_named() {
     let rotor = noisy(7, 5001);

@@ -209,6 +209,20 @@ pub fn missing(how: Missing, when: fn(u64, &mut Draw) -> bool) -> Alter {
     })
 }
 
+/// Outliers: position sensors read something else, by a standard deviation in m, in a part of the samples.
+pub fn outliers(part: f64, std_m: f64) -> Alter {
+    Box::new(move |_, seed| {
+        let mut draw = Draw::new(seed ^ 0x5919);
+        in_the_sensor(move |readings| {
+            for position_m in &mut readings.position_m {
+                if draw.chance(part) {
+                    *position_m += std_m * draw.normal();
+                }
+            }
+        })
+    })
+}
+
 /// The position sensors read more by this, in m, from time in s and angle in rad.
 pub fn added(more_m: impl Fn(f64, f64) -> [f64; 2] + Copy + Send + Sync + 'static) -> Alter {
     Box::new(move |_, _| {

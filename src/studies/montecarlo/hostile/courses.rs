@@ -246,6 +246,8 @@ fn readings() -> Vec<Course> {
         missing("20 % of the samples not a number", NotWrong, Missing::NotANumber, |_, draw| draw.chance(0.2)),
         missing("3 of 50 samples repeated", NotWrong, Missing::Repeated, three_of_fifty),
         missing("3 of 50 samples not a number", NotWrong, Missing::NotANumber, three_of_fifty),
+        Course::misread("0.1 % of the positions off by 1 µm", Valid, altered::outliers(1e-3, 1e-6)),
+        Course::misread("0.1 % of the positions off by 20 µm", NotWrong, altered::outliers(1e-3, 2e-5)),
         Course::new("positions in steps of 1 µm", NotWrong, 1.0, |scenario, _| {
             scenario.set("plant", "sensor.positionResolution", 1e-6);
         }),
