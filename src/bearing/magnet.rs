@@ -25,6 +25,8 @@
 //! `i_c = f/k_i` with `k_i = 4 λ i_0/s²` (Schweitzer and Maslen, Magnetic Bearings, 2009, section 4.2); off the centre it compensates the
 //! negative stiffness as well.
 
+use std::f64::consts::TAU;
+
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
@@ -180,7 +182,7 @@ impl Magnets {
     /// Magnets at the angles `alpha_rad` in rad, of which the two of an axial bearing have none, with the nominal gap `gap_m` in m.
     ///
     /// # Errors
-    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite, if of three magnet k is parallel to an earlier one (see
+    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite or beyond a turn, if of three magnet k is parallel to an earlier one (see
     /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
     pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
         Checks::all(|checks| {
@@ -198,7 +200,10 @@ impl Magnets {
             let rows = Some([[1.0, 0.0], [0.0; 2]]);
             return Self { gap_m, number: 2, directions, null: [1.0; MOST_MAGNETS], inverse: directions, pairs: rows };
         }
-        for (alpha, e_k) in alpha_rad.iter().zip(&mut directions) {
+        for (k, (alpha, e_k)) in alpha_rad.iter().zip(&mut directions).enumerate() {
+            // Degrees would be taken for rad.
+            let wanted = "an angle in rad, at most a turn either way (2π)";
+            checks.require(alpha.abs() <= TAU, alpha_name(k), format_args!("{alpha} rad"), wanted);
             let (sin, cos) = alpha.sine_cosine();
             *e_k = [sin, cos];
         }
@@ -209,7 +214,7 @@ impl Magnets {
             .filter(|(first, second)| number == 3 && cross(e[*first], e[*second]).abs() < SMALLEST_SINE)
             .peekable();
         let null = null_vector(e);
-        if parallel.peek().is_none() {
+        if parallel.peek().is_none() && alpha_rad.iter().all(|alpha| alpha.abs() <= TAU) {
             check_all_round(alpha_rad, e, &null, checks);
         }
         for (first, second) in parallel {
