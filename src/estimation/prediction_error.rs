@@ -22,7 +22,8 @@ const QUARTERS: usize = 4;
 /// Duration that counts as a revolution of a rotor at rest, s: λ may change all the same. That of 2250 rpm.
 const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 
-/// Over so many missing samples the filter predicts; after more it starts again.
+/// Over so many missing samples the filter predicts; after more it starts again. If it started after every gap, estimates would be valid 71 instead of 99 %
+/// of the time with 10 % of the samples missing (noise estimated, seeds 1450001 to 1450020).
 const BRIDGED: u32 = 8;
 
 /// The controller has read what is missing here, noise and all, and answered. For so many samples after a gap the currents and the errors of the
