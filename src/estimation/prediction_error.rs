@@ -28,13 +28,13 @@ const BRIDGED: u32 = 8;
 
 /// The controller has read what is missing here, noise and all, and answered. For so many samples after a gap the currents and the errors of the
 /// filter depend on each other, and innovations do not count. With 10 and 20 % missing at random (planar and planar4, noise known and estimated; 20
-/// runs each, seeds 1410001), 22 of 160 runs were beyond 5 deviations where they counted, with 3 samples 23, with 8 2, with 12 and 16 none; with 12
+/// runs each, seeds 1410001), 21 of 160 runs were beyond 5 deviations where they counted, with 3 samples 23, with 8 2, with 12 and 16 none; with 12
 /// samples λ of a spindle were off by 5.9 (seeds 1420001). With 24 the estimate is valid less.
 const ANSWERED: u32 = 16;
 
 /// After so many samples none of which counted an estimate says nothing of the present. With 20 % missing at random so long a stretch has a probability
 /// of 0.4 %.
-const LEAST_COUNTED: u32 = 1000;
+const MOST_UNCOUNTED: u32 = 1000;
 
 /// The estimate is solved at the end of each quarter, whose samples are judged first. At first, and where the noise is estimated, it is solved within a quarter
 /// too, for every so many samples, or for this part of those before: where it lags behind the data, its error passes for noise of the currents. With
@@ -560,7 +560,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             || (self.known_noise[1] > 0.0 && self.excess(noise.variances[1]) > NOISE_EXCESS)
         {
             Verdict::Unexplained
-        } else if state.uncounted > LEAST_COUNTED {
+        } else if state.uncounted > MOST_UNCOUNTED {
             Verdict::BadSample
         } else if !noise.is_within_range() {
             Verdict::Noisy
