@@ -43,6 +43,9 @@ pub const SMALLEST_SINE: f64 = 1e-2;
 /// Two magnets face each other if their directions add up to less than this: angles may be given with six digits.
 const OPPOSED: f64 = 1e-5;
 
+/// The greatest angle of a magnet, rad, two turns: degrees would be taken for rad.
+const MOST_RAD: f64 = 2.0 * TAU;
+
 /// The largest number of magnets in a bearing.
 pub const MOST_MAGNETS: usize = 6;
 
@@ -182,7 +185,7 @@ impl Magnets {
     /// Magnets at the angles `alpha_rad` in rad, of which the two of an axial bearing have none, with the nominal gap `gap_m` in m.
     ///
     /// # Errors
-    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite or beyond a turn, if of three magnet k is parallel to an earlier one (see
+    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite or beyond two turns, if of three magnet k is parallel to an earlier one (see
     /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
     pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
         Checks::all(|checks| {
@@ -201,9 +204,8 @@ impl Magnets {
             return Self { gap_m, number: 2, directions, null: [1.0; MOST_MAGNETS], inverse: directions, pairs: rows };
         }
         for (k, (alpha, e_k)) in alpha_rad.iter().zip(&mut directions).enumerate() {
-            // Degrees would be taken for rad.
-            let wanted = "an angle in rad, at most a turn either way (2π)";
-            checks.require(alpha.abs() <= TAU, alpha_name(k), format_args!("{alpha} rad"), wanted);
+            let wanted = "an angle in rad, at most two turns either way (4π)";
+            checks.require(alpha.abs() <= MOST_RAD, alpha_name(k), format_args!("{alpha} rad"), wanted);
             let (sin, cos) = alpha.sine_cosine();
             *e_k = [sin, cos];
         }
@@ -214,7 +216,7 @@ impl Magnets {
             .filter(|(first, second)| number == 3 && cross(e[*first], e[*second]).abs() < SMALLEST_SINE)
             .peekable();
         let null = null_vector(e);
-        if parallel.peek().is_none() && alpha_rad.iter().all(|alpha| alpha.abs() <= TAU) {
+        if parallel.peek().is_none() && alpha_rad.iter().all(|alpha| alpha.abs() <= MOST_RAD) {
             check_all_round(alpha_rad, e, &null, checks);
         }
         for (first, second) in parallel {
