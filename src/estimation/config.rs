@@ -239,7 +239,7 @@ pub enum Verdict {
     Disabled,
     /// A sample is not finite, or outside the gap
     ///
-    /// More such samples in a row than a gap has.
+    /// More such samples in a row than a gap has, or gaps so often that no sample between them counts.
     BadSample,
     /// The rotor is in contact
     Contact,
