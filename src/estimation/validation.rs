@@ -193,14 +193,13 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         if N == 1 { FIRST_ORDER } else { FIRST_ORDER.max((FIRST_OF_ROTOR * self.of_rotor).ceil()) }
     }
 
-    /// Revolutions pass, of the rotor this many in one that is counted.
+    /// This part of a revolution passes, with so many revolutions of the rotor in one.
     pub fn advance(&mut self, passed: f64, of_rotor: f64) {
         self.turned = (self.turned + passed) % 4.0;
         self.of_rotor = of_rotor;
     }
 
-    /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ), a part of a revolution after the last one, with the revolutions of
-    /// the rotor in one.
+    /// Takes in the signals of an innovation at the rotor angle (cos θ, sin θ).
     #[inline(always)]
     pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, turn: [f64; 2]) {
         let each = |lines: &mut [Line<N, U, T>], [mut a, mut b]: [f64; 2], [c, s]: [f64; 2]| {

@@ -68,7 +68,7 @@ fn the_allocation_is_exact_for_any_admissible_angles() {
     }
     let [mut random] = Noise::channels::<1>(2);
     let triple = |_: &usize| {
-        let alpha_rad = [0; 3].map(|_| 2.0 * random.standard_normal());
+        let alpha_rad = [0; 3].map(|_| 4.0 * random.standard_normal());
         holds(alpha_rad, &mut random, [ROUNDING / SMALLEST_SINE, ROUNDING])
     };
     let admissible = (0..TRIALS).filter(triple).count();
@@ -93,9 +93,9 @@ fn impossible_geometry_is_refused_by_name() {
         (GAP_M, &[PI, 0.5, 0.5], &["alpha[3]"]),
         (GAP_M, &[0.5, 0.5 + PI, -2.0], &["alpha[2]"]),
         (GAP_M, &[0.7, 0.7, 0.7], &["alpha[2]", "alpha[3]", "alpha[3]"]),
-        // All above the rotor; the one in the middle is named.
         // Degrees.
         (GAP_M, &[45.0, 135.0, 225.0, 0.1], &["alpha[1]", "alpha[2]", "alpha[3]"]),
+        // All above the rotor; the one in the middle is named.
         (GAP_M, &[0.1, -1.0, 1.0], &["alpha[1]"]),
         (GAP_M, &[-1.0, 0.4, 1.0], &["alpha[2]"]),
         (GAP_M, &[0.0, 0.5, 1.0, 1.5], &["alpha[2]"]),
