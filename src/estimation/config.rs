@@ -17,13 +17,13 @@ use crate::variables::unit::{
 };
 use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables};
 
-/// The shortest window of the paper's methods, in sample times: the kernels need room for their three changes of sign.
+/// The shortest window of the paper's methods, in sample times: the kernels must resolve three changes of sign.
 pub const MIN_INTERVALS: f64 = 8.0;
 
-/// Their longest window, in sample times: memory grows in proportion, and rounding of the kernels with the cube.
+/// Their longest window, in sample times: memory grows in proportion to it, rounding errors of the kernels with its cube.
 pub const MAX_INTERVALS: f64 = 1.0e5;
 
-/// How far `T_f/T_s` may be from a whole number, relative.
+/// Largest relative deviation of `T_f/T_s` from a whole number.
 pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
 
 /// How the force constants are computed
@@ -32,13 +32,12 @@ pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
 pub enum Method {
     /// Filtered signed determinants, equation (20) to the letter; diverges
     ///
-    /// P(20) to the letter, `F(n_i)/F(d)` with signed Cramer numerators and determinant of the z axis. `d` changes sign twice per revolution
-    /// and nearly cancels in the mean, so this diverges; it is here to be compared with. Its values are shown as they are, valid or not, and
-    /// no residual makes them invalid.
+    /// P(20) to the letter, `F(n_i)/F(d)` with signed Cramer numerators and determinant of the z axis. `d` changes sign twice per revolution and nearly
+    /// cancels in the mean, so this diverges; it serves as a reference. Its values are shown as they are, valid or not, and no residual makes them invalid.
     PaperLiteral,
     /// Equation (20) with the sign of the determinant aligned; z axis only
     ///
-    /// `F(n_i sign d)/F(|d|)`: what reproduces the paper.
+    /// `F(n_i sign d)/F(|d|)`, which reproduces the paper.
     Paper,
     /// Prediction errors and instrumental variables; unbalance and noise identified as well
     #[default]
@@ -62,11 +61,11 @@ pub enum Hold {
     HeldAfter,
     /// A point of a continuous current
     ///
-    /// Straight between samples.
+    /// Linear between samples.
     Linear,
 }
 
-/// Standard deviations of what the estimator takes as known; 0 means exactly known, as by default all but a backward force.
+/// Standard deviations of the parameters that the estimator assumes to be known; 0 means exactly known, the default for all but the backward force.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names, default)]
 pub struct Tolerance {
@@ -113,7 +112,7 @@ pub struct Tolerance {
 
 /// Rotor and bearings among the parameters of an estimator.
 pub trait Bearings: Variables<Context = Names> + Clone + 'static {
-    /// Those of the example of a machine with K magnets.
+    /// The example machine with K magnets.
     fn example<const K: usize>() -> Self;
 }
 
@@ -123,7 +122,7 @@ impl<const B: usize> Bearings for RotorConfig<f64, B> {
     }
 }
 
-/// Parameters of the estimator of a machine with K magnets, before they are checked.
+/// Unchecked parameters of the estimator of a machine with K magnets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names, default)]
 #[serde(bound = "G: Saved, [f64; K]: Saved")]
@@ -148,7 +147,7 @@ pub struct EstimatorConfigOf<G: Bearings, const K: usize> {
     pub hold: Hold,
     /// Whether to identify the unbalance as well
     ///
-    /// [`Method::PredictionError`] alone.
+    /// Only [`Method::PredictionError`].
     #[parameter(name = "identify.unbalance", count = context.planes.min(1), value = true)]
     pub identify_unbalance: bool,
     /// Position of plane {k} of the unbalance along the shaft, from the centre of gravity
@@ -165,8 +164,8 @@ pub struct EstimatorConfigOf<G: Bearings, const K: usize> {
     /// Standard deviation of the noise of im; 0 to estimate it from the data
     #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
-    /// How well the rest is known; [`Method::PredictionError`] alone. That of the mass is one of all inertia, that of the gap one of all gaps, each in
-    /// proportion.
+    /// Uncertainty of the other parameters; only [`Method::PredictionError`]. The tolerance of the mass applies to the whole inertia, that of the gap to all
+    /// gaps, each in proportion.
     #[nested]
     pub tolerance: Tolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
@@ -189,7 +188,7 @@ pub struct EstimatorConfigOf<G: Bearings, const K: usize> {
     pub filter_zeta: f64,
 }
 
-/// Those for the planar rotor of the paper.
+/// For the planar rotor of the paper.
 pub type EstimatorConfig = EstimatorConfigOf<RotorConfig, 3>;
 
 /// One sample of the measurements, all of the same instant.
@@ -202,7 +201,7 @@ pub struct EstimatorInputOf<const N: usize, const K: usize> {
     pub position_m: [f64; N],
     /// Measured current through {magnet}
     ///
-    /// [`Hold`] says what it stands for.
+    /// [`Hold`] states its meaning.
     #[input(names = context.of_magnets("im"), unit = AMPERE)]
     pub current_a: [f64; K],
     /// Rotor angle, wrapped or unwrapped; needed to identify an unbalance
@@ -224,7 +223,7 @@ pub struct EstimatorInputOf<const N: usize, const K: usize> {
     pub reset: bool,
 }
 
-/// That of the planar rotor of the paper.
+/// For the planar rotor of the paper.
 pub type EstimatorInput = EstimatorInputOf<2, 3>;
 
 /// Why an estimate is valid or not
@@ -239,13 +238,13 @@ pub enum Verdict {
     Disabled,
     /// A sample is not finite, or outside the gap
     ///
-    /// More such samples in a row than a gap has, or gaps so often that no sample between them counts.
+    /// More such samples in a row than a gap may have, or gaps so often that no sample between them counts.
     BadSample,
     /// The rotor is in contact
     Contact,
     /// A position sensor reads the same all the time
     ///
-    /// To the last bit for many samples, while others move.
+    /// To the last bit over many samples, while others move.
     Stuck,
     /// The latest samples contradict the earlier ones; what they told is discarded
     Changed,
@@ -255,7 +254,7 @@ pub enum Verdict {
     NotPositive,
     /// The model does not explain the motion
     ///
-    /// The innovations are larger than the known noise, or turn with the rotor.
+    /// The innovations are larger than the noise, or contain harmonics of the rotor speed.
     Unexplained,
     /// The innovations are not white
     Coloured,
@@ -263,13 +262,13 @@ pub enum Verdict {
     Noisy,
     /// The estimate has changed several times
     ///
-    /// No longer used; its number stays reserved.
+    /// Not used; its number is reserved.
     Unsteady,
     /// The standard deviation is too large
     Uncertain,
     /// The state belongs to an estimator with other parameters
     ///
-    /// It is left untouched.
+    /// It is not changed.
     ForeignState,
     /// The input omega is not the speed of theta in rad/s
     Speed,
@@ -285,10 +284,10 @@ impl fmt::Display for Verdict {
     }
 }
 
-/// The estimates after a sample. All numbers are finite at all times.
+/// The estimates after a sample. All numbers are always finite.
 ///
-/// A shaft that tilts has two planes of unbalance and two backward forces, P = 2. With an axial bearing its motion has two parts with an estimate
-/// each: the radial one, and the axial one, which is independent of it.
+/// A shaft that tilts has two planes of unbalance and two backward forces, P = 2. With an axial bearing its motion has two independent parts, radial and
+/// axial, with an estimate each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Names, default)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved, [f64; P]: Saved")]
@@ -305,7 +304,7 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     pub lambda_raw: [f64; K],
     /// Standard deviation of the force constant of {magnet} due to noise alone
     ///
-    /// λ_0 before there is one. While the estimate is not valid it includes how far the present estimate is from `lambda_hat`.
+    /// λ_0 before there is one. While the estimate is not valid it includes the distance of the present estimate from `lambda_hat`.
     #[output(names = context.of_magnets("lambdaStd"), discrete, unit = LAMBDA, min = 0.0, nominal = 1e-8)]
     pub lambda_std: [f64; K],
     /// Standard deviation of the force constant of {magnet} due to noise and tolerances
@@ -329,17 +328,17 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     pub ks_std: [f64; K],
     /// Standard deviation of the noise of the measured positions{of part}, given or estimated
     ///
-    /// Of each part; 0 before it is estimated.
+    /// For each part; 0 before it is estimated.
     #[output(names = context.of_parts("noise.position"), discrete, unit = METRE, min = 0.0, nominal = 1e-7)]
     pub position_noise_m: [f64; P],
     /// Standard deviation of the noise of im{of part}, given or estimated
     ///
-    /// As that of the positions.
+    /// For each part; 0 before it is estimated.
     #[output(names = context.of_parts("noise.current"), discrete, unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: [f64; P],
     /// Whether all estimates are valid; lambdaHat is the last valid one of each
     ///
-    /// `verdict == Verdict::Valid`. False while disabled: the estimate held then is as old as the last sample.
+    /// `verdict == Verdict::Valid`. False while disabled: the estimate is then as old as the last sample.
     #[output(discrete)]
     pub valid: bool,
     /// Why the estimate is valid or not; of several, the first that is not valid
@@ -383,22 +382,21 @@ pub struct EstimatorOutputOf<const N: usize, const K: usize, const P: usize> {
     /// In (−π, π].
     #[output(names = context.of_radial("backwardForce.phase"), discrete, unit = RADIAN)]
     pub backward_force_phase_rad: [f64; P],
-    /// det D of the z axis of the present window, rows and columns scaled as `paper` says, m³; 0 with [`Method::PredictionError`].
+    /// det D of the z axis of the present window, rows and columns scaled as described in `paper`, m³; 0 with [`Method::PredictionError`].
     #[hidden]
     pub determinant: f64,
 }
 
-/// Those for the planar rotor of the paper.
+/// For the planar rotor of the paper.
 pub type EstimatorOutput = EstimatorOutputOf<2, 3, 1>;
 
-/// Standard deviations of ki or ks, which are as uncertain as λ; 0 before the first sample.
+/// Standard deviations of ki or ks, with the relative uncertainty of λ; 0 before the first sample.
 pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f64; K], lambda: [f64; K]) -> [f64; K] {
-    let of = |k: usize| if lambda[k] > 0.0 { (stiffness[k] * lambda_std[k] / lambda[k]).abs() } else { 0.0 };
-    std::array::from_fn(of)
+    std::array::from_fn(|k| if lambda[k] > 0.0 { (stiffness[k] * lambda_std[k] / lambda[k]).abs() } else { 0.0 })
 }
 
 impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
-    /// The method for a rotor of this mass in kg, and for a machine of which parameters have these standard deviations.
+    /// The method for a rotor of this mass in kg; `machine` takes changes of parameters with these standard deviations.
     pub(super) fn prediction_error<const N: usize, const M: usize, const U: usize, const T: usize, const R: usize>(
         &self,
         m_kg: f64,
@@ -408,7 +406,7 @@ impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
     ) -> PredictionError<N, M, U, T> {
         let t = &self.tolerance;
         let [gain, offset_m, current_a] = [t.position_gain, t.position_offset_m, t.current_offset_a];
-        let changed = |r: usize, by: f64| machine(std::array::from_fn(|other| if r == other { by } else { 0.0 }));
+        let changed = |r: usize, change: f64| machine(std::array::from_fn(|s| if s == r { change } else { 0.0 }));
         let is_any = std.iter().chain(&[gain, offset_m, current_a]).any(|std| *std > 0.0);
         let tolerances = is_any.then(|| Tolerances {
             variations: (0..R).map(|r| Machine::variation([changed(r, std[r]), changed(r, -std[r])])).collect(),

@@ -1,9 +1,9 @@
 //! On-line identification of the magnet constants λ.
 //!
-//! In reading order: `config` holds parameters, inputs and outputs; `angle` filters the rotation, `motion` carries what signals do to the rotor,
-//! `innovations` is the whitening filter, `sums` the normal equations and their solutions, `models` weighs models of what changes, `noise` is the
-//! search for the noise, `validation` tests the result, and `prediction_error` is the estimator made of them; `paper` holds the paper's two methods;
-//! `one_bearing` and [`spindle`] make machines of parameters, `parts` puts the parts of a motion together. Here are the checks of a sample, gaps in the data, and the choice of the method.
+//! In reading order: `config` holds parameters, inputs and outputs; `readings` detects missing samples and stuck sensors, `angle` filters the rotation,
+//! `motion` propagates states and covariances, `innovations` is the whitening filter, `sums` holds the normal equations and their solution, `models`
+//! compares models of change, `noise` estimates the noise, `validation` tests the result, and `prediction_error` combines them; `paper` holds the paper's
+//! two methods; `one_bearing` and [`spindle`] build machines from parameters, `parts` combines independent parts of a motion. This file runs the method.
 
 mod angle;
 mod config;
@@ -35,53 +35,53 @@ use self::innovations::Sample;
 pub use self::noise::START_CURRENT_NOISE_A;
 pub use self::prediction_error::STD_LIMIT;
 pub use self::readings::STUCK_SAMPLES;
-use self::readings::{Readings, Taken};
+use self::readings::{Readings, SampleStatus};
 pub use self::validation::chi_square;
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::Invalid;
 use crate::machine::Machine as Names;
 use crate::variables::{Saved, is_finite};
 
-/// Where condition numbers end: a singular system shows this value.
+/// Upper limit of condition numbers; a singular system has this value.
 pub const CONDITION_CAP: f64 = 1.0e12;
 
-/// Rotor and bearings of a machine with N coordinates, K magnets and P parts, and the equations that follow.
+/// Rotor and bearings of a machine with N coordinates, K magnets and P parts, and its method of estimation.
 pub trait Body<const N: usize, const K: usize, const P: usize>: Bearings + Debug + PartialEq {
-    /// How its parts are called.
+    /// Names of axes, magnets and parts.
     const MACHINE: &'static Names;
 
-    /// Its method.
+    /// Its method of estimation.
     type Method: Estimation<N, K, P> + Clone + Debug + PartialEq;
 
-    /// The method.
+    /// Checks the parameters and prepares the method.
     ///
     /// # Errors
     /// Invalid parameters, by their names in the interface.
     fn method(config: &EstimatorConfigOf<Self, K>) -> Result<Self::Method, Vec<Invalid>>;
 }
 
-/// A sample for a method, with the verdict on each part if it cannot be used.
+/// A sample for a method, with the results of its checks.
 #[derive(Debug)]
-pub struct Judged<'a, const N: usize, const K: usize> {
+pub struct CheckedSample<'a, const N: usize, const K: usize> {
     input: &'a EstimatorInputOf<N, K>,
-    taken: Taken<N>,
-    /// Whether more samples are missing than a gap has.
+    status: SampleStatus<N>,
+    /// Whether more samples are missing than a gap may have.
     is_lost: bool,
     rotation: angle::Rotation,
     identify_unbalance: bool,
 }
 
-impl<const N: usize, const K: usize> Judged<'_, N, K> {
-    /// Why a part whose positions are these cannot use the sample, if so; `verdict` is that on its estimate, which a gap leaves as it is.
-    fn refused(&self, positions: Range<usize>, verdict: Verdict) -> Option<Verdict> {
-        match self.taken {
+impl<const N: usize, const K: usize> CheckedSample<'_, N, K> {
+    /// Why a part with these positions cannot use the sample, if so; `verdict` is that on its estimate, which a gap does not change.
+    fn rejection(&self, positions: Range<usize>, verdict: Verdict) -> Option<Verdict> {
+        match self.status {
             _ if !self.input.enable => Some(Verdict::Disabled),
             _ if self.input.contact => Some(Verdict::Contact),
-            Taken::Usable { contradiction: true, .. } if self.identify_unbalance => Some(Verdict::Speed),
-            Taken::Usable { settling: true, .. } if self.identify_unbalance => Some(Verdict::Collecting),
-            Taken::Usable { stuck, .. } => stuck[positions].iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
+            SampleStatus::Usable { wrong_speed: true, .. } if self.identify_unbalance => Some(Verdict::Speed),
+            SampleStatus::Usable { settling: true, .. } if self.identify_unbalance => Some(Verdict::Collecting),
+            SampleStatus::Usable { stuck, .. } => stuck[positions].iter().any(|stuck| *stuck).then_some(Verdict::Stuck),
             _ if self.is_lost => Some(Verdict::BadSample),
-            Taken::Missing | Taken::Repeated => Some(verdict),
+            SampleStatus::Missing | SampleStatus::Repeated => Some(verdict),
         }
     }
 }
@@ -91,7 +91,7 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
     /// State between samples.
     type State: Clone + Debug + PartialEq + Saved;
 
-    /// A fresh state, with all the memory that stepping needs.
+    /// A new state, with all the memory that stepping needs.
     fn start(&self) -> Self::State;
 
     /// Whether a state has the shape this method needs.
@@ -100,16 +100,16 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
     /// Whether the rotor is within the gaps of all magnets at these positions, in m.
     fn is_in_gap(&self, position_m: [f64; N]) -> bool;
 
-    /// Takes in a sample and writes what it tells into the output; the verdicts on the parts.
+    /// Processes a sample and updates the output; returns the verdicts on the parts.
     fn advance(
         &self,
         state: &mut Self::State,
-        sample: &Judged<'_, N, K>,
+        sample: &CheckedSample<'_, N, K>,
         output: &mut EstimatorOutputOf<N, K, P>,
     ) -> [Verdict; P];
 }
 
-/// All that changes with a sample. Made by [`Estimator::start`], and good only for estimators with the same parameters.
+/// State between samples. Made by [`Estimator::start`]; valid only for estimators with the same parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "S: Saved, EstimatorOutputOf<N, K, P>: Saved")]
 pub struct EstimatorState<S = one_bearing::PlanarState, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
@@ -142,10 +142,9 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     /// Checks the parameters and prepares the method.
     ///
     /// # Errors
-    /// Every parameter that cannot be accepted, under its name in the interface: not finite, or not positive where it must be; a geometry that
-    /// cannot hold the rotor, or magnets and sensors that cannot be told apart; a tolerance, or no unbalance, with one of the paper's
-    /// methods; with these also `Tf` less than 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than
-    /// `Tf`.
+    /// Every invalid parameter, under its name in the interface: not finite, or not positive where it must be; a geometry in which the rotor has no room,
+    /// or with magnets or sensors that cannot be distinguished. With one of the paper's methods also a tolerance, `identify.unbalance` false, `Tf` less than
+    /// 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
     pub fn new(config: EstimatorConfigOf<G, K>) -> Result<Self, Vec<Invalid>> {
         let method = G::method(&config)?;
         Ok(Self { config, method })
@@ -157,7 +156,7 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         &self.config
     }
 
-    /// A fresh state, with all the memory that stepping needs.
+    /// A new state, with all the memory that stepping needs.
     #[must_use]
     pub fn start(&self) -> StateOf<G, N, K, P> {
         let EstimatorConfigOf { lambda0_nm2_a2: lambda0, position_noise_m, current_noise_a, .. } = self.config;
@@ -175,7 +174,7 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         EstimatorState { reset_was_high: false, readings: Readings::start(), method: self.method.start(), output }
     }
 
-    /// Whether a state, for instance one read from a file, has the shape this estimator needs and finite numbers alone.
+    /// Whether a state, for instance one read from a file, has the shape this estimator needs and only finite numbers.
     #[must_use]
     pub fn accepts(&self, state: &StateOf<G, N, K, P>) -> bool
     where
@@ -184,10 +183,10 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         is_finite(state) && self.method.has_shape(&state.method)
     }
 
-    /// Takes in one sample; to be called once every T_s.
+    /// Processes one sample; call it once every T_s.
     ///
-    /// Whatever the input, the result is finite and nothing panics. After a gap in the data (a bad sample, or `enable` false) the
-    /// motion is unknown, but what the samples before said of λ stays. A rising edge of `reset` forgets everything, λ̂ included.
+    /// The result is finite for any input, and nothing panics. After a gap in the data (a bad sample, or `enable` false) the motion is unknown, but the
+    /// information on λ is kept. A rising edge of `reset` discards everything, λ̂ included.
     pub fn sample(
         &self,
         state: &mut StateOf<G, N, K, P>,
@@ -198,13 +197,13 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         }
         state.reset_was_high = input.reset;
         let EstimatorConfigOf { step_s, method, identify_unbalance, .. } = self.config;
-        // The paper's methods have no use for the angle, and along the axis there is no unbalance.
+        // The paper's methods do not use the angle, and an axial bearing has no unbalance.
         let identify_unbalance = identify_unbalance && G::MACHINE.planes > 0 && method == Method::PredictionError;
-        let (readings, rotation) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
+        let (readings, angle_and_speed) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
         let in_gap = self.method.is_in_gap(input.position_m);
-        let taken = readings.take(input.position_m, input.current_a, rotation, step_s, in_gap);
+        let status = readings.update(input.position_m, input.current_a, angle_and_speed, step_s, in_gap);
         let (is_lost, rotation) = (readings.missing > STUCK_SAMPLES, readings.rotation());
-        let sample = Judged { input, taken, is_lost, rotation, identify_unbalance };
+        let sample = CheckedSample { input, status, is_lost, rotation, identify_unbalance };
         let output = &mut state.output;
         let verdicts = self.method.advance(&mut state.method, &sample, output);
         output.axial_verdict = verdicts[P - 1];

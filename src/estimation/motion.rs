@@ -1,12 +1,10 @@
-//! Motions (q, q̇) that signals drive, their transitions and covariances.
+//! Motions (q, q̇) driven by signals, their transitions and covariances.
 //!
-//! Signals lie along the columns of a matrix, one column per coordinate, so that each loop runs over contiguous numbers, and its order is the same on every
-//! processor.
+//! A matrix has a row for each signal and a column for each coordinate, so that each loop runs over contiguous numbers, in the same order on every processor.
 
 use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};
 
-/// A square matrix.
 pub type Square<const N: usize> = SMatrix<f64, N, N>;
 
 /// `sum += a bᵀ`.
@@ -43,7 +41,7 @@ fn symmetric<const N: usize>(a: Square<N>) -> Square<N> {
     (a + a.transpose()) * 0.5
 }
 
-/// Coordinates and rates that several signals have driven, a row for each.
+/// Coordinates and rates driven by several signals, a row for each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Motions<const R: usize, const N: usize> {
     pub position: SMatrix<f64, R, N>,
@@ -55,7 +53,7 @@ impl<const R: usize, const N: usize> Motions<R, N> {
         Self { position: SMatrix::zeros(), rate: SMatrix::zeros() }
     }
 
-    /// Adds what a transition makes of other motions.
+    /// Adds other motions after a transition.
     #[inline(always)]
     pub fn add(&mut self, by: &Transition<N>, of: &Self) {
         add_product(&mut self.position, &of.position, &by.position);
@@ -111,15 +109,15 @@ impl<const N: usize> Covariance<N> {
         (self.position, self.mixed, self.rate) = (positions.position, positions.rate, rates.rate);
     }
 
-    /// `A P Aᵀ` with A taken apart: a free motion, then what stiffness and gyroscope, times h, make of coordinates and rates. That is right to the
-    /// order h, costs a third, and keeps P semidefinite.
+    /// `A P Aᵀ` with A split into a free motion and the change of the rates by stiffness and gyroscopic terms, both times h. Correct to first order in h,
+    /// costs a third, and keeps P semidefinite.
     #[inline(always)]
     pub fn drift_and_kick(&mut self, h: f64, stiffness: &Square<N>, gyroscopic: Option<&Square<N>>) {
         let moved = self.rate * h;
         let mixed = self.mixed * h;
         self.position += mixed + mixed.transpose() + moved * h;
         self.mixed += moved;
-        // Covariances of coordinates and rates with the change of the rates, and its own.
+        // Covariances of the change of the rates with coordinates and rates, then its own.
         let mut with_position = product(&self.position, stiffness);
         let mut with_rate = product(&self.mixed.transpose(), stiffness);
         if let Some(gyroscopic) = gyroscopic {
@@ -133,16 +131,16 @@ impl<const N: usize> Covariance<N> {
         }
     }
 
-    /// `(I − G H) P (I − G H)ᵀ` for the gain G of the positions H; the first columns of `(I − G H) P`.
+    /// `(I − G H) P (I − G H)ᵀ` for the gain G and measured positions H; returns the first columns of `(I − G H) P`.
     #[inline(always)]
     pub fn correct(&mut self, gain: &[Square<N>; 2]) -> [Square<N>; 2] {
-        let kept = Square::identity() - gain[0];
-        let above = product(&kept, &self.position);
-        let mixed = product(&kept, &self.mixed.transpose());
+        let complement = Square::identity() - gain[0];
+        let above = product(&complement, &self.position);
+        let mixed = product(&complement, &self.mixed.transpose());
         let below = self.mixed.transpose() - product(&gain[1], &self.position);
         let rate = self.rate - product(&gain[1], &self.mixed.transpose());
-        // Rounding must not make them asymmetric: the error would grow.
-        self.position = symmetric(product(&above, &kept));
+        // Asymmetry by rounding would grow.
+        self.position = symmetric(product(&above, &complement));
         self.mixed = mixed - product(&above, &gain[1]);
         self.rate = symmetric(rate - product(&below, &gain[1]));
         [above, below]

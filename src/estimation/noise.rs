@@ -1,8 +1,8 @@
-//! Standard deviations of the noise, by likelihood, with a prior that is tight where they are known.
+//! Maximum-likelihood estimates of the noise, with a tight prior if it is known.
 //!
-//! Where it is not known, the noise of the positions is first taken from their differences. Then the innovations tell both: with their
-//! covariance `σ_z² S(ρ)`, `ρ = σ_i²/σ_z²`, the logarithm of the likelihood of one of them is `−½ (eᵀ S⁻¹ e/σ_z² + ln det S + 2 ln σ_z²)`, and
-//! the recursive Gauss–Newton method (Ljung, section 11.4) climbs it in `(ln ρ, ln σ_z²)`.
+//! Unknown position noise is first estimated from differences of the positions. Then the innovations determine both noises: with their covariance
+//! `σ_z² S(ρ)`, `ρ = σ_i²/σ_z²`, the log likelihood of an innovation is `−½ (eᵀ S⁻¹ e/σ_z² + ln det S + 2 ln σ_z²)`, and the recursive Gauss–Newton
+//! method (Ljung, section 11.4) maximises it over `(ln ρ, ln σ_z²)`.
 
 use libm::{exp, log, sqrt};
 use nalgebra::{Matrix2, SVector, Vector2};
@@ -11,43 +11,43 @@ use serde::{Deserialize, Serialize};
 use super::angle::Rotation;
 use super::innovations::{Innovation, Sample};
 
-/// Samples whose differences the start is taken from: their standard deviation is then known to about a tenth.
+/// Samples whose differences give the initial estimate, which is accurate to about a tenth.
 const START_SAMPLES: usize = 64;
 
-/// The greatest standard deviation of the noise of a current that is usual for current sensors, A; the least is a tenth of it.
+/// Greatest usual standard deviation of the noise of a current sensor, A; the smallest is a tenth of it.
 pub const USUAL_CURRENT_NOISE_A: f64 = 5.0e-2;
 
-/// Standard deviation of the noise of a current that the search starts from, A: the geometric mean of what is usual. From
-/// below, where currents say little of their noise, the search is slow, and the deviation stated meanwhile too small.
+/// Initial standard deviation of the noise of a current, A: the geometric mean of the usual range. From below, where the data contain little information on
+/// this noise, the search is slow, and meanwhile the stated standard deviation of λ is too small.
 pub const START_CURRENT_NOISE_A: f64 = 1.5e-2;
 
-/// Least and greatest standard deviation of a position, m: what is below is rounding, what is above hides a clearance.
+/// Smallest and greatest standard deviation of a position, m: smaller ones are rounding, greater ones hide the clearance.
 const POSITION_NOISE_M: [f64; 2] = [1.0e-9, 3.0e-5];
 
-/// The greatest standard deviations that the search finds without being far off, m and A: one and a half times those of the study of fourteen
-/// pairs of noise (`montecarlo --only "14 pairs"`).
-const GREATEST_FOUND: [f64; 2] = [7.5e-6, 0.15];
+/// Greatest standard deviations for which the estimate is reliable, m and A: one and a half times those of the study of fourteen pairs of noise
+/// (`montecarlo --only "14 pairs"`).
+const RELIABLE_UP_TO: [f64; 2] = [7.5e-6, 0.15];
 
-/// Prior information on ln σ² of a noise that is known: to 2 %, as after 1200 samples of one reading; and of one that is estimated: the first samples
-/// decide nothing. That of samples on ln ρ grows with ρ² and is below 1 at first: with 2 instead of 1 a search that began a factor of three too low
-/// took 0.1 s (drawn bearings, seed 56183).
+/// Prior information on ln σ² of known noise, to 2 % of σ as after 1200 samples of one reading, and of estimated noise, so that the first samples have little
+/// effect. The information of samples on ln ρ grows with ρ² and is below 1 at first: with 2 instead of 1 a search that started a factor of three too
+/// low took 0.1 s (drawn bearings, seed 56183).
 const KNOWN: f64 = 600.0;
 const ESTIMATED: f64 = 1.0;
 
-/// Innovations whose normalised square is beyond this count with a weight that brings them back to it: χ² with two degrees of freedom, no noise in 10¹³
-/// samples.
+/// Innovations with a greater normalised square are outliers, and their weight reduces it to this value. Noise exceeds it once in 10¹³ samples (χ² with two
+/// degrees of freedom).
 pub const OUTLIER: f64 = 60.0;
 
-/// A change of ln ρ that makes the weights of earlier samples wrong by a factor of two, and what they then count; with 0.3 the stated deviation of the
-/// nominal bearing at 0.1 s is 1.4 times the bound instead of 1.2. Without it 188 instead of 191 of 196 drawn bearings are valid at 0.1 s, and 195
-/// instead of 198 of 200 at 0.2 s (seeds 757001 to 757200).
+/// Change of ln ρ that makes the weights of earlier samples wrong by a factor of two, and the factor by which these are then multiplied. With a factor of
+/// 0.3 the stated standard deviation of the nominal bearing at 0.1 s is 1.4 times the bound instead of 1.2. Without any, 188 instead of 191 of 196
+/// drawn bearings are valid at 0.1 s, and 195 instead of 198 of 200 at 0.2 s (seeds 757001 to 757200).
 const RATIO_CHANGE: f64 = 1.4;
 const DISCOUNT: f64 = 0.6;
 
-/// The noise, and how well it is known.
+/// Estimates of the noise, and the information on them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
-    /// Whether σ_z and σ_i are known beforehand, and ln σ_z² and ln σ_i² at the start.
+    /// Whether σ_z and σ_i are known, and the initial ln σ_z² and ln σ_i².
     known: [bool; 2],
     start: [f64; 2],
     /// ln ρ, ln σ_z².
@@ -56,32 +56,31 @@ pub struct Noise {
     pub variances: [f64; 2],
     information: Matrix2<f64>,
     samples: f64,
-    /// ln ρ with which most samples were weighed.
-    weighed_with: f64,
+    /// ln ρ with which most samples were weighted.
+    weighting_log_ratio: f64,
 }
 
 impl Noise {
-    /// The noise at the start: standard deviations of a position, m, and of a current, A, where they are not 0; otherwise that of a position is
-    /// taken from differences.
+    /// Initial noise: the known standard deviations of a position, m, and of a current, A, if not 0; otherwise `first_m`, from differences, for a position.
     pub fn new([known_m, known_a]: [f64; 2], first_m: f64) -> Self {
         let known = [known_m > 0.0, known_a > 0.0];
         let position = if known[0] { known_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
         let current = if known[1] { known_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
-        // A standard deviation of three in ln ρ and ln σ_z², which are found within a factor of twenty.
+        // A standard deviation of three in ln ρ and ln σ_z²: a factor of twenty.
         let information = Matrix2::identity() * 0.1;
         let variances = [position * position, current * current];
         let start = [logs.y, logs.sum()];
-        Self { known, start, weighed_with: logs.x, logs, variances, information, samples: 0.0 }
+        Self { known, start, weighting_log_ratio: logs.x, logs, variances, information, samples: 0.0 }
     }
 
-    /// Whether what is estimated is where the search finds it.
+    /// Whether all estimated noise is within the reliable range.
     pub fn is_within_range(&self) -> bool {
-        let found = self.variances.into_iter().zip(GREATEST_FOUND);
-        found.zip(self.known).all(|((variance, greatest), known)| known || variance <= greatest * greatest)
+        let limited = self.variances.into_iter().zip(RELIABLE_UP_TO);
+        limited.zip(self.known).all(|((variance, greatest), known)| known || variance <= greatest * greatest)
     }
 
-    /// Takes in an innovation, found with this variance of the positions, with a weight; the weight that earlier sums are to be counted with from now on.
+    /// Updates the estimates with a weighted innovation, computed with this position variance; returns a factor for all sums so far.
     #[inline(always)]
     pub fn update<const N: usize, const K: usize, const U: usize, const T: usize>(
         &mut self,
@@ -103,7 +102,7 @@ impl Noise {
             return 1.0;
         }
         self.samples += 1.0;
-        // Earlier samples, taken with a worse estimate, are forgotten.
+        // Earlier samples, with a worse estimate, are forgotten.
         self.information *= 1.0 - 1.0 / (0.7 * self.samples).max(100.0);
         self.information += Matrix2::new(by_ratio, mixed, mixed, 0.5 * N as f64);
         // ln σ_i² = ln ρ + ln σ_z².
@@ -111,14 +110,14 @@ impl Noise {
         let prior = Matrix2::new(current, current, current, current + position);
         let information = self.information + prior;
         let mut step = information.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
-        // Noise that is known may be beyond what a search finds.
+        // Known noise may be outside the range of estimates.
         let any = [f64::MIN_POSITIVE, f64::MAX];
         let [least, most] = if self.known[0] { any } else { POSITION_NOISE_M.map(|std_m| std_m * std_m) };
-        // A variance of the positions that is at its bound stays there.
+        // A position variance at its bound stays there.
         if (self.variances[0] <= least && step.y < 0.0) || (self.variances[0] >= most && step.y > 0.0) {
             step = Vector2::new(score.x / information[(0, 0)], 0.0);
         }
-        // The logarithm of a variance within bounds, and the variance, after a step of at most a tenth.
+        // The logarithm of a bounded variance, and the variance, after a step of at most 0.1 in the logarithm.
         let bounded = |x: f64, step: f64, [least, most]: [f64; 2]| {
             let x = x + step.clamp(-0.1, 0.1);
             match exp(x) {
@@ -128,43 +127,43 @@ impl Noise {
             }
         };
         (self.logs.y, self.variances[0]) = bounded(self.logs.y, step.y, [least, most]);
-        // More than 0.2 A explains all of the motion by noise, so that λ is never found and the search never returns: orbits of two circles with 1 µm
-        // then end at 0.7 A. Nor is the motion itself to be taken for noise while λ is unknown: at most 0.15 of the mean square of the currents is.
+        // More than 0.2 A would explain all of the motion by noise, so that neither λ nor the noise converges: orbits of two circles with 1 µm then end at
+        // 0.7 A. To keep the motion itself from being taken for noise while λ is unknown, the variance is at most 0.15 of the mean square of the currents.
         let most = (0.15 * mean_square_a2).min(0.2 * 0.2) / self.variances[0];
-        // Beyond a σ_i/σ_z of 10² and 10⁸ A/m one of the two noises is without effect on the innovations.
+        // Outside 10² ≤ σ_i/σ_z ≤ 10⁸ A/m one of the two noises has no effect on the innovations.
         let ratio = if self.known[1] { any } else { [1.0e4, most.clamp(1.0e4, 1.0e16)] };
         (self.logs.x, self.variances[1]) = bounded(self.logs.x, step.x, ratio);
         self.variances[1] *= self.variances[0];
-        // Noise that is found five standard deviations of the prior away was not known (conflict of prior and data).
-        let apart = [self.logs.y - self.start[0], self.logs.sum() - self.start[1]];
-        if self.known.iter().zip(apart).any(|(known, apart)| *known && apart * apart * KNOWN > 25.0) {
+        // An estimate five standard deviations of the prior away means that the noise was not known (prior-data conflict).
+        let distance = [self.logs.y - self.start[0], self.logs.sum() - self.start[1]];
+        if self.known.iter().zip(distance).any(|(known, distance)| *known && distance * distance * KNOWN > 25.0) {
             self.known = [false; 2];
         }
-        if (self.logs.x - self.weighed_with).abs() <= RATIO_CHANGE {
+        if (self.logs.x - self.weighting_log_ratio).abs() <= RATIO_CHANGE {
             return 1.0;
         }
-        self.weighed_with = self.logs.x;
+        self.weighting_log_ratio = self.logs.x;
         DISCOUNT
     }
 }
 
-/// The first samples, from which the noise of the positions is taken; they wait here until it is known. So a state has a ring of them.
+/// A ring buffer of the first samples, which wait here for the initial estimate of the position noise.
 ///
-/// The noise is the smaller of what fourth and sixth differences tell. They take the motion away, and keep 70 and 924 times the variance of
-/// white noise, the sums of the squared binomial coefficients. Only samples at equal distances count, also if every other one is missing.
+/// That is the smaller of the estimates from fourth and sixth differences. These remove the motion and have 70 and 924 times the variance of white noise,
+/// the sums of the squared binomial coefficients. Only equidistant samples count, for instance with every other one missing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Waiting<const N: usize, const K: usize> {
+pub struct StartBuffer<const N: usize, const K: usize> {
     ring: Vec<Sample<N, K>>,
     first: usize,
     count: usize,
-    /// Missing samples before the last one, and samples at this distance from each other; differences in the sums, and the sums of their squares.
+    /// Missing samples before the last one, and successive samples with that distance; number of differences, and sums of their squares.
     missing: u32,
     equidistant: usize,
     differences: usize,
     squares: [f64; 2],
 }
 
-impl<const N: usize, const K: usize> Waiting<N, K> {
+impl<const N: usize, const K: usize> StartBuffer<N, K> {
     pub fn empty() -> Self {
         let sample = Sample::new([0.0; N], [0.0; K], Rotation::start(0.0, 0.0));
         Self {
@@ -178,20 +177,20 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
         }
     }
 
-    /// Whether the ring is whole, and all places are within it.
+    /// Whether the ring is complete and all indices are within it.
     pub fn has_shape(&self) -> bool {
         self.ring.len() == START_SAMPLES && self.first < START_SAMPLES && self.count <= START_SAMPLES
     }
 
-    /// Puts a sample at the end; the oldest falls out if none is taken for it.
-    pub fn put(&mut self, sample: Sample<N, K>) {
+    /// Appends a sample; if the buffer is full, the oldest is dropped.
+    pub fn push(&mut self, sample: Sample<N, K>) {
         let end = self.first + self.count;
         self.ring[end % START_SAMPLES] = sample;
         if self.count < START_SAMPLES {
             self.count += 1;
         } else {
             self.first = (self.first + 1) % START_SAMPLES;
-            // Nothing is known of the sample before the one that is now the oldest.
+            // The sample before the one that is now the oldest is lost.
             self.ring[self.first].missing = u32::MAX;
         }
         self.equidistant = if sample.missing == self.missing { self.equidistant + 1 } else { 2 };
@@ -207,8 +206,8 @@ impl<const N: usize, const K: usize> Waiting<N, K> {
         }
     }
 
-    /// Takes the oldest sample.
-    pub fn take(&mut self) -> Option<Sample<N, K>> {
+    /// Removes and returns the oldest sample.
+    pub fn pop(&mut self) -> Option<Sample<N, K>> {
         self.count = self.count.checked_sub(1)?;
         let at = self.first;
         self.first = (at + 1) % START_SAMPLES;

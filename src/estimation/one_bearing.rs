@@ -1,4 +1,4 @@
-//! The estimator of a rotor in one bearing, whose coordinates are its positions.
+//! The estimator of a rotor in one bearing, with its positions as coordinates.
 
 use libm::sin;
 use nalgebra::SMatrix;
@@ -7,40 +7,42 @@ use serde::{Deserialize, Serialize};
 use super::config::{MAX_INTERVALS, MIN_INTERVALS, WHOLE_NUMBER_TOLERANCE};
 use super::paper::{Paper, PaperState};
 use super::parts::{Parts, PartsState};
-use super::{Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Machine, Method, Names, Taken, Verdict};
+use super::{
+    CheckedSample, Estimation, EstimatorConfigOf, EstimatorOutputOf, Machine, Method, Names, SampleStatus, Verdict,
+};
 use crate::bearing::magnet::{Geometry, SMALLEST_SINE};
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::invalid::Checks;
 use crate::variables::numbers;
 
-/// A force constant that is held at its first guess has this standard deviation, relative.
-const HELD: f64 = 1.0e-3;
+/// Relative standard deviation of a force constant that is fixed at its first guess.
+const FIXED_STD: f64 = 1.0e-3;
 
 impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     /// A rotor of this mass in kg in a bearing with this gap in m and magnets at these angles in rad.
     pub fn of_bearing(m_kg: f64, gap_m: f64, alpha_rad: [f64; K]) -> Self {
         let geometry = Geometry::<f64, N, K>::new(gap_m, alpha_rad);
         let axes = std::array::from_fn::<[f64; N], N, _>(|a| std::array::from_fn(|n| f64::from(u8::from(a == n))));
-        // Magnets, in the plane unbalance and backward force, load.
-        let turning = if N == 2 { 2 } else { 0 };
-        let others = (0..=turning).flat_map(|_| axes);
+        // Magnets; in the plane, unbalance and backward force; load.
+        let rotating = if N == 2 { 2 } else { 0 };
+        let others = (0..=rotating).flat_map(|_| axes);
         let forces = geometry.directions.into_iter().chain(others).collect::<Vec<[f64; N]>>();
         let accelerations = SMatrix::from_fn(|force, n| forces[force][n] / m_kg);
-        Self { geometry, accelerations, backward: K + turning, gyroscopic: None }
+        Self { geometry, accelerations, backward: K + rotating, gyroscopic: None }
     }
 }
 
 impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
-    /// Reports what numbers within their limits have wrong together, under its name in the interface.
+    /// Reports inconsistent parameters whose values are each within their limits, under their names in the interface.
     pub(super) fn check_bearing<const N: usize>(&self, checks: &mut Checks) {
         let alpha_rad = &self.geometry.bearings[0].alpha_rad[..K];
         for (k, alpha) in alpha_rad.iter().enumerate().filter(|_| N == 2) {
             for (l, other) in alpha_rad.iter().enumerate().take(k) {
-                // Opposed magnets pull in turn: their currents tell them apart.
-                let line = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
+                // Four magnets are two opposed pairs, whose magnets pull alternately: their currents distinguish them.
+                let sine = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
                 let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
                 let name = format!("alpha[{}]", k + 1);
-                checks.require(line >= SMALLEST_SINE, name, format_args!("{alpha} rad"), wanted);
+                checks.require(sine >= SMALLEST_SINE, name, format_args!("{alpha} rad"), wanted);
             }
         }
         if self.method == Method::PredictionError {
@@ -61,12 +63,12 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
         ] {
             checks.require(holds, "Tf", format_args!("{} s", self.window_s), wanted);
         }
-        let enough = self.epsilon_s >= self.window_s * (1.0 - slack);
+        let is_long = self.epsilon_s >= self.window_s * (1.0 - slack);
         let wanted = "at least Tf, for there is no estimate before the first window is full,";
-        checks.require(enough, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
+        checks.require(is_long, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
     }
 
-    /// The method with R uncertain parameters: the gap, and in the plane the angles.
+    /// The method, with R uncertain parameters: the gap and, in the plane, the angles.
     pub(super) fn parts<const N: usize, const U: usize, const T: usize, const R: usize>(&self) -> Parts<N, K, U, T> {
         let (m_kg, BearingConfig { gap_m, alpha_rad, .. }) = (self.geometry.shaft.m_kg, self.geometry.bearings[0]);
         let machine = |change: [f64; R]| {
@@ -77,7 +79,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
         let mut first = self.prediction_error(m_kg, machine, std, self.lambda0_nm2_a2);
         if let Some(only) = self.used.only() {
             for k in (0..K).filter(|k| *k != only) {
-                let std = HELD * self.lambda0_nm2_a2[k];
+                let std = FIXED_STD * self.lambda0_nm2_a2[k];
                 first.prior.precision[k] = 1.0 / (std * std);
             }
         }
@@ -85,7 +87,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
     }
 }
 
-/// The methods for the machine of the paper.
+/// The methods for the paper's machine.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Planar {
     PredictionError(Parts<2, 3, 9, 11>),
@@ -129,19 +131,19 @@ impl Estimation<2, 3, 1> for Planar {
     fn advance(
         &self,
         state: &mut PlanarState,
-        sample: &Judged<'_, 2, 3>,
+        sample: &CheckedSample<'_, 2, 3>,
         output: &mut EstimatorOutputOf<2, 3, 1>,
     ) -> [Verdict; 1] {
         match (self, state) {
             (Planar::PredictionError(method), PlanarState::PredictionError(own)) => method.advance(own, sample, output),
             (Planar::Paper(method), PlanarState::Paper(own)) if method.has_shape(own) => {
-                // These methods bridge no gap.
-                let refused = match sample.taken {
-                    Taken::Repeated if sample.input.enable && !sample.input.contact => None,
-                    _ => sample.refused(0..2, Verdict::BadSample),
+                // The paper's methods use repeated samples and do not bridge gaps.
+                let rejection = match sample.status {
+                    SampleStatus::Repeated if sample.input.enable && !sample.input.contact => None,
+                    _ => sample.rejection(0..2, Verdict::BadSample),
                 };
-                let refused = refused.inspect(|_| method.interrupt(own));
-                [refused.unwrap_or_else(|| method.sample(own, sample.input, output))]
+                let rejection = rejection.inspect(|_| method.interrupt(own));
+                [rejection.unwrap_or_else(|| method.sample(own, sample.input, output))]
             }
             _ => [Verdict::ForeignState],
         }

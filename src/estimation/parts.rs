@@ -1,19 +1,21 @@
-//! A machine's motion in independent parts, each with its own filter and sums, and the sizes of all machines.
+//! A machine's motion as independent parts, each with its own filter and sums, and the sizes of all machines.
 //!
-//! A radial magnet does not pull along the shaft, and an axial one not across it: of a shaft in bearings of both kinds the axial motion is a part of
-//! its own. All other machines have one part.
+//! Radial magnets do not pull along the shaft, axial ones not across it: the axial motion of a shaft with both kinds of bearings is a separate part. All
+//! other machines have one part.
 
 use libm::{atan2, sqrt};
 
 use super::one_bearing::Planar;
 use super::paper::Paper;
 use super::prediction_error::{PredictionError, PredictionErrorState};
-use super::{Body, Estimation, EstimatorConfigOf, EstimatorOutputOf, Judged, Method, Names, Sample, Taken, Verdict};
+use super::{
+    Body, CheckedSample, Estimation, EstimatorConfigOf, EstimatorOutputOf, Method, Names, Sample, SampleStatus, Verdict,
+};
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Saved;
 
-/// Implements the equations for the sizes of a machine: coordinates, magnets, places for results by part, plane or radial bearing.
+/// Implements [`Body`] for the sizes of a machine: coordinates, magnets, bearings, results per part, plane or radial bearing.
 macro_rules! of_sizes {
     ($n:literal, $k:literal, $b:literal, $p:literal, $check:ident, $method:ty, |$config:ident| $make:expr) => {
         impl Body<$n, $k, $p> for RotorConfig<f64, $b> {
@@ -29,7 +31,7 @@ macro_rules! of_sizes {
     };
 }
 
-// Coordinates, magnets, bearings, places for results; of the first part magnets, unknowns and columns of tolerances; its uncertain parameters.
+// Coordinates, magnets, bearings, results; for the first part: coordinates, magnets, unknowns, columns of tolerances, and uncertain parameters.
 of_sizes!(2, 3, 1, 1, check_bearing, Planar, |config| match config.method {
     Method::PredictionError => Planar::PredictionError(config.parts::<2, 9, 11, 4>()),
     Method::Paper | Method::PaperLiteral => Planar::Paper(Paper::new(config)),
@@ -40,7 +42,7 @@ of_sizes!(5, 8, 3, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of
 of_sizes!(5, 10, 3, 2, check_shaft, Parts<4, 8, 20, 33>, |config| config.parts_of_shaft::<5, 8, 20, 33, 17>());
 of_sizes!(4, 6, 2, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<4, 6, 18, 29, 15>());
 
-/// The motion with R coordinates and K magnets, and the axial one if that is a part of its own.
+/// The motion with R coordinates and K magnets, and the axial one if that is a separate part.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Parts<const R: usize, const K: usize, const U: usize, const T: usize> {
     pub first: PredictionError<R, K, U, T>,
@@ -63,8 +65,9 @@ where
     }
 
     fn has_shape(&self, (first, axial): &Self::State) -> bool {
-        let both = axial.is_some() == self.axial.is_some();
-        both && first.has_shape() && axial.as_ref().is_none_or(|axial| axial.has_shape())
+        axial.is_some() == self.axial.is_some()
+            && first.has_shape()
+            && axial.as_ref().is_none_or(|axial| axial.has_shape())
     }
 
     fn is_in_gap(&self, position_m: [f64; N]) -> bool {
@@ -75,10 +78,10 @@ where
     fn advance(
         &self,
         (first, axial): &mut Self::State,
-        sample: &Judged<'_, N, A>,
+        sample: &CheckedSample<'_, N, A>,
         output: &mut EstimatorOutputOf<N, A, P>,
     ) -> [Verdict; P] {
-        // The axial magnets and reading are the last ones, the axial coordinate is the first.
+        // Axial magnets and reading come last, the axial load first.
         let mut verdicts = [sample.advance(&self.first, first, output, 0, [0, 0, N - R]); P];
         if let (Some(method), Some(axial)) = (&self.axial, axial) {
             verdicts[1] = sample.advance(method, axial, output, 1, [R, K, 0]);
@@ -94,8 +97,8 @@ fn is_in_gap<const R: usize, const K: usize, const U: usize, const T: usize>(
     method.filter.machine.geometry.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
 }
 
-impl<const N: usize, const A: usize> Judged<'_, N, A> {
-    /// The verdict on a part whose readings, magnets and loads begin with these, and its estimate in the output.
+impl<const N: usize, const A: usize> CheckedSample<'_, N, A> {
+    /// Updates the part whose readings, magnets and loads begin at these indices, writes its estimate to the output and returns the verdict.
     fn advance<const R: usize, const K: usize, const U: usize, const T: usize, const P: usize>(
         &self,
         method: &PredictionError<R, K, U, T>,
@@ -104,11 +107,13 @@ impl<const N: usize, const A: usize> Judged<'_, N, A> {
         part: usize,
         [reading, magnet, load]: [usize; 3],
     ) -> Verdict {
-        let refused = self.refused(reading..reading + R, state.estimate.verdict);
-        // All samples so far belong to another angle, or to one that has not settled.
-        let is_anew =
-            matches!((&self.taken, refused), (Taken::Usable { .. }, Some(Verdict::Speed | Verdict::Collecting)));
-        let verdict = method.take(state, refused, is_anew, || {
+        let rejection = self.rejection(reading..reading + R, state.estimate.verdict);
+        // The samples so far have a wrong angle, or one that had not settled.
+        let resets = matches!(
+            (&self.status, rejection),
+            (SampleStatus::Usable { .. }, Some(Verdict::Speed | Verdict::Collecting))
+        );
+        let verdict = method.step(state, rejection, resets, || {
             let position_m = std::array::from_fn(|n| self.input.position_m[reading + n]);
             let current_a = std::array::from_fn(|k| self.input.current_a[magnet + k]);
             Sample::new(position_m, current_a, self.rotation)
@@ -122,7 +127,7 @@ impl<const N: usize, const A: usize> Judged<'_, N, A> {
             (output.ki[magnet + k], output.ks[magnet + k]) = (estimate.ki[k], estimate.ks[k]);
         }
         [output.position_noise_m[part], output.current_noise_a[part]] = estimate.noise;
-        // Of several parts, the worst.
+        // The worst of all parts.
         let worst = |so_far: f64, own: f64| if part == 0 { own } else { so_far.max(own) };
         output.condition = worst(output.condition, estimate.condition);
         output.residual = worst(output.residual, estimate.residual);

@@ -8,72 +8,71 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::CONDITION_CAP;
-use super::angle::turned;
+use super::angle::angle_difference;
 use super::config::Verdict;
-use super::innovations::{FilterState, Running, Sample, WhiteningFilter};
-use super::models::{Models, Weighed};
-use super::noise::{Noise, OUTLIER, USUAL_CURRENT_NOISE_A, Waiting};
+use super::innovations::{FilterParameters, FilterState, Sample, WhiteningFilter};
+use super::models::{Comparison, Models};
+use super::noise::{Noise, OUTLIER, StartBuffer, USUAL_CURRENT_NOISE_A};
 use super::sums::{AngleTable, Prior, Solution, Sums, lambda_of};
 use super::validation::Validation;
 
-/// Blocks of samples in a revolution: a change is seen within half of one.
+/// Blocks of samples in a revolution: a change is detected within half of one.
 const QUARTERS: usize = 4;
 
-/// Duration that counts as a revolution of a rotor at rest, s: λ may change all the same. That of 2250 rpm.
+/// Duration that counts as a revolution of a rotor at rest, s, because λ may change then as well. That of 2250 rpm.
 const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 
-/// Over so many missing samples the filter predicts; after more it starts again. If it started after every gap, estimates would be valid 71 instead of 99 %
+/// Missing samples over which the filter predicts; after more it restarts. If it restarted after every gap, estimates would be valid 71 instead of 99 %
 /// of the time with 10 % of the samples missing (noise estimated, seeds 1450001 to 1450020).
-const BRIDGED: u32 = 8;
+const MAX_BRIDGED: u32 = 8;
 
-/// The controller has read what is missing here, noise and all, and answered. For so many samples after a gap the currents and the errors of the
-/// filter depend on each other, and innovations do not count. With 10 and 20 % of the samples missing (`montecarlo --only "0 % of the samples" --runs 40
-/// --seed 1470001`) 22 of 160 runs were beyond 5 deviations where they counted, with 8 samples 4, with 16 and 24 none; with 24 estimates are valid 16
-/// instead of 93 % of the time (20 %, noise known). With 12 λ of a spindle were off by 5.9.
-const ANSWERED: u32 = 16;
+/// Samples after a gap whose innovations do not count: the controller has responded to the noise of the missing samples, so the currents are correlated
+/// with the errors of the filter. With 10 and 20 % of the samples missing (`montecarlo --only "0 % of the samples" --runs 40 --seed 1470001`) 22 of 160
+/// runs exceeded 5 standard deviations when all innovations counted, with 8 samples 4, with 16 and 24 none; with 24, estimates are valid 16 instead of
+/// 93 % of the time (20 %, noise known). With 12, λ of a spindle was off by 5.9.
+const RESPONSE_SAMPLES: u32 = 16;
 
-/// After so many samples none of which counted an estimate says nothing of the present. With 20 % missing at random so long a stretch has a probability
-/// of 0.4 %.
-const MOST_UNCOUNTED: u32 = 1000;
+/// An estimate is outdated once this many successive samples have not counted. With 20 % missing at random such a stretch has a probability of 0.4 %.
+const MAX_UNCOUNTED: u32 = 1000;
 
-/// The estimate is solved at the end of each quarter, whose samples are judged first. At first, and where the noise is estimated, it is solved within a quarter
-/// too, for every so many samples, or for this part of those before: where it lags behind the data, its error passes for noise of the currents. With
-/// quarters alone this noise of spindles came out 1.5 times too large at 0.1 s, and error/std was 0.71 instead of 0.86 (seeds 61501 to 61600); with a
-/// part of 1/32 it is 0.81, with 1/128 0.88. Not so after a change: 2 instead of 1 of 160 runs were valid and wrong after a blow (test `blows_are_forgotten`).
+/// The equations are solved at the end of each quarter, after its samples were tested. At first, and where the noise is estimated, they are also solved
+/// within a quarter, every 4 samples or this fraction of those so far: the error of an estimate that lags behind the data is taken for noise of the
+/// currents. With quarters alone this noise was estimated 1.5 times too large for spindles at 0.1 s, and error/std was 0.71 instead of 0.86 (seeds 61501 to
+/// 61600); with 1/32 it is 0.81, with 1/128 0.88. Not after a change: 2 instead of 1 of 160 runs were valid and wrong after a blow (test `blows_are_forgotten`).
 const SOLVE_EVERY: f64 = 4.0;
-const SOLVE_PART: f64 = 1.0 / 64.0;
+const SOLVE_FRACTION: f64 = 1.0 / 64.0;
 
-/// The least samples for a solution: nine unknowns in two equations per sample, with some to spare.
-const LEAST_SAMPLES: f64 = 12.0;
+/// Fewest samples for a solution: nine unknowns and two equations per sample, with some to spare.
+const MIN_SAMPLES: f64 = 12.0;
 
-/// The greatest relative standard deviation of a λ with which the filter leaves the first guess, and the least relative error of this that shows.
-const RUNNING_STD: f64 = 0.2;
+/// Greatest relative standard deviation of a λ with which the filter leaves the first guess, and the smallest relative error of that guess that matters.
+const FILTER_STD: f64 = 0.2;
 
-/// The part of a λ below which a first guess is far too small. With λ_0 a tenth of λ and a start far from the centre 16 of 600 runs were beyond 5
-/// deviations where the filter went on, many with a force that was none; now none. With a limit of 0.8 spindles lost 5 to 20 % of their
-/// precision (`montecarlo --only "spindle:" --runs 200 --seed 741001`).
+/// A first guess below this fraction of λ is far too small. With λ_0 a tenth of λ and a start far from the centre 16 of 600 runs exceeded 5 standard
+/// deviations when the filter was not restarted, many with a spurious force; now none. With a limit of 0.8 spindles lost 5 to 20 % of their precision
+/// (`montecarlo --only "spindle:" --runs 200 --seed 741001`).
 const FAR_TOO_SMALL: f64 = 0.4;
 
-/// The greatest relative standard deviation of a λ, tolerances included, with which an estimate becomes valid; it stays so up to twice that.
+/// Greatest relative standard deviation of a λ, tolerances included, with which an estimate becomes valid; it stays valid up to twice that.
 pub const STD_LIMIT: f64 = 0.05;
 
-/// An oscillating force that the model does not hold passes for noise of the currents, and its beat with the rotor for a force that turns backward. So
-/// no such force is identified where this noise exceeds what is stated, or else what is usual, by the first factor; by the second, stated noise does not
-/// explain the motion. Noise stated 30 % too low is off by 1.4, as a third by 3, ramps of load by 4. Without the first, 4 of 200
-/// runs with 0.5 to 8 N at 95 to 130 Hz were up to 42 deviations off, with it none (noise estimated, seeds 985001 to 985200).
+/// An oscillating force that is not in the model is taken for noise of the currents, and its beat with the rotor for a backward force. No backward force
+/// is identified if this noise exceeds the stated noise, or else the usual noise, by the first factor; beyond the second, stated noise does not
+/// explain the motion. Noise stated 30 % too low gives 1.4, stated as a third 3, ramps of load 4. Without the first, 4 of 200 runs with 0.5 to 8 N
+/// at 95 to 130 Hz were off by up to 42 standard deviations, with it none (noise estimated, seeds 985001 to 985200).
 const FORCE_EXCESS: f64 = 1.5;
 const NOISE_EXCESS: f64 = 5.0;
 
-/// An estimate that the tests refused for longer, in s, has to pass them until less is left: without this, estimates that pass by chance between two
-/// refusals were beyond 5 deviations in 5 of 120 runs with 0.5 N in a narrow band and an eccentric encoder (seeds 60101 to 60120).
-const REFUSED_S: f64 = 0.05;
+/// Time in s by which failed tests may outnumber passed ones for an estimate to become valid. Without this, estimates that passed by chance between two
+/// failures exceeded 5 standard deviations in 5 of 120 runs with 0.5 N in a narrow band and an eccentric encoder (seeds 60101 to 60120).
+const FAILED_S: f64 = 0.05;
 
 /// Sums over a revolution.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Revolution<const K: usize, const U: usize, const T: usize> {
     sums: Sums<K, U, T>,
     samples: f64,
-    /// The part of it that has passed.
+    /// Fraction of it that has passed.
     passed: f64,
     /// Sums of `i_k/gap_k²` and `i_k²/gap_k³`.
     field: [SVector<f64, K>; 2],
@@ -86,7 +85,7 @@ pub struct Estimate<const K: usize, const U: usize> {
     pub unknowns: SVector<f64, U>,
     /// λ of the last revolution alone.
     pub lambda_raw: SVector<f64, K>,
-    /// Variance of λ by noise, and by noise and tolerances.
+    /// Variance of λ due to noise, and due to noise and tolerances.
     pub variance: [SVector<f64, K>; 2],
     pub ki: SVector<f64, K>,
     pub ks: SVector<f64, K>,
@@ -99,53 +98,52 @@ pub struct Estimate<const K: usize, const U: usize> {
     pub verdict: Verdict,
 }
 
-/// All that changes with a sample. Its large parts are on the heap: the threads of importers have small stacks.
+/// State between samples. Large fields are on the heap: the threads of importers have small stacks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub estimate: Estimate<K, U>,
-    /// Samples that have not been filtered yet, from which the noise is started, and how many are missing before the next.
-    waiting: Box<Waiting<N, K>>,
+    /// Samples not filtered yet, which give the initial noise estimate, and missing samples before the next one.
+    pending: Box<StartBuffer<N, K>>,
     gap: u32,
-    /// The noise, once there is one; as it was when the last quarters began or when the estimate was last valid before.
+    /// The noise estimate, if any; the estimates when each of the last quarters began, or when the estimate of λ was last valid before.
     noise: Option<Noise>,
     trusted: [Option<Noise>; QUARTERS],
-    /// The filter, unless many samples are missing.
     filter: Option<FilterState<N, K, U, T>>,
-    /// ϑ with which the filter runs, and the quarters that had ended when it first came from the data, if it does.
-    running: SVector<f64, U>,
+    /// ϑ in the filter, and the number of quarters when it was first estimated from data, if it was.
+    filter_unknowns: SVector<f64, U>,
     estimated_at: Option<u64>,
-    /// Sums of the quarters that have ended, and of the present one.
+    /// Sums of the completed quarters, of the present quarter, and of the present revolution.
     models: Models<K, U, T>,
     present: Box<Sums<K, U, T>>,
     revolution: Box<Revolution<K, U, T>>,
-    /// Whether a revolution has ended; means of `i_k/gap_k²` and `i_k²/gap_k³` over the last one.
-    turned: bool,
+    /// Whether a revolution is complete; means of `i_k/gap_k²` and `i_k²/gap_k³` over the last one.
+    has_revolution: bool,
     field: [SVector<f64, K>; 2],
     table: AngleTable<K>,
-    /// Quarters that have ended; revolutions and samples since, the missing ones too; revolutions in a sample at the present pace.
+    /// Completed quarters; revolutions and samples since, including missing ones; revolutions per sample at the present speed.
     quarters: u64,
     passed: f64,
     quarter_samples: f64,
     pace: f64,
-    /// Whether the estimate has been valid since the sums began; outliers among the innovations are then known as such. Those in a row, and
-    /// the quarters until which they make the estimate unexplained.
-    armed: bool,
+    /// Whether the estimate has been valid since the sums began, so that outliers among the innovations can be recognised; successive outliers, and the
+    /// number of quarters until which they make the verdict `Unexplained`.
+    detects_outliers: bool,
     outliers: u32,
     unexplained_until: u64,
     /// Whether λ has changed since the estimate was last valid.
     changed: bool,
-    /// Samples at which the tests refused the estimate, less those at which they passed since.
-    refused: u64,
-    /// The samples from which on the estimate may be valid again: after a refusal, and after each of the last two times that it became valid.
+    /// Samples at which the tests failed, minus those at which they have passed since.
+    failed: u64,
+    /// Sample counts from which the estimate may be valid again: after it became invalid, and after each of the last two times that it became valid.
     valid_from: u64,
-    twice_from: [u64; 2],
+    revalid_from: [u64; 2],
     /// Mean square of the currents, A².
     mean_square_a2: f64,
-    /// Samples since the start, since the last that was missing, and since the last that counted.
+    /// Samples since the start, since the last missing one, and since the last one that counted.
     samples: u64,
     since_gap: u32,
     uncounted: u32,
-    /// The solution that is given out.
+    /// The latest solution.
     solution: Option<Solution<U, T>>,
     validation: Box<Validation<N, U, T>>,
 }
@@ -155,27 +153,26 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
 pub struct PredictionError<const N: usize, const K: usize, const U: usize, const T: usize> {
     pub filter: WhiteningFilter<N, K, U, T>,
     pub lambda0: [f64; K],
-    /// With the widest prior of the backward forces.
+    /// Prior of the unknowns, with the widest one of the backward forces.
     pub prior: Prior<U>,
-    /// Standard deviations of the noise of a position and of a current that are known, m and A, or 0.
+    /// Standard deviations of the noise of a position and of a current, m and A; 0 if unknown.
     pub known_noise: [f64; 2],
-    /// Relative variance of λ by what scales it: mass and gains of the currents.
+    /// Relative variance of λ due to the tolerances of mass and current gains, which scale it.
     pub scale_variance: f64,
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionError<N, K, U, T> {
-    /// Whether the noise of positions and currents is known.
-    fn knows_noise(&self) -> bool {
+    fn is_noise_known(&self) -> bool {
         self.known_noise.iter().all(|noise| *noise > 0.0)
     }
 
-    /// A fresh state.
+    /// A new state.
     pub fn start(&self) -> PredictionErrorState<N, K, U, T> {
-        let running = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
+        let unknowns = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
         let lambda = SVector::from(self.lambda0);
         let variance = lambda.component_mul(&lambda);
         let estimate = Estimate {
-            unknowns: running,
+            unknowns,
             lambda_raw: lambda,
             variance: [variance; 2],
             ki: SVector::zeros(),
@@ -187,30 +184,30 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         };
         PredictionErrorState {
             estimate,
-            waiting: Box::new(Waiting::empty()),
+            pending: Box::new(StartBuffer::empty()),
             gap: 0,
-            noise: self.knows_noise().then(|| Noise::new(self.known_noise, self.known_noise[0])),
+            noise: self.is_noise_known().then(|| Noise::new(self.known_noise, self.known_noise[0])),
             trusted: [const { None }; QUARTERS],
             filter: None,
-            running,
+            filter_unknowns: unknowns,
             estimated_at: None,
             models: Models::start(),
             present: Box::new(Sums::zeros()),
             revolution: Box::new(Revolution::start()),
-            turned: false,
+            has_revolution: false,
             field: [SVector::zeros(); 2],
             table: AngleTable::empty(),
             quarters: 0,
             passed: 0.0,
             quarter_samples: 0.0,
             pace: self.filter.step_s / REVOLUTION_AT_REST_S,
-            armed: false,
+            detects_outliers: false,
             outliers: 0,
             unexplained_until: 0,
             changed: false,
-            refused: 0,
+            failed: 0,
             valid_from: 0,
-            twice_from: [0; 2],
+            revalid_from: [0; 2],
             mean_square_a2: 0.0,
             samples: 0,
             since_gap: u32::MAX,
@@ -220,16 +217,16 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
     }
 
-    /// Takes in a sample unless it is refused: then it is missing, and the sums stay, unless all begins anew. The verdict on the estimate.
-    pub fn take(
+    /// Processes a sample and returns the verdict on the estimate. A rejected sample counts as missing and keeps the sums, unless it resets the estimator.
+    pub fn step(
         &self,
         state: &mut PredictionErrorState<N, K, U, T>,
-        refused: Option<Verdict>,
-        is_anew: bool,
+        rejection: Option<Verdict>,
+        resets: bool,
         sample: impl FnOnce() -> Sample<N, K>,
     ) -> Verdict {
-        if let Some(verdict) = refused {
-            if is_anew && state.filter.is_some() {
+        if let Some(verdict) = rejection {
+            if resets && state.filter.is_some() {
                 self.reset(state);
             }
             state.gap = state.gap.saturating_add(1);
@@ -237,14 +234,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             return verdict;
         }
         let missing = std::mem::take(&mut state.gap);
-        state.waiting.put(Sample { missing, ..sample() });
+        state.pending.push(Sample { missing, ..sample() });
         if state.noise.is_none() {
-            state.noise = state.waiting.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
+            state.noise = state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
         }
-        // Two a step, so that the samples that waited for the noise are caught up with.
+        // Two per step, to catch up with the samples that waited for the noise estimate.
         for _ in 0..2 {
             if let Some(noise) = state.noise.clone()
-                && let Some(sample) = state.waiting.take()
+                && let Some(sample) = state.pending.pop()
             {
                 state.estimate.verdict = self.filter(state, &noise, sample);
             }
@@ -254,7 +251,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
         let [position_variance, current_variance] = noise.variances;
-        if sample.missing > BRIDGED {
+        if sample.missing > MAX_BRIDGED {
             state.filter = None;
         }
         state.since_gap = if sample.missing > 0 { 0 } else { state.since_gap.saturating_add(1) };
@@ -263,45 +260,46 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.filter = Some(self.filter.start(sample, position_variance));
             return self.report(state);
         };
-        let (unknowns, estimated) = (state.running, state.estimated_at.is_some());
-        let running = Running { unknowns, estimated, position_variance, current_variance };
+        let (unknowns, estimated) = (state.filter_unknowns, state.estimated_at.is_some());
+        let parameters = FilterParameters { unknowns, estimated, position_variance, current_variance };
         let mut instrumented = false;
         let table = &mut state.table;
-        let mut predict = |filter: &mut FilterState<N, K, U, T>, running: &Running<U>, sample: &Sample<N, K>| {
-            let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
-            self.filter.predict(filter, running, sample, |square| {
-                let instruments = table.exchange(from_rad + 0.5 * turned(from_rad, to_rad), square);
-                instrumented = instruments.is_some();
-                instruments.unwrap_or_else(SVector::zeros)
-            })
-        };
+        let mut predict =
+            |filter: &mut FilterState<N, K, U, T>, parameters: &FilterParameters<U>, sample: &Sample<N, K>| {
+                let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
+                self.filter.predict(filter, parameters, sample, |square| {
+                    let instruments = table.exchange(from_rad + 0.5 * angle_difference(from_rad, to_rad), square);
+                    instrumented = instruments.is_some();
+                    instruments.unwrap_or_else(SVector::zeros)
+                })
+            };
         let before = filter.last;
         for n in 0..sample.missing {
-            // The current went from one value to the other at an unknown instant.
-            let lost = before.between(&sample, f64::from(n + 1) / f64::from(sample.missing + 1));
+            // The current jumped from one value to the other at an unknown instant.
+            let interpolated = before.between(&sample, f64::from(n + 1) / f64::from(sample.missing + 1));
             let jump = (sample.current_a - before.current_a).amax();
-            let running =
-                Running { current_variance: current_variance + f64::from(sample.missing) * jump * jump, ..running };
-            predict(filter, &running, &lost);
-            let innovation = self.filter.innovation(filter, &running);
+            let current_variance = current_variance + f64::from(sample.missing) * jump * jump;
+            let parameters = FilterParameters { current_variance, ..parameters };
+            predict(filter, &parameters, &interpolated);
+            let innovation = self.filter.innovation(filter, &parameters);
             filter.last.position_m -= innovation.error_m;
         }
-        let field = predict(filter, &running, &sample);
-        let innovation = self.filter.innovation(filter, &running);
+        let field = predict(filter, &parameters, &sample);
+        let innovation = self.filter.innovation(filter, &parameters);
         let nis = innovation.nis(position_variance);
         state.revolution.samples += 1.0;
         state.revolution.field[0] += field.per_current;
         state.revolution.field[1] += field.gradient;
-        if state.armed && nis > OUTLIER {
-            // The filter goes on as if the measurement were missing; several in a row are a change, which the samples after it show.
+        if state.detects_outliers && nis > OUTLIER {
+            // The filter proceeds as if the measurement were missing; several outliers in a row are a change, which later samples confirm.
             filter.last.position_m -= innovation.error_m;
             state.outliers += 1;
             if state.outliers == 1 {
                 state.since_gap = 0;
                 return state.estimate.verdict;
             }
-            (state.since_gap, state.unexplained_until) = (ANSWERED, state.quarters + QUARTERS as u64);
-            // More are no glitches of a sensor.
+            (state.since_gap, state.unexplained_until) = (RESPONSE_SAMPLES, state.quarters + QUARTERS as u64);
+            // Too many for a sensor glitch.
             if state.outliers > 30 {
                 self.restart(state);
             }
@@ -309,26 +307,26 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         state.outliers = 0;
         if !((0.0..1.0e12).contains(&nis) && innovation.is_sound()) {
-            // Non-physical sample: nothing that was gathered can be relied on.
+            // Non-physical sample: the accumulated information cannot be trusted.
             self.reset(state);
             return Verdict::BadSample;
         }
-        // Above a leverage `φ J⁻¹ φᵀ S⁻¹` of one half an innovation says more of the unknowns than of the noise, and nothing of the model.
+        // With a leverage `φ J⁻¹ φᵀ S⁻¹` above one half an innovation depends more on the unknowns than on the noise, and does not test the model.
         let leverage = |found: &Solution<U, T>| (found.inverse * innovation.unknowns).dot(&innovation.unknowns);
         let settled = estimated && state.solution.as_ref().is_some_and(|found| leverage(found) < 0.5);
-        // Less than one for outliers.
+        // Below one for outliers.
         let weight = if settled { (OUTLIER / nis).min(1.0) } else { 0.0 };
-        self.filter.correct(filter, &running, &innovation, sqrt(weight));
+        self.filter.correct(filter, &parameters, &innovation, sqrt(weight));
 
         state.samples += 1;
-        if estimated && state.since_gap < ANSWERED {
+        if estimated && state.since_gap < RESPONSE_SAMPLES {
             state.uncounted = state.uncounted.saturating_add(1);
             return self.end_sample(state);
         }
         state.uncounted = 0;
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        state.validation.add(&innovation, sample.turn);
+        state.validation.add(&innovation, sample.cos_sin);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
@@ -339,46 +337,46 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 state.discount(discount);
             }
         }
-        let every = SOLVE_EVERY.max((SOLVE_PART * state.models.sums().samples).floor());
-        let lags = !self.knows_noise() && !state.changed;
-        if state.present.samples % every == 0.0 && (lags || !state.is_settled()) {
+        let interval = SOLVE_EVERY.max((SOLVE_FRACTION * state.models.sums().samples).floor());
+        let lags = !self.is_noise_known() && !state.changed;
+        if state.present.samples % interval == 0.0 && (lags || !state.is_settled()) {
             self.solve(state);
         }
         let verdict = self.end_sample(state);
         if verdict == Verdict::Valid {
-            (state.armed, state.changed) = (true, false);
+            (state.detects_outliers, state.changed) = (true, false);
         }
         verdict
     }
 
-    /// Begins anew, with the estimate of before.
+    /// Restarts from the initial state, keeping the estimate.
     fn reset(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let estimate = Estimate { condition: CONDITION_CAP, ..state.estimate.clone() };
         *state = PredictionErrorState { estimate, ..self.start() };
     }
 
-    /// Begins anew after a change of λ.
+    /// Restarts after a change of λ.
     fn restart(&self, state: &mut PredictionErrorState<N, K, U, T>) {
-        state.trust_again();
+        state.restore_noise();
         state.models.restart();
         (*state.present, *state.revolution) = (Sums::zeros(), Revolution::start());
-        // The columns of the filter remember what the former λ did. The estimate of before goes on as the one with which the filter runs: noise and
-        // tests need residuals, or samples that no λ explains would stay in the sums for ever.
+        // The columns of the filter contain the effect of the former λ. The filter keeps the former estimate: noise and tests need residuals, or samples
+        // that no λ explains would stay in the sums for ever.
         (state.filter, state.solution) = (None, None);
-        (state.armed, state.outliers) = (false, 0);
+        (state.detects_outliers, state.outliers) = (false, 0);
         *state.validation = Validation::start();
     }
 
-    /// Solves the equations of all samples.
+    /// Solves the normal equations of all samples.
     fn solve(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = &state.noise else { return };
         let variances = noise.variances;
         let mut sums = state.models.sums().clone();
         sums.merge(&state.present);
-        if sums.samples < LEAST_SAMPLES {
+        if sums.samples < MIN_SAMPLES {
             return;
         }
-        // The solutions with the widest prior of the backward forces, and with that of the model that is used.
+        // The solutions with the widest prior of the backward forces, and with that of the selected model.
         let solutions = sums.solve(&self.prior, variances).and_then(|found| {
             let widest = found.combine(&sums, &self.prior, variances[0]);
             let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
@@ -397,18 +395,18 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if !std.is_finite() {
             return;
         }
-        // Once the filter runs with an estimate it follows it: the residuals of an estimate that is held would pass for noise, and the noise
-        // would keep the estimate uncertain. So would those of a backward force that is not decided on.
+        // Once the filter uses an estimate it follows all later ones: the residuals of an outdated estimate would be taken for noise, and the noise would
+        // keep the estimate uncertain. The same holds for the residuals of a backward force that is still undecided.
         let estimated = state.estimated_at.is_some();
-        if std < RUNNING_STD || estimated {
+        if std < FILTER_STD || estimated {
             if !estimated {
                 state.estimated_at = Some(state.quarters);
-                // Where λ was guessed too small, the weights S⁻¹ of these samples are too large, by 1 where the noise of the positions decides, and by
-                // (λ/λ_0)² where that of the currents does: they count with the geometric mean. The state of the filter, of which it was too sure, goes
-                // on to disturb: it starts again. More than a revolution with a wrong stiffness counts a tenth. To drop these samples altogether costs
-                // bearings with little excitation most of their time valid: 16 instead of 78 % in a study of weakly excited bearings.
+                // With λ_0 too small the weights S⁻¹ of these samples are too large, by a factor of 1 if position noise dominates, of (λ/λ_0)² if current
+                // noise does: they are multiplied by the geometric mean of the inverses. The filter restarts, because its covariance was too small. More
+                // than a revolution with a wrong stiffness counts a tenth. Dropping these samples altogether would leave weakly excited bearings valid
+                // 16 instead of 78 % of the time (a study of such bearings).
                 let ratios = SVector::<f64, K>::from_fn(|k, _| self.lambda0[k] / solution.unknowns[k]);
-                let wrong = ratios.iter().any(|ratio| (1.0 / ratio - 1.0).abs() > RUNNING_STD);
+                let wrong = ratios.iter().any(|ratio| (1.0 / ratio - 1.0).abs() > FILTER_STD);
                 let (late, small) = (state.quarters >= QUARTERS as u64 && wrong, ratios.min() < FAR_TOO_SMALL);
                 if late || small {
                     state.discount(if late { 0.1 } else { ratios.min() });
@@ -418,13 +416,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                     state.filter = None;
                 }
             }
-            let wide = widest.relative_std::<K>() < RUNNING_STD;
-            state.running = if wide { widest.unknowns } else { solution.unknowns };
+            let wide = widest.relative_std::<K>() < FILTER_STD;
+            state.filter_unknowns = if wide { widest.unknowns } else { solution.unknowns };
         }
         state.solution = Some(solution);
     }
 
-    /// How far the noise of the currents is above what is stated, or else above what is usual: a ratio of standard deviations.
+    /// Noise of the currents relative to the stated, or else to the usual one: a ratio of standard deviations.
     fn excess(&self, current_variance: f64) -> f64 {
         let [_, stated_a] = self.known_noise;
         sqrt(current_variance) / if stated_a > 0.0 { stated_a } else { USUAL_CURRENT_NOISE_A }
@@ -443,7 +441,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.report(state)
     }
 
-    /// Takes the quarter that is over into the models.
+    /// Adds the completed quarter to the models, tests it, and solves.
     fn end_quarter(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let Some(noise) = state.noise.clone() else { return };
         let variances = noise.variances;
@@ -452,21 +450,18 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         (state.quarters, state.passed, state.quarter_samples) = (state.quarters + 1, 0.0, 0.0);
         state.validation.end_quarter();
         state.trusted.rotate_left(1);
-        if state.estimate.verdict == Verdict::Valid {
-            state.trusted[QUARTERS - 1] = Some(noise.clone());
-        } else {
-            state.trusted[QUARTERS - 1] = state.trusted[QUARTERS - 2].clone();
-        }
+        let is_valid = state.estimate.verdict == Verdict::Valid;
+        state.trusted[QUARTERS - 1] = if is_valid { Some(noise) } else { state.trusted[QUARTERS - 2].clone() };
         let prior = state.models.prior(&self.prior, self.forces());
         if state.is_settled() || state.changed {
-            state.validation.discount(state.models.discount_of(time_s), time_s);
-            let present = state.validation.present(state.per_revolution());
+            state.validation.discount(state.models.forgetting_factor(time_s), time_s);
+            let nis = state.validation.nis_with_degrees(state.per_revolution());
             let loads = self.filter.machine.unit_loads();
-            match state.models.weigh((&block, time_s), &self.prior, variances[0], present, state.quarters, &loads) {
-                Weighed::Same => (),
-                Weighed::Renewed => state.validation.forget(),
-                Weighed::Changed => {
-                    state.trust_again();
+            match state.models.compare((&block, time_s), &self.prior, variances[0], nis, state.quarters, &loads) {
+                Comparison::Same => (),
+                Comparison::Renewed => state.validation.forget(),
+                Comparison::Changed => {
+                    state.restore_noise();
                     *state.validation = Validation::start();
                 }
             }
@@ -475,33 +470,33 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             state.models.merge(&block);
         }
         if let Some(found) = state.models.sums().solve(&prior, variances) {
-            let moved = state.models.discount_of(time_s) < 1.0;
+            let changing = state.models.forgetting_factor(time_s) < 1.0;
             let per_revolution = state.per_revolution();
-            state.validation.judge_lines(&found, moved, variances[0], per_revolution);
+            state.validation.test_lines(&found, changing, variances[0], per_revolution);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);
-        let over = revolution.passed >= 1.0;
-        if over && let Some(alone) = revolution.sums.solve(&prior, variances) {
+        let is_complete = revolution.passed >= 1.0;
+        if is_complete && let Some(alone) = revolution.sums.solve(&prior, variances) {
             state.estimate.lambda_raw = lambda_of(&alone.unknowns);
         }
-        if over || !state.turned {
+        if is_complete || !state.has_revolution {
             state.field = revolution.field.map(|sum| sum / revolution.samples);
         }
-        if over {
+        if is_complete {
             **revolution = Revolution::start();
-            state.turned = true;
+            state.has_revolution = true;
         }
         self.solve(state);
     }
 
-    /// Completes the estimate; the verdict on it.
+    /// Updates the estimate and returns the verdict on it.
     fn report(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
         let Some(noise) = &state.noise else { return Verdict::Collecting };
         state.estimate.noise = noise.variances.map(sqrt);
         state.estimate.residual = state.validation.nis;
         let Some(solution) = &state.solution else {
-            let few = state.samples < (LEAST_SAMPLES + SOLVE_EVERY) as u64;
+            let few = state.samples < (MIN_SAMPLES + SOLVE_EVERY) as u64;
             return match (state.changed, few || state.estimate.condition < CONDITION_CAP) {
                 (true, _) => Verdict::Changed,
                 (false, true) => Verdict::Collecting,
@@ -514,15 +509,15 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let verdict = self.verdict(state, noise, tested, &lambda, &total);
         let samples = |time_s: f64| (time_s / self.filter.step_s) as u64;
         if state.is_settled() {
-            state.refused = match tested {
-                Verdict::Valid => state.refused.saturating_sub(1),
-                _ => (state.refused + 1).min(samples(1.0)),
+            state.failed = match tested {
+                Verdict::Valid => state.failed.saturating_sub(1),
+                _ => (state.failed + 1).min(samples(1.0)),
             };
         }
         match (state.estimate.verdict == Verdict::Valid, verdict == Verdict::Valid) {
-            // An estimate that a test refused has to pass all of them for 0.1 s, and becomes valid twice a second at most: `valid` changes at most
-            // five times a second.
-            (false, true) => state.twice_from = [state.twice_from[1], state.samples + samples(1.0)],
+            // After a failed test an estimate must pass all tests for 0.1 s, and it becomes valid at most twice a second: `valid` changes at most five
+            // times a second.
+            (false, true) => state.revalid_from = [state.revalid_from[1], state.samples + samples(1.0)],
             (true, false) => state.valid_from = state.samples + samples(0.1),
             _ => (),
         }
@@ -530,14 +525,14 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if verdict == Verdict::Valid {
             estimate.unknowns = solution.unknowns;
         }
-        let given = lambda_of::<K, U>(&estimate.unknowns);
-        let held = (given - lambda).map(|x| x * x);
-        estimate.variance = [variance + held, total + held];
-        [estimate.ki, estimate.ks] = state.field.map(|field| given.component_mul(&field) * 2.0);
+        let reported = lambda_of::<K, U>(&estimate.unknowns);
+        let distance = (reported - lambda).map(|x| x * x);
+        estimate.variance = [variance + distance, total + distance];
+        [estimate.ki, estimate.ks] = state.field.map(|field| reported.component_mul(&field) * 2.0);
         verdict
     }
 
-    /// The verdict on an estimate with this variance.
+    /// The verdict on an estimate with this variance, given that of the tests.
     fn verdict(
         &self,
         state: &PredictionErrorState<N, K, U, T>,
@@ -548,8 +543,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     ) -> Verdict {
         let was_valid = state.estimate.verdict == Verdict::Valid;
         let limit = if was_valid { 2.0 * STD_LIMIT } else { STD_LIMIT };
-        // A quarter for the first solution and a revolution until it is settled; noise that is estimated takes longer to be found.
-        let least = if self.knows_noise() { QUARTERS + 1 } else { 2 * QUARTERS };
+        // A quarter for the first solution and a revolution until it has settled; estimating the noise takes longer.
+        let least = if self.is_noise_known() { QUARTERS + 1 } else { 2 * QUARTERS };
         if state.validation.quarters() < least || (state.estimated_at.is_some() && !state.is_settled()) {
             if state.changed { Verdict::Changed } else { Verdict::Collecting }
         } else if state.estimate.condition >= CONDITION_CAP {
@@ -560,15 +555,15 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             || (self.known_noise[1] > 0.0 && self.excess(noise.variances[1]) > NOISE_EXCESS)
         {
             Verdict::Unexplained
-        } else if state.uncounted > MOST_UNCOUNTED {
+        } else if state.uncounted > MAX_UNCOUNTED {
             Verdict::BadSample
         } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
             match tested {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
-                Verdict::Valid if state.refused as f64 * self.filter.step_s > REFUSED_S => state.estimate.verdict,
-                Verdict::Valid if state.samples < state.valid_from.max(state.twice_from[0]) => state.estimate.verdict,
+                Verdict::Valid if state.failed as f64 * self.filter.step_s > FAILED_S => state.estimate.verdict,
+                Verdict::Valid if state.samples < state.valid_from.max(state.revalid_from[0]) => state.estimate.verdict,
                 verdict => verdict,
             }
         }
@@ -582,54 +577,54 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
-    /// Whether all places are within their lists.
+    /// Whether all indices are within their lists.
     pub fn has_shape(&self) -> bool {
-        self.models.has_shape() && self.waiting.has_shape()
+        self.models.has_shape() && self.pending.has_shape()
     }
 
-    /// Counts what passes of a revolution with a sample and those missing before it.
+    /// Adds the rotation during a sample and those missing before it.
     fn advance(&mut self, sample: &Sample<N, K>, step_s: f64) {
         let (omega, at_rest) = (sample.rotation.omega_rad_s.abs(), step_s / REVOLUTION_AT_REST_S);
         let samples = 1.0 + f64::from(sample.missing);
-        // Below one revolution a second a rotor is at rest.
+        // Below one revolution per second the rotor counts as at rest.
         self.pace = if omega > TAU { omega * step_s / TAU } else { at_rest };
         self.revolution.passed += samples * self.pace;
         let least = self.least_pace(step_s);
         self.passed += samples * least;
         self.quarter_samples += samples;
-        // Revolutions of the rotor in one that is counted.
-        let of_rotor = if omega > TAU { self.pace / least } else { 0.0 };
-        self.validation.advance(samples * least, of_rotor);
+        // Revolutions of the rotor per revolution that is counted.
+        let rotor_ratio = if omega > TAU { self.pace / least } else { 0.0 };
+        self.validation.advance(samples * least, rotor_ratio);
     }
 
-    /// Revolutions in a sample, of a slow rotor those of one of 2250 rpm: quarters and orders are counted by it.
+    /// Revolutions per sample, at least those at 2250 rpm; used to count quarters and orders.
     fn least_pace(&self, step_s: f64) -> f64 {
         self.pace.max(step_s / REVOLUTION_AT_REST_S)
     }
 
-    /// Samples in a revolution at the present pace.
+    /// Samples per revolution at the present speed.
     fn per_revolution(&self) -> f64 {
         1.0 / self.pace
     }
 
-    /// Whether noise and tests have seen residuals of an estimate for a revolution. Without this a rotor that had been lifted from the backup bearing was
-    /// valid for up to five samples, 20 % wrong by 20 deviations (`lift-off`, seeds 1001, 2001, 2002, 2004, 2006).
+    /// Whether noise and tests have had the residuals of an estimate for a revolution. Without this a rotor just lifted from the backup bearing was valid
+    /// for up to five samples, off by 20 % or 20 standard deviations (`lift-off`, seeds 1001, 2001, 2002, 2004, 2006).
     fn is_settled(&self) -> bool {
         self.estimated_at.is_some_and(|at| self.quarters >= at + QUARTERS as u64)
     }
 
-    /// The noise found since λ changed holds the contradiction.
-    fn trust_again(&mut self) {
+    /// Restores the noise estimate from before λ changed; later ones contain the effect of the change.
+    fn restore_noise(&mut self) {
         if let Some(noise) = self.trusted[0].clone() {
             self.noise = Some(noise);
         }
-        // A change takes several quarters until nothing of before is left.
+        // It takes several quarters until no data from before the change are left.
         if !self.changed {
             (self.changed, self.estimated_at) = (true, Some(self.quarters));
         }
     }
 
-    /// Counts all samples so far with a weight.
+    /// Multiplies all sums so far by a weight.
     fn discount(&mut self, weight: f64) {
         self.models.discount(weight);
         self.present.discount(weight);

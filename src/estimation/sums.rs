@@ -1,12 +1,12 @@
-//! Sums of the normal equations, and the estimate that follows from them.
+//! Sums of the normal equations, and the resulting estimate.
 //!
-//! Prediction errors (Ljung, section 7.2): `J = Σ φᵀ S⁻¹ φ`, `b = Σ φᵀ S⁻¹ e_0`, `ϑ = J⁻¹ b`, covariance `σ_z² J⁻¹`. Efficient, but noise of the currents
-//! in φ attenuates it, and noise that the controller feeds back pulls at it.
+//! Prediction errors (Ljung, section 7.2): `J = Σ φᵀ S⁻¹ φ`, `b = Σ φᵀ S⁻¹ e_0`, `ϑ = J⁻¹ b`, covariance `σ_z² J⁻¹`. Efficient, but attenuated by the
+//! current noise in φ, and biased by noise that the controller feeds back.
 //!
 //! Instrumental variables (section 7.6): `H = Σ ζᵀ S⁻¹ φ`, `h = Σ ζᵀ S⁻¹ e_0`, `G = Σ ζᵀ S⁻¹ ζ`, `ϑ = H⁻¹ h`, covariance `σ_z² H⁻¹ G H⁻ᵀ`, with instruments ζ in
-//! place of φ for the λ. They are driven by the mean of `i_k²/gap_k²` at the same rotor angle over earlier revolutions, whose noise is
-//! not that of the sample: free of both. φ of load, unbalance and backward force holds no noise and is its own instrument. Samples at angles that the
-//! rotor has not passed before have no instruments and are left out.
+//! place of φ for the λ. They are driven by the mean of `i_k²/gap_k²` at the same rotor angle over earlier revolutions, whose noise is independent of that
+//! of the sample, and so are free of both biases. φ of load, unbalance and backward force contains no noise and is its own instrument. Samples at angles
+//! that the rotor has not passed before have no instruments and are reduced out.
 //!
 //! A Gaussian [`Prior`] adds its precision R to J, H and G, and R times its mean to b and h.
 
@@ -20,9 +20,9 @@ use super::innovations::Innovation;
 use super::motion::{Square, add_product};
 use crate::variables::Array;
 
-/// Variance of the size of the bias, in units of the attenuation: −1 without feedback, near 0 with usual controllers, which answer to noise of
-/// the positions. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation decides (100 drawn bearings, seeds 51001 and 55001); 1/16 would
-/// state four deviations where there is no feedback.
+/// Variance of the size of the bias, in units of the attenuation. The size is −1 without feedback, near 0 with usual controllers, which respond to position
+/// noise. With a variance of 1 error/std was 0.2 to 0.8 where the attenuation dominates (100 drawn bearings, seeds 51001 and 55001); with 1/16 an estimate
+/// without feedback would be off by four standard deviations.
 const ATTENUATION_VARIANCE: f64 = 0.25;
 
 /// Sums of R signals times e_0, times φ of U unknowns, and times ψ of T tolerances.
@@ -39,11 +39,11 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
     }
 
     #[inline(always)]
-    fn add<const N: usize, const K: usize>(&mut self, of: &SMatrix<f64, R, N>, innovation: &Innovation<N, K, U, T>) {
-        add_product(&mut self.right, of, &innovation.motion);
-        add_product(&mut self.unknowns, of, &innovation.unknowns);
+    fn add<const N: usize, const K: usize>(&mut self, a: &SMatrix<f64, R, N>, innovation: &Innovation<N, K, U, T>) {
+        add_product(&mut self.right, a, &innovation.motion);
+        add_product(&mut self.unknowns, a, &innovation.unknowns);
         if let Some(tolerances) = &innovation.tolerances {
-            add_product(&mut self.tolerances, of, tolerances);
+            add_product(&mut self.tolerances, a, tolerances);
         }
     }
 
@@ -53,13 +53,13 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
         self.tolerances += other.tolerances;
     }
 
-    fn scale(&mut self, by: f64) {
-        self.right *= by;
-        self.unknowns *= by;
-        self.tolerances *= by;
+    fn scale(&mut self, factor: f64) {
+        self.right *= factor;
+        self.unknowns *= factor;
+        self.tolerances *= factor;
     }
 
-    /// Lets the last N unknowns, whose own rows are the last, walk at random with the variances Q: `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹`.
+    /// Random walk of the last N unknowns, whose own rows are the last, with the variances Q; returns `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹`.
     fn walk<const N: usize>(&mut self, variances: &SVector<f64, N>) -> Option<Square<N>> {
         let own = self.unknowns.fixed_view::<N, N>(R - N, U - N) + Square::from_diagonal(&variances.map(|x| 1.0 / x));
         let (m, _) = inverse(&own)?;
@@ -78,24 +78,23 @@ pub struct Prior<const U: usize> {
     pub mean: SVector<f64, U>,
 }
 
-/// Sums over a stretch of samples, of K magnets, U unknowns, T tolerances.
+/// Sums over samples, for K magnets, U unknowns and T tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sums<const K: usize, const U: usize, const T: usize> {
     pub samples: f64,
-    /// Weights of the samples, and `Σ e_0ᵀ S⁻¹ e_0`.
+    /// Sum of the weights of the samples, and `Σ e_0ᵀ S⁻¹ e_0`.
     weight: f64,
     square: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
     predicted: Products<U, U, T>,
-    /// h, H and the same of tolerances over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
+    /// h, H and `Σ ζᵀ S⁻¹ ψ` over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
     instruments: Products<U, U, T>,
     instrument_square: Square<K>,
-    /// Contribution of unit noise of each current, and of the noise of the angle, to the diagonal of J.
+    /// Contribution of each current's noise, per σ_i², and of the angle noise to the diagonal of J.
     regressor_noise: SVector<f64, U>,
 }
 
 impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
-    /// No samples.
     pub fn zeros() -> Self {
         Self {
             samples: 0.0,
@@ -108,7 +107,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         }
     }
 
-    /// Adds a sample with the variance of its angle, rad², with instruments or without.
+    /// Adds a sample with the variance of its angle, rad², with or without instruments.
     #[inline(always)]
     pub fn add<const N: usize>(
         &mut self,
@@ -120,7 +119,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.weight += 1.0;
         self.square += innovation.motion.norm_squared();
         self.predicted.add(&innovation.unknowns, innovation);
-        // Noise of the angle, which no controller answers to, attenuates in full: by one standard deviation of the size.
+        // No controller responds to angle noise, so it attenuates in full: by one standard deviation of the size.
         let by_angle = angle_variance / sqrt(ATTENUATION_VARIANCE);
         for (j, noise) in self.regressor_noise.iter_mut().enumerate().take(U - N) {
             *noise += match j {
@@ -136,7 +135,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         }
     }
 
-    /// Adds another stretch.
+    /// Adds the sums over other samples.
     pub fn merge(&mut self, other: &Self) {
         self.samples += other.samples;
         self.weight += other.weight;
@@ -147,7 +146,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.regressor_noise += other.regressor_noise;
     }
 
-    /// Counts all samples so far with this weight.
+    /// Multiplies the sums by a weight.
     pub fn discount(&mut self, weight: f64) {
         self.weight *= weight;
         self.square *= weight;
@@ -157,7 +156,7 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         self.regressor_noise *= weight;
     }
 
-    /// Lets the loads, the last N unknowns, walk at random with the variances Q in units of σ_z²: the estimate stays, and what was seen so far has the
+    /// Random walk of the loads, the last N unknowns, with the variances Q in units of σ_z²: the estimate does not change, and the samples so far get the
     /// weight `S⁻¹ − S⁻¹ φ_N M φ_Nᵀ S⁻¹` with `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹` (matrix inversion lemma).
     pub fn walk<const N: usize>(&mut self, variances: &SVector<f64, N>) {
         let right = self.predicted.right.fixed_rows::<N>(U - N).into_owned();
@@ -170,10 +169,10 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         }
     }
 
-    /// `(J + R) and b + R m` in units of σ_z².
-    fn with(&self, prior: &Prior<U>, position: f64) -> (Square<U>, SVector<f64, U>) {
-        let information = self.predicted.unknowns + Square::from_diagonal(&(prior.precision * position));
-        (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position)
+    /// `J + R` and `b + R m` in units of σ_z².
+    fn with_prior(&self, prior: &Prior<U>, position_variance: f64) -> (Square<U>, SVector<f64, U>) {
+        let information = self.predicted.unknowns + Square::from_diagonal(&(prior.precision * position_variance));
+        (information, self.predicted.right + prior.precision.component_mul(&prior.mean) * position_variance)
     }
 
     /// Degrees of freedom of the residuals of N coordinates.
@@ -181,30 +180,30 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
         (N as f64 * self.weight - U as f64).max(1.0)
     }
 
-    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the logarithm of the evidence of the samples, but for what all models have in common; and the residual
-    /// sum of squares of the best estimate, `Σ eᵀ S⁻¹ e/σ_z²`.
-    pub fn evidence(&self, prior: &Prior<U>, position: f64) -> Option<[f64; 2]> {
-        let (information, right) = self.with(prior, position);
+    /// `½ (bᵀ J⁻¹ b/σ_z² − ln det J)`, prior included: the log evidence of the samples up to terms common to all models; and the residual sum of squares of
+    /// the best estimate, `Σ eᵀ S⁻¹ e/σ_z²`.
+    pub fn evidence(&self, prior: &Prior<U>, position_variance: f64) -> Option<[f64; 2]> {
+        let (information, right) = self.with_prior(prior, position_variance);
         let (scale, scaled) = scaled(&information);
         let cholesky = scaled.cholesky()?;
         let lower = cholesky.l_dirty();
         let half = lower.solve_lower_triangular(&right.component_mul(&scale))?;
         let log_determinant: f64 = (0..U).map(|j| log(lower[(j, j)] / scale[j])).sum();
-        let explained = half.norm_squared() / position;
-        let prior = prior.precision.dot(&prior.mean.component_mul(&prior.mean));
-        let log = 0.5 * explained - log_determinant;
-        log.is_finite().then_some([log, self.square / position + prior - explained])
+        let explained = half.norm_squared() / position_variance;
+        let prior_square = prior.precision.dot(&prior.mean.component_mul(&prior.mean));
+        let log_evidence = 0.5 * explained - log_determinant;
+        log_evidence.is_finite().then_some([log_evidence, self.square / position_variance + prior_square - explained])
     }
 
-    /// The prediction-error estimate with a prior, for noises of these variances.
+    /// The prediction-error estimate with a prior, for these variances of the noise of positions and currents.
     pub fn solve(&self, prior: &Prior<U>, [position, current]: [f64; 2]) -> Option<PredictionErrorSolution<U, T>> {
-        let (information, right) = self.with(prior, position);
+        let (information, right) = self.with_prior(prior, position);
         let (inverse, condition) = inverse(&information)?;
         let unknowns = inverse * right;
         let noise = SVector::from_fn(|j, _| if j < K { current } else { 1.0 } * self.regressor_noise[j] * unknowns[j]);
         let attenuation = inverse * noise;
         let mut sensitivity = SMatrix::zeros();
-        // Most bearings state no tolerance.
+        // Most bearings have no tolerances.
         let by_tolerance = &self.predicted.tolerances;
         if by_tolerance.iter().any(|x| *x != 0.0) {
             sensitivity = -inverse * by_tolerance;
@@ -224,11 +223,11 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Solution<const U: usize, const T: usize> {
     pub unknowns: SVector<f64, U>,
-    /// Variance of the unknowns by noise.
+    /// Variance of the unknowns due to noise.
     pub variance: SVector<f64, U>,
-    /// Standard deviation of the bias that is left in the direction of the attenuation; part of that variance.
+    /// Standard deviation of the remaining bias in the direction of the attenuation; included in that variance.
     pub bias: SVector<f64, U>,
-    /// Variance by the models that may be true instead.
+    /// Variance due to alternative models.
     pub model: SVector<f64, U>,
     /// Change of the unknowns by one standard deviation of each tolerance.
     pub sensitivity: SMatrix<f64, U, T>,
@@ -237,7 +236,7 @@ pub struct Solution<const U: usize, const T: usize> {
 }
 
 impl<const U: usize, const T: usize> Solution<U, T> {
-    /// The greatest relative standard deviation of one of K λ; infinite if one is not positive.
+    /// Greatest relative standard deviation of the K λ; infinite if one is not positive.
     pub fn relative_std<const K: usize>(&self) -> f64 {
         let relative = |(lambda, variance): (&f64, &f64)| match *lambda > 0.0 && *variance >= 0.0 {
             true => variance.sqrt() / lambda,
@@ -246,8 +245,8 @@ impl<const U: usize, const T: usize> Solution<U, T> {
         self.unknowns.iter().zip(&self.variance).take(K).map(relative).fold(0.0, f64::max)
     }
 
-    /// Variance of the K λ by noise, and by noise, other models and tolerances, those that scale λ with this relative variance. A normalised
-    /// innovation squared above 1 scales the noise (variance of unit weight).
+    /// Variances of the K λ due to noise, and due to noise, alternative models and tolerances; `scale` is the relative variance due to tolerances that
+    /// scale λ. A normalised innovation squared above 1 scales the noise (variance of unit weight).
     pub fn variances<const K: usize>(&self, nis: f64, scale: f64) -> [SVector<f64, K>; 2] {
         let noise = SVector::from_fn(|k, _| self.variance[k] * nis.max(1.0));
         let total = SVector::from_fn(|k, _| {
@@ -263,10 +262,10 @@ pub fn lambda_of<const K: usize, const U: usize>(unknowns: &SVector<f64, U>) -> 
     unknowns.fixed_rows::<K>(0).into_owned()
 }
 
-/// The estimate of prediction errors alone.
+/// The estimate from prediction errors alone.
 pub struct PredictionErrorSolution<const U: usize, const T: usize> {
     pub unknowns: SVector<f64, U>,
-    /// How far noise of the currents in the regressors may pull the unknowns: `J⁻¹ D λ σ_i²`.
+    /// Largest attenuation of the unknowns by current noise in the regressors: `J⁻¹ D λ σ_i²`.
     attenuation: SVector<f64, U>,
     information: Square<U>,
     pub inverse: Square<U>,
@@ -275,8 +274,8 @@ pub struct PredictionErrorSolution<const U: usize, const T: usize> {
 }
 
 impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
-    /// The estimate of both: the attenuation counts as a bias of the known direction a and of a size s with
-    /// the variance V of [`ATTENUATION_VARIANCE`], which instruments, free of it, tell as far as they can.
+    /// The combined estimate: the attenuation counts as a bias with a known direction a and an unknown size s with the prior variance V,
+    /// [`ATTENUATION_VARIANCE`]. The instruments, free of this bias, determine s as far as they can.
     ///
     /// With `l = J a/(aᵀ J a)`, so that `lᵀ a = 1`, the difference `lᵀ (ϑ_IV − ϑ_PE)` is s with the variance `v = lᵀ (P_IV − P_PE) l`. So
     /// `ŝ = V lᵀ (ϑ_IV − ϑ_PE)/(V + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² V v/(V + v)`.
@@ -293,8 +292,8 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         let (size, variance, sensitivity) = match contrast {
             Some((difference, variance, sensitivity)) => {
                 let variance = (variance - position_variance / weight).max(0.0);
-                let part = ATTENUATION_VARIANCE / (ATTENUATION_VARIANCE + variance);
-                (part * difference, part * variance, sensitivity * part)
+                let shrinkage = ATTENUATION_VARIANCE / (ATTENUATION_VARIANCE + variance);
+                (shrinkage * difference, shrinkage * variance, sensitivity * shrinkage)
             }
             None => (0.0, ATTENUATION_VARIANCE, SVector::zeros()),
         };
@@ -310,7 +309,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
         }
     }
 
-    /// `lᵀ (ϑ_IV − ϑ_PE)` with the variance of `lᵀ ϑ_IV`, and its change by the tolerances.
+    /// `lᵀ (ϑ_IV − ϑ_PE)`, the variance of `lᵀ ϑ_IV`, and the sensitivity of the difference to the tolerances.
     fn contrast<const K: usize>(
         &self,
         sums: &Sums<K, U, T>,
@@ -336,7 +335,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
     }
 }
 
-/// A matrix scaled to unit diagonal, and the scale; what is not excited has a row and a column of zeros, and gets a one on the diagonal.
+/// The scale that gives a matrix a unit diagonal, and the scaled matrix; an unknown without excitation, with a row and a column of zeros, gets a one there.
 fn scaled<const U: usize>(matrix: &Square<U>) -> (SVector<f64, U>, Square<U>) {
     let scale = matrix.diagonal().map(|x| if x == 0.0 { 1.0 } else { 1.0 / x.abs().sqrt() });
     let scaled = |r: usize, c: usize| scale[r] * matrix[(r, c)] * scale[c];
@@ -345,26 +344,26 @@ fn scaled<const U: usize>(matrix: &Square<U>) -> (SVector<f64, U>, Square<U>) {
 
 /// The inverse of a symmetric positive definite matrix, and the condition number in the 1-norm of the matrix scaled to unit diagonal.
 ///
-/// Gauss–Jordan elimination in place; each of its pivots is positive. It runs along whole columns, which takes half the time of a Cholesky
-/// decomposition of so small a matrix.
+/// Gauss–Jordan elimination in place, with positive pivots. It works on whole columns, which takes half the time of a Cholesky decomposition of so small a
+/// matrix.
 pub fn inverse<const U: usize>(matrix: &Square<U>) -> Option<(Square<U>, f64)> {
     let (scale, scaled) = scaled(matrix);
-    let mut left = scaled;
+    let mut reduced = scaled;
     for k in 0..U {
-        let column = left.data.0[k];
+        let column = reduced.data.0[k];
         let reciprocal = 1.0 / column[k];
         if !(reciprocal > 0.0 && reciprocal.is_finite()) {
             return None;
         }
-        for (of, row) in left.data.0.iter_mut().zip(&column) {
+        for (other, row) in reduced.data.0.iter_mut().zip(&column) {
             let factor = row * reciprocal;
-            of.iter_mut().zip(&column).for_each(|(x, of_pivot)| *x -= of_pivot * factor);
-            of[k] = factor;
+            other.iter_mut().zip(&column).for_each(|(x, pivot)| *x -= pivot * factor);
+            other[k] = factor;
         }
-        left.data.0[k] = column.map(|x| x * reciprocal);
-        left.data.0[k][k] = -reciprocal;
+        reduced.data.0[k] = column.map(|x| x * reciprocal);
+        reduced.data.0[k][k] = -reciprocal;
     }
-    let inverse = -left;
+    let inverse = -reduced;
     let norm = |m: &Square<U>| m.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
     Some((Square::from_fn(|r, c| scale[r] * inverse[(r, c)] * scale[c]), norm(&scaled) * norm(&inverse)))
 }
@@ -376,76 +375,76 @@ fn solve_transposed<const U: usize>(a: &Square<U>, mut b: SVector<f64, U>) -> Op
         let pivot = (k..U).max_by(|p, q| rows[*p][k].abs().total_cmp(&rows[*q][k].abs()))?;
         rows.swap(k, pivot);
         b.swap_rows(k, pivot);
-        let (own, reciprocal) = (rows[k], 1.0 / rows[k][k]);
+        let (pivot, reciprocal) = (rows[k], 1.0 / rows[k][k]);
         for r in k + 1..U {
             let factor = rows[r][k] * reciprocal;
-            rows[r].iter_mut().zip(&own).for_each(|(x, own)| *x -= own * factor);
+            rows[r].iter_mut().zip(&pivot).for_each(|(x, pivot)| *x -= pivot * factor);
             b[r] -= b[k] * factor;
         }
     }
     for k in (0..U).rev() {
-        let above: f64 = (k + 1..U).map(|c| rows[k][c] * b[c]).sum();
-        b[k] = (b[k] - above) / rows[k][k];
+        let solved: f64 = (k + 1..U).map(|c| rows[k][c] * b[c]).sum();
+        b[k] = (b[k] - solved) / rows[k][k];
     }
     b.iter().all(|x| x.is_finite()).then_some(b)
 }
 
-/// Cells of the table of instruments around a revolution; what its harmonics above the eighth do is lost to the instruments.
-const CELLS: usize = 32;
+/// Bins of the table of instruments over a revolution; the instruments do not contain harmonics above the eighth.
+const BINS: usize = 32;
 
-/// The mean of `i_k²/gap_k²` over earlier revolutions, over the rotor angle.
+/// The mean of `i_k²/gap_k²` over earlier revolutions as a function of the rotor angle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct AngleTable<const K: usize> {
-    cells: Box<Array<Cell<K>, CELLS>>,
-    /// The cell in which the rotor is.
+    bins: Box<Array<Bin<K>, BINS>>,
+    /// The bin of the present angle.
     present: usize,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-struct Cell<const K: usize> {
+struct Bin<const K: usize> {
     mean: SVector<f64, K>,
-    /// Revolutions in the mean, at most 8: speed and λ may change.
+    /// Revolutions in the mean, at most 8, because speed and λ may change.
     weight: f64,
-    /// Samples seen in this revolution, and their sum.
-    seen: f64,
+    /// Number and sum of the samples in this revolution.
+    samples: f64,
     sum: SVector<f64, K>,
 }
 
 impl<const K: usize> AngleTable<K> {
     pub fn empty() -> Self {
-        let cell = Cell { mean: SVector::zeros(), weight: 0.0, seen: 0.0, sum: SVector::zeros() };
-        Self { cells: Box::new(Array([cell; CELLS])), present: 0 }
+        let bin = Bin { mean: SVector::zeros(), weight: 0.0, samples: 0.0, sum: SVector::zeros() };
+        Self { bins: Box::new(Array([bin; BINS])), present: 0 }
     }
 
-    /// The mean at an angle, interpolated, if the rotor has passed there before; then takes in what is there now.
+    /// The interpolated mean at an angle, if the rotor has passed there before; then adds the present value.
     #[inline(always)]
     pub fn exchange(&mut self, angle_rad: f64, square: &SVector<f64, K>) -> Option<SVector<f64, K>> {
-        let turns = angle_rad / TAU;
-        let place = (turns - turns.floor()) * CELLS as f64;
-        let cell = (place as usize) % CELLS;
-        let part = place - place.floor() - 0.5;
-        let next = (if part > 0.0 { cell + 1 } else { cell + CELLS - 1 }) % CELLS;
-        if cell != self.present {
-            self.present = cell;
-            // Half a revolution late, so that no mean holds the noise of neighbouring samples.
-            self.cells[(cell + CELLS / 2) % CELLS].close();
+        let revolutions = angle_rad / TAU;
+        let position = (revolutions - revolutions.floor()) * BINS as f64;
+        let bin = (position as usize) % BINS;
+        let offset = position - position.floor() - 0.5;
+        let next = (if offset > 0.0 { bin + 1 } else { bin + BINS - 1 }) % BINS;
+        if bin != self.present {
+            self.present = bin;
+            // Half a revolution late, so that the means do not contain the noise of neighbouring samples.
+            self.bins[(bin + BINS / 2) % BINS].close();
         }
-        let [here, beside] = [&self.cells[cell], &self.cells[next]];
-        let mean = here.mean.lerp(&beside.mean, part.abs());
-        let known = here.weight > 0.0 && beside.weight > 0.0;
-        self.cells[cell].seen += 1.0;
-        self.cells[cell].sum += square;
+        let [here, neighbour] = [&self.bins[bin], &self.bins[next]];
+        let mean = here.mean.lerp(&neighbour.mean, offset.abs());
+        let known = here.weight > 0.0 && neighbour.weight > 0.0;
+        self.bins[bin].samples += 1.0;
+        self.bins[bin].sum += square;
         known.then_some(mean)
     }
 }
 
-impl<const K: usize> Cell<K> {
-    /// Takes what was seen into the mean.
+impl<const K: usize> Bin<K> {
+    /// Adds this revolution to the mean.
     fn close(&mut self) {
-        if self.seen > 0.0 {
+        if self.samples > 0.0 {
             self.weight = (self.weight + 1.0).min(8.0);
-            self.mean += (self.sum / self.seen - self.mean) / self.weight;
+            self.mean += (self.sum / self.samples - self.mean) / self.weight;
         }
-        (self.seen, self.sum) = (0.0, SVector::zeros());
+        (self.samples, self.sum) = (0.0, SVector::zeros());
     }
 }

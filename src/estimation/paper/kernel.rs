@@ -11,19 +11,19 @@
 //!
 //! # Discretisation
 //!
-//! The nodes are `τ_j = j h`, `h = 1/N`. The test function is the broken line `φ_h` through its values `φ_j` at
-//! the nodes, with `φ_0 = φ_N = 0`. For a broken line the weak form needs no quadrature on the position side:
+//! The nodes are `τ_j = j h`, `h = 1/N`. The test function is the piecewise linear function `φ_h` through its values `φ_j` at
+//! the nodes, with `φ_0 = φ_N = 0`. For such a line the weak form needs no quadrature on the position side:
 //!
 //! ```text
 //! T_f² ∫ φ_h Z̈ dτ = Σ_j (φ_{j+1} − 2 φ_j + φ_{j−1}) Z_j / h        for every Z with an integrable Z̈
 //! ```
 //!
-//! Constants and slopes of Z drop out to rounding. `φ` is the central difference of a primitive `Ψ` given between the nodes,
-//! `φ(τ) = (Ψ(τ + h/2) − Ψ(τ − h/2))/h`, and therefore `Σ φ_j = 0` telescopes: a constant force drops out as well.
-//! `Ψ` is `ψ_n` with one factor `τ²` read as `τ² − h²/4` and one factor `(1 − τ)²` as `(1 − τ)² − h²/4`
-//! (central factorials). It differs from `ψ_n` by O(h²) and makes the two end values of `φ` vanish.
-//! All differences are those of the rounded values, so that the sums that telescope on paper telescope in the computer
-//! too. What rounding does to the shape of `φ''` grows with N³: relative 1e-11 at N = 200, 2e-3 at 100 000.
+//! Constants and slopes of Z cancel to rounding. `φ` is the central difference of a primitive `Ψ` given between the nodes,
+//! `φ(τ) = (Ψ(τ + h/2) − Ψ(τ − h/2))/h`, so that `Σ φ_j = 0` telescopes: a constant force cancels as well.
+//! `Ψ` is `ψ_n` with one factor `τ²` replaced by `τ² − h²/4` and one factor `(1 − τ)²` by `(1 − τ)² − h²/4`
+//! (central factorials). It differs from `ψ_n` by O(h²), and makes the two end values of `φ` vanish.
+//! All differences are those of rounded values, so that the sums telescope in floating point as well. The relative rounding error of `φ''` grows
+//! with N³: 1e-11 at N = 200, 2e-3 at 100 000.
 
 use serde::{Deserialize, Serialize};
 
@@ -35,19 +35,18 @@ const PSI_3: [f64; 7] = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0];
 
 /// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)` at `τ = (j + ½) h`, for n ≥ 2 and j < N.
 ///
-/// This is `ψ_n` with central factorials of step `h = 1/N`; it is exactly zero half a step inside both ends.
+/// `ψ_n` with central factorials of step `h = 1/N`; exactly zero half a step inside both ends.
 #[must_use]
 pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
     let from_start = (2 * j + 1) as f64;
     let width = (2 * intervals) as f64;
     let from_end = width - from_start;
     let (a, b) = (from_start / width, from_end / width);
-    let cut = |x: f64| (x * x - 1.0) / (width * width);
-    (2..n).fold(cut(from_start) * b * cut(from_end), |product, _| product * a)
+    let factorial = |x: f64| (x * x - 1.0) / (width * width);
+    (2..n).fold(factorial(from_start) * b * factorial(from_end), |product, _| product * a)
 }
 
-/// Weights of one test function for the samples of a window; every vector has a weight for each of the N + 1
-/// nodes, oldest first. Dimensionless.
+/// Weights of one test function for the samples of a window; each vector has a weight for each of the N + 1 nodes, oldest first. Dimensionless.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Weights {
     /// `Σ position_j Z_j = T_f² ∫ φ_h Z̈ dτ`, exact for every motion.
@@ -61,7 +60,7 @@ pub struct Weights {
 }
 
 impl Weights {
-    /// Weights of the broken line through `phi`, its values at all nodes; the two end values count as zero.
+    /// Weights of the piecewise linear function with the values `phi` at the nodes; the two end values count as zero.
     #[must_use]
     pub fn new(phi: &[f64]) -> Self {
         let last = phi.len().saturating_sub(1).max(1);
@@ -90,7 +89,7 @@ impl Weights {
         Self::new(&phi.collect::<Vec<_>>())
     }
 
-    /// Weights that keep a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
+    /// Weights that retain a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
     #[must_use]
     pub fn static_load(intervals: usize) -> Self {
         let psi_3 = |tau: f64| PSI_3.iter().rev().fold(0.0, |sum, c| sum * tau + c);
@@ -99,13 +98,13 @@ impl Weights {
         Self::new(&phi)
     }
 
-    /// Gain of the position side for white noise, `√Σ position_j²`.
+    /// Gain of the position side for white noise, `√(Σ position_j²)`.
     #[must_use]
     pub fn noise_gain(&self) -> f64 {
         self.position.iter().map(|w| w * w).sum::<f64>().sqrt()
     }
 
-    /// `Σ |node_j|`, the L1 gain of the current side: its largest answer to a signal bounded by one.
+    /// `Σ |node_j|`, the L1 gain of the current side: its largest response to a signal bounded by one.
     #[must_use]
     pub fn l1_gain(&self) -> f64 {
         self.node.iter().map(|w| w.abs()).sum()

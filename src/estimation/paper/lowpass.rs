@@ -5,15 +5,14 @@ use serde::{Deserialize, Serialize};
 
 /// `F(s) = ω_n²/(s² + 2 ζ ω_n s + ω_n²)`, discretised by the trapezoidal rule.
 ///
-/// The rule keeps F stable for every step, ω_n > 0 and ζ > 0, and its gain at rest is exactly one. The input counts
-/// as its value over the whole step that ends now; only ratios of outputs are used, so that half a step of phase
-/// is of no consequence.
+/// F is stable for every step, ω_n > 0 and ζ > 0, and its DC gain is exactly one. The input is taken as constant over the step that ends now; the phase
+/// error of half a step has no effect because only ratios of outputs are used.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LowPass {
-    /// `(1 − ζωT − ω²T²/4)/(1 + ζωT + ω²T²/4)`: how much of the rate survives a step.
-    keep: f64,
+    /// `(1 − ζωT − ω²T²/4)/(1 + ζωT + ω²T²/4)`: factor of the rate per step.
+    rate_decay: f64,
     /// `ω² T/(1 + ζωT + ω²T²/4)`, in 1/s.
-    drive: f64,
+    gain: f64,
     /// T/2, in s.
     half_step_s: f64,
 }
@@ -38,14 +37,14 @@ impl LowPass {
     #[must_use]
     pub fn new(omega_rad_s: f64, zeta: f64, step_s: f64) -> Self {
         let (w, t) = (omega_rad_s, step_s);
-        let loss = zeta * w * t + w * w * t * t / 4.0;
-        Self { keep: (1.0 - loss) / (1.0 + loss), drive: w * w * t / (1.0 + loss), half_step_s: t / 2.0 }
+        let damping = zeta * w * t + w * w * t * t / 4.0;
+        Self { rate_decay: (1.0 - damping) / (1.0 + damping), gain: w * w * t / (1.0 + damping), half_step_s: t / 2.0 }
     }
 
     /// One step with the input `x`.
     pub fn step<const N: usize>(&self, state: &mut LowPassState<N>, x: &SVector<f64, N>) {
         for ((y, v), x) in state.value.iter_mut().zip(state.rate.iter_mut()).zip(x.iter()) {
-            let rate = self.keep * *v + self.drive * (x - *y);
+            let rate = self.rate_decay * *v + self.gain * (x - *y);
             *y += self.half_step_s * (*v + rate);
             *v = rate;
         }

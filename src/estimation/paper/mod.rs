@@ -1,16 +1,16 @@
-//! The paper's estimates, P(19) and P(20): Cramer's rule on the z axis, numerators and determinant filtered apart.
+//! The paper's estimates, P(19) and P(20): Cramer's rule on the z axis, numerators and determinant filtered separately.
 //!
-//! One row of `D Λ = N`, P(18), is the weak form of the motion along one axis over the window of length `T_f` that
-//! ends now, with a test function that ignores initial conditions and constant forces (see [`kernel`]):
+//! One row of `D Λ = N`, P(18), is the weak form of the equation of motion along one axis over the window of length `T_f` that
+//! ends now, with a test function that eliminates initial conditions and constant forces (see [`kernel`]):
 //!
 //! ```text
 //! ∫ g_z,i Y dτ = T_f² Σ_k λ_k ∫ g_u,i u_y,k dτ        u_y,k = sin α_k i_k²/(m gap_k²)
 //! ∫ g_z,i Z dτ = T_f² Σ_k λ_k ∫ g_u,i u_z,k dτ        u_z,k = cos α_k i_k²/(m gap_k²)
 //! ```
 //!
-//! Every row is divided by its gain for white position noise, so that a row carries metres and every row the same noise; the
-//! column of `λ_k` is multiplied by `λ_0,k`, so that the unknowns are `λ_k/λ_0,k`. Normal equations of both axes are
-//! filtered along to judge the result.
+//! Each row is divided by its gain for white position noise, so that all rows are in metres and have the same noise; the
+//! column of `λ_k` is multiplied by `λ_0,k`, so that the unknowns are `λ_k/λ_0,k`. The normal equations of both axes are
+//! filtered as well, to test the result.
 
 pub mod kernel;
 pub mod lowpass;
@@ -29,43 +29,39 @@ use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Meth
 /// Magnets of the machine of the paper.
 const MAGNETS: usize = 3;
 
-/// The largest condition number with which an estimate counts as valid: on the paper's orbit it is 17 to 32.
+/// Largest condition number of a valid estimate; on the paper's orbit it is 17 to 32.
 const CONDITION_LIMIT: f64 = 60.0;
 
-/// The largest residual with which an estimate counts as valid: beyond it the model explains less than three
-/// quarters (in the mean square) of the motion that it is asked to explain.
+/// Largest residual of a valid estimate: above it the model explains less than three quarters of the mean square of the motion.
 const RESIDUAL_LIMIT: f64 = 0.5;
 
-/// The largest standard deviation of a λ, relative to the λ, with which an estimate counts as valid.
+/// Largest relative standard deviation of a λ of a valid estimate.
 ///
-/// The standard deviation takes all that is left unexplained for one error in the worst direction, which is about five times the
-/// error that it makes: in the paper's own simulation, where a perturbation of 2 N in phase with the path costs 4.6 %, it is 20 %.
+/// The standard deviation attributes the whole residual to one error in the worst direction, about five times the actual error: in the paper's own
+/// simulation, where a perturbation of 2 N in phase with the reference trajectory causes 4.6 %, it is 20 %.
 pub const STD_LIMIT: f64 = 5.0 * super::STD_LIMIT;
 
-/// Before so many windows without a common sample have passed, the residual says nothing: the six rows of the first one leave three
-/// degrees of freedom, and overfit.
-const LEAST_WINDOWS: u64 = 3;
+/// Windows without a common sample that the residual needs: the six rows of the first one leave only three degrees of freedom, and overfit.
+const MIN_WINDOWS: u64 = 3;
 
-/// The paper presumes that there is no unbalance, and it is the residual that shows if that is wrong. On a
-/// circle it cannot: the force of an unbalance turns with the acceleration of the rotor, and looks like force constants that
-/// are all too small or too large by the same part. `(a² − b²)/(a² + b²)` of the acceleration with the half-axes a and b must be at
-/// least this; it is 0.69 on the paper's orbit and 0.1 where the half-axes differ by a tenth.
-const ROUND_LIMIT: f64 = 0.1;
+/// The paper assumes no unbalance, and the residual detects one, but not on a circular orbit: there the unbalance force turns with the acceleration of the
+/// rotor, and is equivalent to force constants that are all too small or too large by the same factor. `(a² − b²)/(a² + b²)` of the acceleration with the
+/// half-axes a and b must be at least this; it is 0.69 on the paper's orbit and 0.1 if the half-axes differ by a tenth.
+const CIRCULAR_LIMIT: f64 = 0.1;
 
-/// Upper end of the standard deviation, in units of λ_0.
+/// Upper limit of the standard deviation, in units of λ_0.
 const STD_CAP: f64 = 1.0e3;
 
-/// Relative error that the discretisation may have: motions that noise does not hide are not trusted further than this.
+/// Relative discretisation error: the smallest relative standard deviation, even without noise.
 const MODEL_STD: f64 = 1.0e-4;
 
-/// The least variation of the magnets' `i²/gap²`, relative to its level, that counts as excitation; rounding makes
-/// about 1e-15.
+/// Smallest variation of `i²/gap²`, relative to its level, that counts as excitation; rounding is about 1e-15.
 const EXCITATION_FLOOR: f64 = 1.0e-9;
 
-/// Upper end of the residual.
+/// Upper limit of the residual.
 const RESIDUAL_CAP: f64 = 1.0e6;
 
-/// Filtered quantities beyond this come from samples that no bearing makes, and their products could overflow.
+/// Greater filtered quantities come from non-physical samples, and their products could overflow.
 const CHANNEL_LIMIT: f64 = 1.0e150;
 
 /// The low-passed quantities: normal equations and the ratio of P(20).
@@ -88,10 +84,10 @@ const RIGHT: usize = NORMAL;
 /// |N|² follows.
 const SQUARE: usize = RIGHT + MAGNETS;
 
-/// n_1, n_2, n_3, d of P(20) follow, signs aligned or not as the method says.
+/// n_1, n_2, n_3, d of P(20) follow, signs aligned or not depending on the method.
 const RATIO: usize = SQUARE + 1;
 
-/// The squares of what each column of D would be if nothing cancelled follow.
+/// The squares of each column of D without cancellation follow.
 const LEVEL: usize = RATIO + MAGNETS + 1;
 
 /// `|N_y|² − |N_z|²` and `2 N_y·N_z` follow.
@@ -99,7 +95,7 @@ const SHAPE: usize = LEVEL + MAGNETS;
 
 const CHANNELS: usize = SHAPE + 2;
 
-/// All that changes with a sample.
+/// State between samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PaperState {
     /// Samples since the start, and since the last gap in the data.
@@ -111,7 +107,7 @@ pub struct PaperState {
     current_a: [f64; MAGNETS],
     window: Window,
     filtered: LowPassState<CHANNELS>,
-    /// Means of `i_k/gap_k²` and `i_k²/gap_k³`, forgotten with the time constant of a window.
+    /// Means of `i_k/gap_k²` and `i_k²/gap_k³` with the memory of a window.
     per_current: [f64; MAGNETS],
     gradient: [f64; MAGNETS],
 }
@@ -121,16 +117,16 @@ pub struct PaperState {
 pub struct Paper {
     config: EstimatorConfig,
     intervals: usize,
-    /// Number of samples at which ε has passed; the first sample is at time zero.
+    /// Number of samples after which ε has passed; the first sample is at time zero.
     samples_until_epsilon: u64,
     /// `(sin α_k, cos α_k)`.
     direction: [[f64; 2]; MAGNETS],
     sums: WindowSums,
-    /// One over the gain of each row for position noise.
+    /// Inverse of each row's gain for position noise.
     row_scale: [f64; ROWS_PER_AXIS],
     /// `T_f² λ_0,k/m`.
     column_scale: [f64; MAGNETS],
-    /// Size of a column of D per A²/m² if nothing cancelled, m.
+    /// Size of a column of D without cancellation per A²/m², m.
     level: [f64; MAGNETS],
     low_pass: LowPass,
 }
@@ -159,7 +155,7 @@ impl Paper {
         }
     }
 
-    /// A fresh state, with all the memory that stepping needs.
+    /// A new state, with all the memory that stepping needs.
     #[must_use]
     pub fn start(&self) -> PaperState {
         PaperState {
@@ -179,7 +175,7 @@ impl Paper {
         self.sums.accepts(&state.window)
     }
 
-    /// A gap in the data: the window starts afresh, for its integrals need every sample; the filters F keep what they have.
+    /// A gap in the data: the window restarts because its integrals need every sample; the filters F keep their state.
     pub fn interrupt(&self, state: &mut PaperState) {
         state.filled = 0;
         state.window.clear();
@@ -190,7 +186,7 @@ impl Paper {
         self.direction.map(|[sin, cos]| self.config.geometry.bearings[0].gap_m - sin * y - cos * z)
     }
 
-    /// Takes in a sample, which is finite and within the gap; what to say of the estimate.
+    /// Processes a sample, which must be finite and within the gap, and returns the verdict on the estimate.
     pub fn sample(&self, state: &mut PaperState, input: &EstimatorInput, output: &mut EstimatorOutput) -> Verdict {
         let sample = self.signals(state, input);
         state.filled = state.filled.saturating_add(1);
@@ -200,7 +196,7 @@ impl Paper {
             return Verdict::Collecting;
         };
         let channels = self.channels(output, &integrals, &sample.squares[0]);
-        // Written so that a NaN fails as well.
+        // NaN fails as well.
         if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
             self.interrupt(state);
             return Verdict::BadSample;
@@ -225,7 +221,7 @@ impl Paper {
         let w = gap_m.map(|gap| 1.0 / (gap * gap));
         let [w_last, w_before] = state.inverse_square_gap;
         let mut sample = Sample { position: input.position_m, ..Sample::default() };
-        let part = 1.0 / (state.samples as f64 + 1.0).min(self.intervals as f64);
+        let weight = 1.0 / (state.samples as f64 + 1.0).min(self.intervals as f64);
         for k in 0..MAGNETS {
             let i = match self.config.hold {
                 Hold::HeldBefore | Hold::Linear => input.current_a[k],
@@ -238,14 +234,14 @@ impl Paper {
                 start[k] = square * w[k];
                 end[k] = start[k];
             } else if state.filled > 0 {
-                // Within the interval 1/gap² is a parabola; one twelfth of its second difference, taken off both
-                // ends of the chord, gives the chord the area of the parabola.
+                // Within the interval 1/gap² is a parabola; the chord, lowered at both ends by one twelfth of the second
+                // difference, has the same area.
                 let bulge = if state.filled > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
                 start[k] = square * (w_last[k] - bulge);
                 end[k] = square * (w[k] - bulge);
             }
-            state.per_current[k] += part * (i * w[k] - state.per_current[k]);
-            state.gradient[k] += part * (i * i * w[k] / gap_m[k] - state.gradient[k]);
+            state.per_current[k] += weight * (i * w[k] - state.per_current[k]);
+            state.gradient[k] += weight * (i * i * w[k] / gap_m[k] - state.gradient[k]);
         }
         state.inverse_square_gap = [w, w_last];
         state.current_a = input.current_a;
@@ -264,7 +260,7 @@ impl Paper {
         std::array::from_fn(|k| self.config.lambda0_nm2_a2[k] * scaled[k])
     }
 
-    /// The constant force that is left over in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
+    /// The residual constant force in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
     fn static_load(&self, integrals: &Integrals, unknowns: &NormalVector) -> [f64; 2] {
         let rows = self.row_pair(integrals);
         std::array::from_fn(|axis| {
@@ -274,7 +270,7 @@ impl Paper {
         })
     }
 
-    /// Contribution of the present window to the filtered quantities.
+    /// The quantities to be filtered, from the present window.
     fn channels(
         &self,
         output: &mut EstimatorOutput,
@@ -287,7 +283,7 @@ impl Paper {
             for (axis, values) in self.row_pair(integrals).iter().enumerate() {
                 let at = axis * ROWS_PER_AXIS + row;
                 n[at] = scale * integrals.position[axis];
-                for (k, value) in values.iter().enumerate().take(MAGNETS) {
+                for (k, value) in values.iter().enumerate() {
                     d[(at, k)] = scale * value;
                 }
             }
@@ -308,15 +304,14 @@ impl Paper {
             output.determinant = determinant;
         }
 
-        // The paper solves the rows of the z axis; those of both axes judge the result.
+        // The paper solves the rows of the z axis; those of both axes test the result.
         let p = d.tr_mul(&d);
         let h = d.tr_mul(&n);
         channels.fixed_rows_mut::<NORMAL>(0).copy_from_slice(p.as_slice());
         channels.fixed_rows_mut::<MAGNETS>(RIGHT).copy_from(&h);
         channels[SQUARE] = n.norm_squared();
-        let [shape_0, shape_1] = shape(&n.as_slice()[..ROWS_PER_AXIS], &n.as_slice()[ROWS_PER_AXIS..]);
-        channels[SHAPE] = shape_0;
-        channels[SHAPE + 1] = shape_1;
+        let (n_y, n_z) = n.as_slice().split_at(ROWS_PER_AXIS);
+        channels.fixed_rows_mut::<2>(SHAPE).copy_from_slice(&shape(n_y, n_z));
         for k in 0..MAGNETS {
             let level = squares[k] * self.level[k];
             channels[LEVEL + k] = level * level;
@@ -341,10 +336,10 @@ impl Paper {
         let mut unknowns = NormalVector::zeros();
         unknowns.copy_from_slice(&scaled);
         output.residual = residual(filtered, &unknowns);
-        // Whatever is left unexplained counts as one coherent error, for it may be: no averaging over windows.
-        let rest = output.residual * output.residual * filtered[SQUARE];
+        // The residual may be one coherent error: no averaging over windows.
+        let residual_square = output.residual * output.residual * filtered[SQUARE];
         for k in 0..MAGNETS {
-            let spread = inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * rest).sqrt());
+            let spread = inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * residual_square).sqrt());
             let std = (spread * spread + (MODEL_STD * scaled[k]) * (MODEL_STD * scaled[k])).sqrt();
             output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * if std < STD_CAP { std } else { STD_CAP };
         }
@@ -353,7 +348,7 @@ impl Paper {
         }
         if !excited
             || output.condition > CONDITION_LIMIT
-            || is_round([filtered[SHAPE], filtered[SHAPE + 1]], filtered[SQUARE])
+            || is_circular([filtered[SHAPE], filtered[SHAPE + 1]], filtered[SQUARE])
         {
             return Verdict::Singular;
         }
@@ -363,7 +358,7 @@ impl Paper {
         if !literal && output.residual > RESIDUAL_LIMIT {
             return Verdict::Unexplained;
         }
-        let few = state.samples <= LEAST_WINDOWS * self.intervals as u64;
+        let few = state.samples <= MIN_WINDOWS * self.intervals as u64;
         if few || (0..MAGNETS).any(|k| output.lambda_std[k] > STD_LIMIT * lambda[k]) {
             return Verdict::Uncertain;
         }
@@ -376,12 +371,12 @@ impl Paper {
     }
 }
 
-/// DᵀD out of the channels.
+/// DᵀD from the channels.
 fn normal(channels: &Channels) -> NormalMatrix {
     NormalMatrix::from_column_slice(&channels.as_slice()[..NORMAL])
 }
 
-/// `n_i/d`, scaled unknowns; not finite where d is zero.
+/// `n_i/d`, scaled unknowns; not finite if d is zero.
 fn ratio(channels: &Channels) -> [f64; 3] {
     std::array::from_fn(|k| channels[RATIO + k] / channels[RATIO + MAGNETS])
 }
@@ -390,8 +385,8 @@ fn ratio(channels: &Channels) -> [f64; 3] {
 fn residual(channels: &Channels, x: &NormalVector) -> f64 {
     let h: NormalVector = channels.fixed_rows::<MAGNETS>(RIGHT).into_owned();
     let square = channels[SQUARE];
-    let rest = square - 2.0 * x.dot(&h) + x.dot(&(normal(channels) * x));
-    let residual = (rest.max(0.0) / square).sqrt();
+    let residual_square = square - 2.0 * x.dot(&h) + x.dot(&(normal(channels) * x));
+    let residual = (residual_square.max(0.0) / square).sqrt();
     if square.is_nan() || square <= 0.0 {
         1.0
     } else if residual.is_finite() {
@@ -412,7 +407,7 @@ fn shape(n_y: &[f64], n_z: &[f64]) -> [f64; 2] {
     [pairs().map(|(y, z)| y * y - z * z).sum(), pairs().map(|(y, z)| 2.0 * y * z).sum()]
 }
 
-/// Whether the motion is so nearly a circle that an unbalance would look like other force constants: see [`ROUND_LIMIT`].
-fn is_round([difference, product]: [f64; 2], square: f64) -> bool {
-    (difference * difference + product * product).sqrt() < ROUND_LIMIT * square
+/// Whether the orbit is so nearly circular that an unbalance cannot be distinguished from other force constants: see [`CIRCULAR_LIMIT`].
+fn is_circular([difference, product]: [f64; 2], square: f64) -> bool {
+    (difference * difference + product * product).sqrt() < CIRCULAR_LIMIT * square
 }

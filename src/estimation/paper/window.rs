@@ -1,13 +1,13 @@
-//! Sliding windows: samples kept so that a window is one contiguous slice, and the integrals of the paper's kernels.
+//! Sliding windows stored as contiguous slices, and the integrals of the paper's kernels.
 
 use serde::{Deserialize, Serialize};
 
 use super::kernel::{ROWS_PER_AXIS, Weights};
 
-/// Ring buffers of several signals with a common cursor, each kept twice in a row.
+/// Ring buffers of several signals with a common cursor, each stored twice in a row.
 ///
-/// Sample j is written at `j mod n` and at `j mod n + n`, so that the last n samples are always contiguous, oldest
-/// first. A moving sum is then a plain dot product; nothing is ever subtracted, and nothing can drift.
+/// Sample j is written at `j mod n` and at `j mod n + n`, so that the last n samples are always contiguous, oldest first. A moving sum is then a plain dot
+/// product, without subtractions and so without drift.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Window {
     nodes: usize,
@@ -19,7 +19,7 @@ pub struct Window {
 impl Window {
     /// Forgets all samples.
     pub fn clear(&mut self) {
-        // Old values are overwritten before the window is full again; the time this takes does not depend on its length.
+        // Old values are overwritten before the window is full again; clearing takes the same time for any length.
         self.next = 0;
         self.filled = 0;
     }
@@ -30,7 +30,7 @@ impl Window {
         self.filled == self.nodes
     }
 
-    /// Takes in one sample of every signal.
+    /// Appends one sample of each signal.
     pub fn push(&mut self, sample: &[f64; SIGNALS]) {
         let nodes = self.nodes;
         for (ring, value) in self.values.chunks_exact_mut(2 * nodes).zip(sample) {
@@ -49,25 +49,24 @@ impl Window {
     }
 }
 
-/// `Σ a_j b_j`, in eight partial sums: the order is fixed, so every platform gives the same bits, and the compiler
-/// can use vector registers.
+/// `Σ a_j b_j` in eight partial sums: a fixed order, so that the result is the same on every platform, and suitable for vector registers.
 #[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (blocks_a, blocks_b) = (a.chunks_exact(8), b.chunks_exact(8));
-    let rest: f64 = blocks_a.remainder().iter().zip(blocks_b.remainder()).map(|(x, y)| x * y).sum();
+    let remainder: f64 = blocks_a.remainder().iter().zip(blocks_b.remainder()).map(|(x, y)| x * y).sum();
     for (x, y) in blocks_a.zip(blocks_b) {
         for (sum, (x, y)) in sums.iter_mut().zip(x.iter().zip(y)) {
             *sum += x * y;
         }
     }
-    ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7])) + rest
+    ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7])) + remainder
 }
 
 /// Number of kernels: the rows of P(18), then that of the static load.
 pub const KERNELS: usize = ROWS_PER_AXIS + 1;
 
-/// Signals of a window: two positions, then `i_k²/gap_k²` at the start and at the end of the intervals.
+/// Signals of a window: two positions, then `i_k²/gap_k²` at the start and at the end of each interval.
 const SIGNALS: usize = 8;
 
 /// The integrals of one test function φ over a window.
@@ -79,13 +78,13 @@ pub struct Integrals {
     pub squares: [f64; 3],
 }
 
-/// One sample of what the paper's kernels are integrated against.
+/// One sample of the signals that the paper's kernels weight.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Sample {
     /// Position (Y, Z), m.
     pub position: [f64; 2],
-    /// `i_k²/gap_k²` at the start and at the end of the interval that ends with the sample; at the sample, twice, if the current is
-    /// continuous. A²/m².
+    /// `i_k²/gap_k²` at the start and at the end of the interval that ends with the sample; for continuous currents both are the value at the sample.
+    /// A²/m².
     pub squares: [[f64; 3]; 2],
 }
 
@@ -97,7 +96,7 @@ pub struct WindowSums {
 }
 
 impl WindowSums {
-    /// Sums over windows of so many intervals, 8 at least; `continuous` if the currents are, not held.
+    /// Sums over windows of this many intervals, at least 8; `continuous` if the currents are continuous, not held.
     #[must_use]
     pub fn new(intervals: usize, continuous: bool) -> Self {
         let weights = std::array::from_fn(|row| match row {
@@ -128,7 +127,7 @@ impl WindowSums {
             && window.filled <= nodes
     }
 
-    /// Takes in one sample; the integrals over the window that ends with it, once there is one.
+    /// Appends a sample; returns the integrals over the window that ends with it, once the window is full.
     pub fn push(&self, window: &mut Window, sample: &Sample) -> Option<[Integrals; KERNELS]> {
         let [y, z] = sample.position;
         let [[s1, s2, s3], [e1, e2, e3]] = sample.squares;
