@@ -131,11 +131,8 @@ impl Rotation {
     /// The rotation interpolated between this one and another, at a fraction of the time.
     pub fn between(&self, other: &Self, fraction: f64) -> Self {
         let omega_rad_s = self.omega_rad_s + fraction * (other.omega_rad_s - self.omega_rad_s);
-        Self {
-            theta_rad: self.theta_rad + fraction * angle_difference(self.theta_rad, other.theta_rad),
-            omega_rad_s,
-            ..*other
-        }
+        let theta_rad = self.theta_rad + fraction * angle_difference(self.theta_rad, other.theta_rad);
+        Self { theta_rad, omega_rad_s, ..*other }
     }
 }
 

@@ -117,7 +117,7 @@ impl<const N: usize, const K: usize> Sample<N, K> {
 
 /// The present estimates, which set the gains of the filter.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FilterParameters<const U: usize> {
+pub struct Parameters<const U: usize> {
     /// ϑ in SI units.
     pub unknowns: SVector<f64, U>,
     /// Whether ϑ is estimated from data rather than the first guess.
@@ -128,7 +128,7 @@ pub struct FilterParameters<const U: usize> {
     pub current_variance: f64,
 }
 
-impl<const U: usize> FilterParameters<U> {
+impl<const U: usize> Parameters<U> {
     /// `λ_k² σ_i²/σ_z²`.
     fn current_noise(&self, k: usize) -> f64 {
         self.unknowns[k] * self.unknowns[k] * self.current_variance / self.position_variance
@@ -316,7 +316,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     pub fn predict(
         &self,
         state: &mut FilterState<N, K, U, T>,
-        parameters: &FilterParameters<U>,
+        parameters: &Parameters<U>,
         sample: &Sample<N, K>,
         instrument: impl FnOnce(&SVector<f64, K>) -> SVector<f64, K>,
     ) -> Field<N, K> {
@@ -325,7 +325,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let (h2, h3) = (0.5 * h * h, h * h * h / 6.0);
         let last = std::mem::replace(&mut state.last, *sample);
         let omega = 0.5 * (last.rotation.omega_rad_s + sample.rotation.omega_rad_s);
-        let factors = self.rotating_factors(&last, sample);
+        let pairs = self.rotating_factors(&last, sample);
 
         // Mean acceleration over the interval due to a constant force: gyroscopic effects turn part of it.
         let gyroscopic = self.machine.gyroscopic.map(|per_speed| per_speed * omega);
@@ -344,10 +344,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             Some(former_m) => former_m / h,
             None => difference_m / h,
         };
-        let (currents, variances) = self.currents(&last, sample);
+        let (currents, ratios) = self.currents(&last, sample);
         let zero = SVector::<f64, K>::zeros();
-        let mut regressors =
-            factors.map(|[forward, backward]| Regressors { square: zero, forward, backward, load: 1.0 });
+        let mut regressors = pairs.map(|[forward, backward]| Regressors { square: zero, forward, backward, load: 1.0 });
         let (mut position, mut reciprocal) = (last.position_m, zero);
         let mut acceleration = SVector::<f64, N>::zeros();
         for at in 0..3 {
@@ -357,9 +356,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             // Initial predictions may be outside the gap.
             let inverse = SVector::<f64, K>::from_fn(|k, _| 1.0 / gaps[k].max(0.1 * geometry.gap_m[k]));
             regressors[at].square = SVector::from_fn(|k, _| {
-                (currents[at][k] * currents[at][k] - variances[at] * parameters.current_variance)
-                    * inverse[k]
-                    * inverse[k]
+                (currents[at][k] * currents[at][k] - ratios[at] * parameters.current_variance) * inverse[k] * inverse[k]
             });
             if at == 0 {
                 acceleration = accelerations.tr_mul(&self.forces(&parameters.unknowns, &regressors[0]));
@@ -463,7 +460,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     fn by_tolerance(
         &self,
         &Tolerances { ref variations, gain, offset_m, current_a }: &Tolerances<N, K, U>,
-        parameters: &FilterParameters<U>,
+        parameters: &Parameters<U>,
         field: &Field<N, K>,
         forces: &SVector<f64, U>,
         start: &Motions<1, N>,
@@ -508,11 +505,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
 
     /// The innovation of the predicted sample.
     #[inline(always)]
-    pub fn innovation(
-        &self,
-        state: &FilterState<N, K, U, T>,
-        parameters: &FilterParameters<U>,
-    ) -> Innovation<N, K, U, T> {
+    pub fn innovation(&self, state: &FilterState<N, K, U, T>, parameters: &Parameters<U>) -> Innovation<N, K, U, T> {
         let whitening = whitening(&(state.covariance.position + Square::identity()));
         let measured = state.last.position_m.transpose();
         let motion = product(&(state.motion.position + measured), &whitening);
@@ -551,7 +544,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     pub fn correct(
         &self,
         state: &mut FilterState<N, K, U, T>,
-        parameters: &FilterParameters<U>,
+        parameters: &Parameters<U>,
         innovation: &Innovation<N, K, U, T>,
         weight: f64,
     ) {

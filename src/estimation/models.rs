@@ -16,7 +16,7 @@ use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
 use crate::variables::Array;
 
 /// The models of change: memory τ, s, from a constant bearing down to less than a block at 3000 rpm, and random walk of the loads as acceleration of the
-/// rotor, m/s² per √s; 0.03 are 0.2 N for 6.7 kg in a second. Without walks ± of λ after a load ramp of 1 N/s is 1.3 instead of 0.4 %, and at 10 N/s the
+/// rotor, m/s² per √s; 0.03 corresponds to 0.2 N in a second for 6.7 kg. Without walks ± of λ after a load ramp of 1 N/s is 1.3 instead of 0.4 %, and at 10 N/s the
 /// estimate is valid 55 instead of 100 % of the time (`montecarlo --only "hostile: load ramp" --runs 40 --seed 1200001`, noise known). Models with a walk
 /// also forget λ slowly, or its drift on a rotor that has slowed down would be taken for one of the load.
 const CHANGES: [[f64; 2]; 8] =
@@ -209,10 +209,9 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
             let gain = before.map_or(0.0, |[before, _]| after - before);
             // Evidence has a memory of 64 blocks, 16 revolutions.
             self.evidence[m] = (self.evidence[m] + gain) * (1.0 - 1.0 / 64.0);
-            let own_degrees = sums.degrees::<N>();
+            let dof = sums.degrees::<N>();
             // At least 0.5: the noise estimate decreases slowly after a disturbance.
-            unexplained[m] =
-                residuals / own_degrees > nis.max(0.5) * (1.0 + limit * sqrt(2.0 / own_degrees + 2.0 / degrees));
+            unexplained[m] = residuals / dof > nis.max(0.5) * (1.0 + limit * sqrt(2.0 / dof + 2.0 / degrees));
         }
         let last = CHANGES.len() - 1;
         let changed = unexplained[0] || self.evidence[last] - self.evidence[0] > REPLACING_LOG_ODDS;

@@ -71,8 +71,8 @@ where
     }
 
     fn is_in_gap(&self, position_m: [f64; N]) -> bool {
-        is_in_gap(&self.first, std::array::from_fn(|n| position_m[n]))
-            && self.axial.as_ref().is_none_or(|axial| is_in_gap(axial, [position_m[N - 1]]))
+        self.first.is_in_gap(std::array::from_fn(|n| position_m[n]))
+            && self.axial.as_ref().is_none_or(|axial| axial.is_in_gap([position_m[N - 1]]))
     }
 
     fn advance(
@@ -88,13 +88,6 @@ where
         }
         verdicts
     }
-}
-
-fn is_in_gap<const R: usize, const K: usize, const U: usize, const T: usize>(
-    method: &PredictionError<R, K, U, T>,
-    position_m: [f64; R],
-) -> bool {
-    method.filter.machine.geometry.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
 }
 
 impl<const N: usize, const A: usize> CheckedSample<'_, N, A> {

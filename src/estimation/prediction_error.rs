@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::CONDITION_CAP;
 use super::angle::angle_difference;
 use super::config::Verdict;
-use super::innovations::{FilterParameters, FilterState, Sample, WhiteningFilter};
+use super::innovations::{FilterState, Parameters, Sample, WhiteningFilter};
 use super::models::{Comparison, Models};
 use super::noise::{Noise, OUTLIER, StartBuffer, USUAL_CURRENT_NOISE_A};
 use super::sums::{AngleTable, Prior, Solution, Sums, lambda_of};
@@ -35,10 +35,10 @@ const RESPONSE_SAMPLES: u32 = 16;
 /// An estimate is outdated once this many successive samples have not counted. With 20 % missing at random such a stretch has a probability of 0.4 %.
 const MAX_UNCOUNTED: u32 = 1000;
 
-/// The equations are solved at the end of each quarter, after its samples were tested. At first, and where the noise is estimated, they are also solved
+/// The equations are solved at the end of each quarter, after its samples were tested. At first, and if the noise is estimated, they are also solved
 /// within a quarter, every 4 samples or this fraction of those so far: the error of an estimate that lags behind the data is taken for noise of the
-/// currents. With quarters alone this noise was estimated 1.5 times too large for spindles at 0.1 s, and error/std was 0.71 instead of 0.86 (seeds 61501 to
-/// 61600); with 1/32 it is 0.81, with 1/128 0.88. Not after a change: 2 instead of 1 of 160 runs were valid and wrong after a blow (test `blows_are_forgotten`).
+/// currents. With quarters alone this noise was 1.5 times too large for spindles at 0.1 s, and error/std was 0.71 instead of 0.86 (seeds 61501 to 61600);
+/// with 1/32 it is 0.81, with 1/128 0.88. Not after a change: 2 instead of 1 of 160 runs were valid and wrong after a blow (test `blows_are_forgotten`).
 const SOLVE_EVERY: f64 = 4.0;
 const SOLVE_FRACTION: f64 = 1.0 / 64.0;
 
@@ -166,6 +166,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.known_noise.iter().all(|noise| *noise > 0.0)
     }
 
+    /// Whether the rotor is within the gaps of all magnets at a position, m.
+    pub fn is_in_gap(&self, position_m: [f64; N]) -> bool {
+        self.filter.machine.geometry.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
+    }
+
     /// A new state.
     pub fn start(&self) -> PredictionErrorState<N, K, U, T> {
         let unknowns = SVector::from_fn(|j, _| if j < K { self.lambda0[j] } else { 0.0 });
@@ -261,25 +266,24 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             return self.report(state);
         };
         let (unknowns, estimated) = (state.filter_unknowns, state.estimated_at.is_some());
-        let parameters = FilterParameters { unknowns, estimated, position_variance, current_variance };
+        let parameters = Parameters { unknowns, estimated, position_variance, current_variance };
         let mut instrumented = false;
         let table = &mut state.table;
-        let mut predict =
-            |filter: &mut FilterState<N, K, U, T>, parameters: &FilterParameters<U>, sample: &Sample<N, K>| {
-                let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
-                self.filter.predict(filter, parameters, sample, |square| {
-                    let instruments = table.exchange(from_rad + 0.5 * angle_difference(from_rad, to_rad), square);
-                    instrumented = instruments.is_some();
-                    instruments.unwrap_or_else(SVector::zeros)
-                })
-            };
+        let mut predict = |filter: &mut FilterState<N, K, U, T>, parameters: &Parameters<U>, sample: &Sample<N, K>| {
+            let (from_rad, to_rad) = (filter.last.rotation.theta_rad, sample.rotation.theta_rad);
+            self.filter.predict(filter, parameters, sample, |square| {
+                let instruments = table.exchange(from_rad + 0.5 * angle_difference(from_rad, to_rad), square);
+                instrumented = instruments.is_some();
+                instruments.unwrap_or_else(SVector::zeros)
+            })
+        };
         let before = filter.last;
         for n in 0..sample.missing {
             // The current jumped from one value to the other at an unknown instant.
             let interpolated = before.between(&sample, f64::from(n + 1) / f64::from(sample.missing + 1));
             let jump = (sample.current_a - before.current_a).amax();
             let current_variance = current_variance + f64::from(sample.missing) * jump * jump;
-            let parameters = FilterParameters { current_variance, ..parameters };
+            let parameters = Parameters { current_variance, ..parameters };
             predict(filter, &parameters, &interpolated);
             let innovation = self.filter.innovation(filter, &parameters);
             filter.last.position_m -= innovation.error_m;

@@ -6,7 +6,7 @@
 //! Instrumental variables (section 7.6): `H = Σ ζᵀ S⁻¹ φ`, `h = Σ ζᵀ S⁻¹ e_0`, `G = Σ ζᵀ S⁻¹ ζ`, `ϑ = H⁻¹ h`, covariance `σ_z² H⁻¹ G H⁻ᵀ`, with instruments ζ in
 //! place of φ for the λ. They are driven by the mean of `i_k²/gap_k²` at the same rotor angle over earlier revolutions, whose noise is independent of that
 //! of the sample, and so are free of both biases. φ of load, unbalance and backward force contains no noise and is its own instrument. Samples at angles
-//! that the rotor has not passed before have no instruments and are reduced out.
+//! that the rotor has not passed before have no instruments and are left out.
 //!
 //! A Gaussian [`Prior`] adds its precision R to J, H and G, and R times its mean to b and h.
 
@@ -335,7 +335,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
     }
 }
 
-/// The scale that gives a matrix a unit diagonal, and the scaled matrix; an unknown without excitation, with a row and a column of zeros, gets a one there.
+/// The scale that gives a matrix a unit diagonal, and the scaled matrix; an unexcited unknown has a row and a column of zeros, and gets a one there.
 fn scaled<const U: usize>(matrix: &Square<U>) -> (SVector<f64, U>, Square<U>) {
     let scale = matrix.diagonal().map(|x| if x == 0.0 { 1.0 } else { 1.0 / x.abs().sqrt() });
     let scaled = |r: usize, c: usize| scale[r] * matrix[(r, c)] * scale[c];
@@ -344,8 +344,7 @@ fn scaled<const U: usize>(matrix: &Square<U>) -> (SVector<f64, U>, Square<U>) {
 
 /// The inverse of a symmetric positive definite matrix, and the condition number in the 1-norm of the matrix scaled to unit diagonal.
 ///
-/// Gauss–Jordan elimination in place, with positive pivots. It works on whole columns, which takes half the time of a Cholesky decomposition of so small a
-/// matrix.
+/// Gauss–Jordan elimination in place, with positive pivots. It works on whole columns, which takes half the time of a Cholesky decomposition at this size.
 pub fn inverse<const U: usize>(matrix: &Square<U>) -> Option<(Square<U>, f64)> {
     let (scale, scaled) = scaled(matrix);
     let mut reduced = scaled;

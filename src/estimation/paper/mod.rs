@@ -333,8 +333,7 @@ impl Paper {
         if !scaled.iter().chain(&lambda).all(|x| x.is_finite()) {
             return Verdict::Singular;
         }
-        let mut unknowns = NormalVector::zeros();
-        unknowns.copy_from_slice(&scaled);
+        let unknowns = NormalVector::from(scaled);
         output.residual = residual(filtered, &unknowns);
         // The residual may be one coherent error: no averaging over windows.
         let residual_square = output.residual * output.residual * filtered[SQUARE];
