@@ -1,6 +1,6 @@
 //! Motions (q, q̇) driven by signals, their transitions and covariances.
 //!
-//! A matrix has a row for each signal and a column for each coordinate, so that each loop runs over contiguous numbers, in the same order on every processor.
+//! Matrices have a row for each signal and a column for each coordinate: each loop runs over contiguous numbers, in the same order on every processor.
 
 use nalgebra::SMatrix;
 use serde::{Deserialize, Serialize};

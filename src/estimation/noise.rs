@@ -28,8 +28,8 @@ const POSITION_NOISE_M: [f64; 2] = [1.0e-9, 3.0e-5];
 /// (`montecarlo --only "14 pairs"`).
 const RELIABLE_UP_TO: [f64; 2] = [7.5e-6, 0.15];
 
-/// Prior information on ln σ² of known noise, to 2 % of σ as after 1200 samples of one reading, and of estimated noise, so that the first samples have little
-/// effect. The information of samples on ln ρ grows with ρ² and is below 1 at first: with 2 instead of 1 a search that started a factor of three too
+/// Prior information on ln σ² of known noise, 2 % of σ as after 1200 samples of one reading, and of estimated noise, so that the first samples have
+/// little effect. The information of samples on ln ρ grows with ρ² and is below 1 at first: with 2 instead of 1 a search that started a factor of three too
 /// low took 0.1 s (drawn bearings, seed 56183).
 const KNOWN: f64 = 600.0;
 const ESTIMATED: f64 = 1.0;

@@ -65,9 +65,8 @@ where
     }
 
     fn has_shape(&self, (first, axial): &Self::State) -> bool {
-        axial.is_some() == self.axial.is_some()
-            && first.has_shape()
-            && axial.as_ref().is_none_or(|axial| axial.has_shape())
+        let same_parts = axial.is_some() == self.axial.is_some();
+        same_parts && first.has_shape() && axial.as_ref().is_none_or(|axial| axial.has_shape())
     }
 
     fn is_in_gap(&self, position_m: [f64; N]) -> bool {
@@ -102,10 +101,8 @@ impl<const N: usize, const A: usize> CheckedSample<'_, N, A> {
     ) -> Verdict {
         let rejection = self.rejection(reading..reading + R, state.estimate.verdict);
         // The samples so far have a wrong angle, or one that had not settled.
-        let resets = matches!(
-            (&self.status, rejection),
-            (SampleStatus::Usable { .. }, Some(Verdict::Speed | Verdict::Collecting))
-        );
+        let is_usable = matches!(self.status, SampleStatus::Usable { .. });
+        let resets = is_usable && matches!(rejection, Some(Verdict::Speed | Verdict::Collecting));
         let verdict = method.step(state, rejection, resets, || {
             let position_m = std::array::from_fn(|n| self.input.position_m[reading + n]);
             let current_a = std::array::from_fn(|k| self.input.current_a[magnet + k]);

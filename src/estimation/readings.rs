@@ -27,7 +27,7 @@ pub struct Readings<const N: usize, const K: usize> {
     current_a: SVector<f64, K>,
     /// For each position: samples for which it has not changed, its smallest step and its mean step, m.
     unchanged: SVector<u32, N>,
-    smallest_step_m: SVector<f64, N>,
+    min_step_m: SVector<f64, N>,
     mean_step_m: SVector<f64, N>,
     /// Missing samples in a row.
     pub missing: u32,
@@ -40,7 +40,7 @@ impl<const N: usize, const K: usize> Readings<N, K> {
             position_m: SVector::zeros(),
             current_a: SVector::zeros(),
             unchanged: SVector::zeros(),
-            smallest_step_m: SVector::repeat(f64::MAX),
+            min_step_m: SVector::repeat(f64::MAX),
             mean_step_m: SVector::zeros(),
             missing: 0,
             rotation: None,
@@ -82,7 +82,7 @@ impl<const N: usize, const K: usize> Readings<N, K> {
                 self.unchanged[n] = self.unchanged[n].saturating_add(1);
             } else {
                 self.unchanged[n] = 0;
-                self.smallest_step_m[n] = self.smallest_step_m[n].min(step_m);
+                self.min_step_m[n] = self.min_step_m[n].min(step_m);
                 self.mean_step_m[n] += (step_m - self.mean_step_m[n]) / f64::from(STUCK_SAMPLES);
             }
         }
@@ -94,8 +94,7 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         self.missing = 0;
         let moving = self.unchanged.min() == 0;
         // A mean step of less than eight times the smallest one is that of a rotor at rest and a quantised sensor.
-        let stuck =
-            |n: usize| self.unchanged[n] >= STUCK_SAMPLES && self.mean_step_m[n] > 8.0 * self.smallest_step_m[n];
+        let stuck = |n: usize| self.unchanged[n] >= STUCK_SAMPLES && self.mean_step_m[n] > 8.0 * self.min_step_m[n];
         let (wrong_speed, settling) = (self.rotation().is_speed_wrong(), self.rotation().is_settling(step_s));
         SampleStatus::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), wrong_speed, settling }
     }

@@ -49,7 +49,7 @@ const ORDERS: usize = 15;
 /// Memory of these orders, revolutions: minimises the loss of a line between two of them (`M/(1 + (π M/4)²)` is greatest at 4/π).
 const ORDER_REVOLUTIONS: f64 = 4.0 / PI;
 
-/// Memory of correlation and mean square of the innovations, revolutions: 600 samples at 3000 rpm and 10 kHz, over which the mean square is accurate to 4 %.
+/// Memory of correlation and mean square of the innovations, revolutions: 600 samples at 3000 rpm and 10 kHz, which give the mean square to 4 %.
 const MEAN_REVOLUTIONS: f64 = 3.0;
 
 /// Test statistics.

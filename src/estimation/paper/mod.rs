@@ -75,22 +75,22 @@ type NormalVector = SVector<f64, MAGNETS>;
 
 const ROWS: usize = 2 * ROWS_PER_AXIS;
 
-/// DᵀD.
+/// Entries of DᵀD, the first channels.
 const NORMAL: usize = MAGNETS * MAGNETS;
 
-/// DᵀN follows.
+/// Index of DᵀN.
 const RIGHT: usize = NORMAL;
 
-/// |N|² follows.
+/// Index of |N|².
 const SQUARE: usize = RIGHT + MAGNETS;
 
-/// n_1, n_2, n_3, d of P(20) follow, signs aligned or not depending on the method.
+/// Index of n_1, n_2, n_3, d of P(20), with signs aligned or not depending on the method.
 const RATIO: usize = SQUARE + 1;
 
-/// The squares of each column of D without cancellation follow.
+/// Index of the squared size of each column of D without cancellation.
 const LEVEL: usize = RATIO + MAGNETS + 1;
 
-/// `|N_y|² − |N_z|²` and `2 N_y·N_z` follow.
+/// Index of `|N_y|² − |N_z|²` and `2 N_y·N_z`.
 const SHAPE: usize = LEVEL + MAGNETS;
 
 const CHANNELS: usize = SHAPE + 2;
@@ -117,7 +117,7 @@ pub struct PaperState {
 pub struct Paper {
     config: EstimatorConfig,
     intervals: usize,
-    /// Number of samples after which ε has passed; the first sample is at time zero.
+    /// Number of samples at which ε has passed; the first sample is at time zero.
     samples_until_epsilon: u64,
     /// `(sin α_k, cos α_k)`.
     direction: [[f64; 2]; MAGNETS],
@@ -234,8 +234,7 @@ impl Paper {
                 start[k] = square * w[k];
                 end[k] = start[k];
             } else if state.filled > 0 {
-                // Within the interval 1/gap² is a parabola; the chord, lowered at both ends by one twelfth of the second
-                // difference, has the same area.
+                // Within the interval 1/gap² is a parabola; the chord, lowered by one twelfth of the second difference, has the same area.
                 let bulge = if state.filled > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
                 start[k] = square * (w_last[k] - bulge);
                 end[k] = square * (w[k] - bulge);

@@ -17,7 +17,7 @@ pub struct Window {
 }
 
 impl Window {
-    /// Forgets all samples.
+    /// Discards all samples.
     pub fn clear(&mut self) {
         // Old values are overwritten before the window is full again; clearing takes the same time for any length.
         self.next = 0;
@@ -83,8 +83,8 @@ pub struct Integrals {
 pub struct Sample {
     /// Position (Y, Z), m.
     pub position: [f64; 2],
-    /// `i_k²/gap_k²` at the start and at the end of the interval that ends with the sample; for continuous currents both are the value at the sample.
-    /// A²/m².
+    /// `i_k²/gap_k²` at the start and at the end of the interval that ends with the sample; both are the value at the sample if the
+    /// current is continuous. A²/m².
     pub squares: [[f64; 3]; 2],
 }
 
