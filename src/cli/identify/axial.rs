@@ -71,7 +71,9 @@ impl Bench {
     fn set(&mut self, name: &str, value: &str, from: &str) {
         let name = without_element(name);
         let positive = |result: std::result::Result<f64, String>| {
-            let check = |number| if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: a value above 0 is wanted")) };
+            let check = |number| {
+                if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: a value above 0 is wanted")) }
+            };
             result.and_then(check)
         };
         let result = match name {
