@@ -157,7 +157,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// Identifies a bearing: by maximum likelihood from all recordings together, and on line from the first. Also returns the columns and the scenario.
+    /// Identifies a bearing by maximum likelihood from all recordings, and on line from the first. Also returns columns and scenario.
     fn identify(&self, machine: &'static Machine) -> Result<(Results, Pairs, Scenario)> {
         let method = self.method();
         let bearing = self.bearing(machine)?;

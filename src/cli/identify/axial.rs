@@ -70,14 +70,11 @@ impl Bench {
 
     fn set(&mut self, name: &str, value: &str, from: &str) {
         let name = without_element(name);
-        let positive = |result: std::result::Result<f64, String>| {
-            let check = |number| {
-                if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: a value above 0 is wanted")) }
-            };
-            result.and_then(check)
+        let positive = |number: f64| {
+            if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: a value above 0 is wanted")) }
         };
         let result = match name {
-            MASS => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
+            MASS => quantity(name, value, "kg").and_then(positive).map(|m_kg| self.axis.m_kg = m_kg),
             USED => Used::all()
                 .find(|used| used.name() == value)
                 .map(|used| self.axis.used = used.magnets())
@@ -86,7 +83,7 @@ impl Bench {
                 Some(at) => {
                     let number = quantity(name, value, PARAMETERS[at].1);
                     let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
-                    let number = if signed { number } else { positive(number) };
+                    let number = if signed { number } else { number.and_then(positive) };
                     number.map(|number| self.axis.told[at] = Some(number))
                 }
                 None => Err(no_parameter(name)),

@@ -11,7 +11,7 @@ const LIMIT: f64 = 3.719;
 /// Estimates of one recording: values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);
 
-/// The disagreement, unless chance explains it: in the recording that is furthest from the mean, the value that alone explains most of the difference from the others.
+/// The disagreement, unless chance explains it: in the recording furthest from the mean, the value that alone explains most of the difference.
 pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     let [first, _, ..] = own else { return None };
     let count = first.0.len();

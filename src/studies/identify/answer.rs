@@ -22,8 +22,8 @@ use super::{GRAVITY_M_S2, Holds, Stated};
 use crate::estimation::STD_LIMIT;
 use crate::studies::parallel::in_order;
 
-/// Minimum number of turns of a recording, with noise known or estimated (as on line). Of 600 good recordings of drawn bearings, 0.1 to 5 s, nine have fewer
-/// (seeds 95001 and 101001).
+/// Minimum number of turns of a recording, with noise known or estimated (as on line). Of 600 good recordings of drawn bearings,
+/// 0.1 to 5 s, nine have fewer (seeds 95001 and 101001).
 const TURNS: [f64; 2] = [1.3, 2.0];
 /// A force that wanders by more in a second, in weights of the rotor, is not a slow force: the law fits badly.
 const SLOW_FORCE: f64 = 0.015;
@@ -133,8 +133,9 @@ fn speed_error(samples: &Samples, recording: &Recording) -> Option<f64> {
 /// Longest delay that is accepted without being requested, relative to that of a typical bench.
 const LONGEST_DELAY: f64 = 3.0;
 
-/// The same with a free delay of the positions, where none is stated: if the residuals call for one, or several meanings of the currents are as likely (each with a delay), and
-/// it fits much better. The current between two samples is not known then: the difference of λ with the next likely meaning of the samples widens its standard deviation.
+/// The same with a free delay of the positions, where none is stated: if the residuals call for one, or several meanings of the currents are
+/// as likely (each with a delay), and it fits much better. The current between two samples is not known then: the difference of λ with the
+/// next likely meaning of the samples widens its standard deviation.
 fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &Judged) -> Option<Judged> {
     let is_open = !before.question.as_likely.is_empty();
     if before.refusal.is_none() && !is_open {
@@ -156,7 +157,7 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
     let mut delayed = identify_and_judge(all, [(&other(next), false)].into_iter(), question);
     let now = delayed.found.as_ref().filter(|now| now.converged)?;
-    // Instrumental-variable estimates do not maximise the likelihood: the delay must be as significant as it is likely, and the more so the less typical it is.
+    // Instrumental-variable estimates do not maximise the likelihood: the delay must also be significant, the more so the less typical it is.
     let delay_of = |at: &usize| (now.bench[*at].estimate, now.bench[*at].parameter.typical);
     let evidence = |(delay, typical): (Estimate, f64)| {
         0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
@@ -262,7 +263,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     Answer { valid: refusal.is_none(), verdict, findings, found, question }
 }
 
-/// Identifies, and again with a slow force if the likelihood calls for it; the second result counts if the force is slow and worth a parameter (Schwarz 1978).
+/// Identifies, and again with a slow force if the likelihood calls for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
 pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -> Result<Identification, Failed> {
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();

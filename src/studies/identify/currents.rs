@@ -38,8 +38,8 @@ const MEANINGS: [Currents; 5] = [
     Currents { hold: Hold::HeldAfter, lag: true },
 ];
 
-/// Amount by which a parameter raises the log-likelihood by chance (Akaike 1974). A lag of 50 µs that raised it by 2.7 to 3.3 on the stretch moved λ by 5 to 26
-/// of its standard deviations over the whole recording.
+/// Amount by which a parameter raises the log-likelihood by chance (Akaike 1974). A lag of 50 µs that raised it by 2.7 to 3.3 on the
+/// stretch moved λ by 5 to 26 of its standard deviations over the whole recording.
 const BY_CHANCE: f64 = 1.0;
 
 /// Measured currents, which stand for the time before the sample.
@@ -50,7 +50,7 @@ const MEASURED: Currents = Currents { hold: Hold::HeldBefore, lag: false };
 pub struct Holds(pub [(Currents, f64); 5]);
 
 impl Holds {
-    /// Compares the meanings on a bench that is exactly as stated, except for the dynamics and the lag of the currents or else the delay of the positions.
+    /// Compares the meanings on a bench that is as stated except for the dynamics and the lag of the currents, or else the delay of the positions.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let of = answer::recording(samples, stated, stated.hold);
@@ -101,7 +101,7 @@ impl Holds {
         self.ranked().first().copied()
     }
 
-    /// Measured currents, unless another meaning is clearly more likely; else the most likely one without a lag, unless a lag explains more than chance.
+    /// Measured currents, unless another meaning is clearly more likely; else the best without a lag, unless a lag explains more than chance.
     #[must_use]
     pub fn most_likely(&self) -> Currents {
         let measured = Some(MEASURED).filter(|of| self.is_within(*of, VERY_STRONG));
@@ -112,11 +112,8 @@ impl Holds {
     /// The objection to a stated meaning, if another one is clearly more likely.
     pub(super) fn against(&self, stated: Currents) -> Option<String> {
         let (deficit, best) = (self.deficit(stated)?, self.best()?);
-        let by = if deficit.is_finite() {
-            format!(" by {} in log-likelihood", significant(deficit, 3))
-        } else {
-            String::new()
-        };
+        let by = deficit.is_finite().then(|| format!(" by {} in log-likelihood", significant(deficit, 3)));
+        let by = by.unwrap_or_default();
         (deficit > VERY_STRONG).then(|| {
             let (stated, options, best) = (stated.name(), best.options(), best.name());
             format!("currents that are read as {stated} are less likely than as {best}{by}: {options}, or --hold auto")

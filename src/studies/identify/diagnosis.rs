@@ -30,8 +30,8 @@ const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
 /// Gain in log-likelihood that an alternative needs over the stated values, for these numbers of alternatives and rows.
 ///
-/// If the statements are true, the likelihood ratio of a fixed alternative has the expectation 1, so that it exceeds 1/p with a probability of at most p
-/// (Markov). A parameter fitted to N values raises its logarithm by ½ ln N (Schwarz 1978); one of the alternatives has one more parameter.
+/// If the statements are true, the likelihood ratio of a fixed alternative has the expectation 1, so that it exceeds 1/p with a probability of at
+/// most p (Markov). A parameter fitted to N values raises its logarithm by ½ ln N (Schwarz 1978); one of the alternatives has one more parameter.
 fn needed_gain(alternatives: usize, rows: usize) -> f64 {
     libm::log(alternatives as f64 / CHANCE) + 0.5 * libm::log(2.0 * rows as f64)
 }
@@ -53,7 +53,7 @@ impl Trial {
     }
 }
 
-/// A common mistake: the fewest magnets of a bearing that it needs, 0 if it does not concern a bearing; its description; its correction; advice to the user.
+/// A common mistake: the fewest magnets of a bearing that it needs, 0 if not about a bearing; description; correction; advice to the user.
 type Alternative = (usize, &'static str, fn(&mut Trial), &'static str);
 
 /// Changes the positions that the sensors of the bearing read.
@@ -74,78 +74,63 @@ fn currents(trial: &mut Trial, reorder: impl FnOnce(&mut [usize])) {
     }
 }
 
-fn later(trial: &mut Trial) {
-    trial.recording.current_a.iter_mut().for_each(|current| current.rotate_right(1));
-    trial.recording.usable[0] = false;
-}
-
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
 const GAP: &str = "--estimate s";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 
 const ALTERNATIVES: &[Alternative] = &[
-    (3, "y and z are exchanged", |trial| positions(trial, |[y, z]| [z, y]), SWAP),
-    (3, "y is mirrored", |trial| positions(trial, |[y, z]| [-y, z]), MIRROR),
-    (3, "z is mirrored", |trial| positions(trial, |[y, z]| [y, -z]), MIRROR),
-    (3, "y and z are mirrored", |trial| positions(trial, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
-    (3, "the sensors are turned by 90°", |trial| positions(trial, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
-    (
-        3,
-        "the sensors are turned by −90°",
-        |trial| positions(trial, |[y, z]| [-z, y]),
-        "exchange Ym and Zm and mirror z",
-    ),
-    (3, "y and z are exchanged and mirrored", |trial| positions(trial, |[y, z]| [-z, -y]), SWAP),
-    (3, "magnets 1 and 2 are exchanged", |trial| currents(trial, |order| order.swap(0, 1)), ORDER),
-    (3, "magnets 1 and 3 are exchanged", |trial| currents(trial, |order| order.swap(0, 2)), ORDER),
-    (3, "magnets 2 and 3 are exchanged", |trial| currents(trial, |order| order.swap(1, 2)), ORDER),
-    (4, "magnets 1 and 4 are exchanged", |trial| currents(trial, |order| order.swap(0, 3)), ORDER),
-    (4, "magnets 2 and 4 are exchanged", |trial| currents(trial, |order| order.swap(1, 3)), ORDER),
-    (4, "magnets 3 and 4 are exchanged", |trial| currents(trial, |order| order.swap(2, 3)), ORDER),
-    (3, "the magnets count from the second", |trial| currents(trial, |order| order.rotate_left(1)), ORDER),
-    (3, "the magnets count from the third", |trial| currents(trial, |order| order.rotate_left(2)), ORDER),
-    (4, "the magnets count from the fourth", |trial| currents(trial, |order| order.rotate_left(3)), ORDER),
+    (3, "y and z are exchanged", |t| positions(t, |[y, z]| [z, y]), SWAP),
+    (3, "y is mirrored", |t| positions(t, |[y, z]| [-y, z]), MIRROR),
+    (3, "z is mirrored", |t| positions(t, |[y, z]| [y, -z]), MIRROR),
+    (3, "y and z are mirrored", |t| positions(t, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    (3, "the sensors are turned by 90°", |t| positions(t, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
+    (3, "the sensors are turned by −90°", |t| positions(t, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
+    (3, "y and z are exchanged and mirrored", |t| positions(t, |[y, z]| [-z, -y]), SWAP),
+    (3, "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), ORDER),
+    (3, "magnets 1 and 3 are exchanged", |t| currents(t, |order| order.swap(0, 2)), ORDER),
+    (3, "magnets 2 and 3 are exchanged", |t| currents(t, |order| order.swap(1, 2)), ORDER),
+    (4, "magnets 1 and 4 are exchanged", |t| currents(t, |order| order.swap(0, 3)), ORDER),
+    (4, "magnets 2 and 4 are exchanged", |t| currents(t, |order| order.swap(1, 3)), ORDER),
+    (4, "magnets 3 and 4 are exchanged", |t| currents(t, |order| order.swap(2, 3)), ORDER),
+    (3, "the magnets count from the second", |t| currents(t, |order| order.rotate_left(1)), ORDER),
+    (3, "the magnets count from the third", |t| currents(t, |order| order.rotate_left(2)), ORDER),
+    (4, "the magnets count from the fourth", |t| currents(t, |order| order.rotate_left(3)), ORDER),
     (
         0,
         "the currents are those before the sample (measured)",
-        |trial| trial.recording.hold = Hold::HeldBefore,
+        |t| t.recording.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    (
-        0,
-        "the currents are commands, held after the sample",
-        |trial| trial.recording.hold = Hold::HeldAfter,
-        "--hold heldAfter",
-    ),
-    (0, "the currents are continuous", |trial| trial.recording.hold = Hold::Linear, "--hold linear"),
+    (0, "the currents are commands, held after the sample", |t| t.recording.hold = Hold::HeldAfter, "--hold heldAfter"),
+    (0, "the currents are continuous", |t| t.recording.hold = Hold::Linear, "--hold linear"),
     (
         0,
         "the currents come a sample late, or the positions early",
-        |trial| trial.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
+        |t| t.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
         "shift the currents by one row",
     ),
     (
         0,
         "the currents come a sample early, or the positions late",
-        later,
+        |t| t.recording.current_a.iter_mut().for_each(|current| current.rotate_right(1)),
         "shift the currents by one row, or --estimate delay",
     ),
     (
         0,
         "the angle counts against the rotation",
-        |trial| scale_rotation(trial, -1.0),
+        |t| scale_rotation(t, -1.0),
         "reverse the signs of theta and omega, or that of --speed",
     ),
-    (0, "the speed is twice as high", |trial| scale_rotation(trial, 2.0), "double theta and omega, or --speed"),
-    (0, "the speed is half as high", |trial| scale_rotation(trial, 0.5), "halve theta and omega, or --speed"),
+    (0, "the speed is twice as high", |t| scale_rotation(t, 2.0), "double theta and omega, or --speed"),
+    (0, "the speed is half as high", |t| scale_rotation(t, 0.5), "halve theta and omega, or --speed"),
     (
         0,
         "the speed is another",
-        |trial| drift(&trial.recording).into_iter().for_each(|[off, ..]| scale_rotation(trial, 1.0 + off)),
+        |t| drift(&t.recording).into_iter().for_each(|[off, ..]| scale_rotation(t, 1.0 + off)),
         SPEED,
     ),
-    (0, "the gap is another", |trial| free(trial, "s"), GAP),
+    (0, "the gap is another", |t| free(t, "s"), GAP),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
@@ -230,8 +215,8 @@ fn stretch(trial: &Trial, stretches: usize) -> Trial {
     Trial { recording, options: trial.options.clone(), ..*trial }
 }
 
-/// Difference between the greatest log-likelihood of a stretch and that of each meaning of the currents; infinite if it does not fit. Each has the most likely lag,
-/// if requested, or else the most likely delay of a typical bench: otherwise a delay of a third of a sample makes a current look continuous.
+/// Difference between the greatest log-likelihood of a stretch and that of each meaning of the currents; infinite if it does not fit. Each has
+/// the best lag, if requested, or else the best delay of a typical bench: otherwise a delay of a third of a sample looks like a continuous current.
 pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] {
     // One whole recording at a time: each may have millions of rows.
     let mut trials: [Trial; N] = std::array::from_fn(|at| {
@@ -251,12 +236,13 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
     let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
     let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
     if !rows.is_empty() {
-        trials
-            .iter_mut()
-            .for_each(|trial| rows.iter().for_each(|rows| trial.recording.usable[rows.clone()].fill(false)));
+        for trial in &mut trials {
+            rows.iter().for_each(|rows| trial.recording.usable[rows.clone()].fill(false));
+        }
         found = all(&trials);
     }
-    // Magnets only pull, and a current does not lead its command: a negative lag counts as none. Single outliers made one of −20 µs more likely than none by 20 to 40.
+    // Magnets only pull, and currents do not lead commands: a negative lag counts as none. Single outliers made one of −20 µs more likely than
+    // none by 20 to 40.
     let is_possible = |of: &&Identification| !of.lambda.iter().any(Estimate::is_negative);
     let leads = |of: &Identification| {
         let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);

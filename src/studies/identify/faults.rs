@@ -78,8 +78,8 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
     notes
 }
 
-/// Values at which a sensor is clipped, with their rows: a negative minimum or positive maximum, [`CLIPPED`] times as frequent as the value beside it. The peak of a
-/// quantised sine is at most 1/(√2 − 1) times as frequent. A value of most readings is not clipped: nothing moves.
+/// Values at which a sensor is clipped, with their rows: a negative minimum or positive maximum, [`CLIPPED`] times as frequent as the value
+/// beside it. The peak of a quantised sine is at most 1/(√2 − 1) times as frequent. A value of most readings is not clipped: nothing moves.
 fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -94,7 +94,7 @@ fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     low.into_iter().chain(high).map(|end| (*end, rows(*end))).collect()
 }
 
-/// Leaves out rows in which all readings repeat those of the row before, and the first row of a run of zeros. If most rows repeat, nothing moves, without noise.
+/// Leaves out rows that repeat the one before, and the first of a run of zeros; none if most rows repeat, since nothing moves, without noise.
 fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
     let count = columns.first()?.1.len();
     let is_repeated = |row: usize| (1..count).contains(&row) && columns.iter().all(|(_, of)| of[row] == of[row - 1]);
@@ -132,9 +132,9 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
 /// Rows over which the noise of a sensor is assumed to be constant.
 const BLOCK: usize = 500;
 
-/// Unlike a mass, a current may jump for a sample, and a controller often makes it jump: an outlier exceeds the 99 % quantile of the distances by this factor.
+/// Unlike masses, currents may jump for a sample, and controllers often make them: an outlier exceeds the 99 % quantile by this factor.
 const RARE: f64 = 3.0;
-/// Rows before and after an outlier of a current that are left out with it: a gap this long is not filled from its neighbours, since the current may really have jumped.
+/// Rows left out before and after an outlier of a current, which may be a real jump: a gap this long is not filled from its neighbours.
 const BESIDE_OUTLIER: usize = 2;
 
 /// Single readings far from the cubic through their four neighbours, which agree with each other. The limit is √(2 ln(N/CHANCE)) standard

@@ -175,7 +175,7 @@ impl Stated {
         Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.beside.lag) }
     }
 
-    /// The same with this meaning of the currents. A lag that is added is free; with it, an exact delay of the positions gets the tolerance of a typical bench.
+    /// The same with this meaning of the currents. An added lag is free; an exact delay of the positions then gets that of a typical bench.
     #[must_use]
     pub fn read_as(mut self, currents: Currents) -> Self {
         let of = |part: Part| {
@@ -219,8 +219,8 @@ impl Stated {
         true
     }
 
-    /// Adds an effect of real benches, if this is the name of one: κ, the lag of the currents, or the power of the gap in the noise. Without a prefix, the name means
-    /// all parts of a shaft that can identify it. κ and the lag become bench parameters, whose knowledge is stated separately.
+    /// Adds an effect of real benches, if this is the name of one: κ, the lag of the currents, or the power of the gap in the noise. Without
+    /// a prefix, all parts of a shaft that can identify it are meant. κ and the lag become bench parameters, whose knowledge is yet to be stated.
     ///
     /// # Errors
     /// The known load that the effect needs.

@@ -84,8 +84,8 @@ impl Checks<'_> {
         others.map(|(names, factor)| (names[0], factor / taken.1))
     }
 
-    /// The finding for an implausible value of a signal: units that would explain it, and options to try. The unit of each suspect enters the value to a power;
-    /// `fits` tests a factor of the value.
+    /// The finding for an implausible value of a signal: units that would explain it, and options to try. The unit of each suspect enters
+    /// the value to a power; `fits` tests a factor of the value.
     fn misread(&self, at: usize, value: &str, suspects: &[(usize, i32)], fits: impl Fn(f64) -> bool) -> String {
         let (mut likely, mut remedies) = (Vec::new(), Vec::new());
         for (suspect, power) in suspects {
@@ -168,8 +168,7 @@ impl Checks<'_> {
             let is_odd = most > 300.0 * strongest && noise(&currents[k]) < 2e-5;
             let is_misread = strongest > CURRENT_A[1] || strongest > 0.0 && (is_weak || is_odd);
             let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * strongest));
-            let value = || format!("up to {} A", significant(strongest, 4));
-            is_misread.then(|| self.misread(at, &value(), &[(at, 1)], fits))
+            is_misread.then(|| self.misread(at, &format!("up to {} A", significant(strongest, 4)), &[(at, 1)], fits))
         };
         (0..currents.len()).filter_map(finding).collect()
     }

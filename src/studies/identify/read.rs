@@ -79,9 +79,9 @@ impl Unusable {
 impl Samples {
     /// Reads a recording, row by row.
     ///
-    /// The text may be UTF-8, UTF-16 or Windows-1252, plain or compressed by gzip. Columns are separated by comma, semicolon or tab, whichever is most frequent
-    /// in the header; decimal commas are accepted unless commas separate the columns. Empty cells and `NaN` are missing
-    /// values. Time stamps are numbers, Unix times or ISO 8601; the samples are assumed to be on the straight line through them.
+    /// The text may be UTF-8, UTF-16 or Windows-1252, plain or compressed by gzip. Columns are separated by comma, semicolon or tab,
+    /// whichever is most frequent in the header; decimal commas are accepted unless commas separate the columns. Empty cells and `NaN` are
+    /// missing values. Time stamps are numbers, Unix times or ISO 8601; the samples are assumed to be on the straight line through them.
     ///
     /// # Errors
     /// All reasons why the recording cannot be used.

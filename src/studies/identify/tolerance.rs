@@ -65,8 +65,8 @@ pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
     all.filter(|(_, std)| *std > 0.0).collect()
 }
 
-/// The parameters that a tolerance applies to, with its value in their unit. Absolute tolerances of masses, gaps and moments of inertia are divided by the
-/// stated values.
+/// The parameters that a tolerance applies to, with its value in their unit. Absolute tolerances of masses, gaps and moments of inertia are
+/// divided by the stated values.
 ///
 /// # Errors
 /// The expected form.

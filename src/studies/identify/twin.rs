@@ -28,8 +28,8 @@ pub struct Twin {
 }
 
 impl Stated {
-    /// Parameters of the plant, by name, for a bench with the errors `of(name)` that turns from the angle θ₀ in rad at the speed ω in rad/s. The plant has no rotation
-    /// or run-out of the sensors, no delay of the positions alone, no lag of the currents, and for a shaft no backward forces.
+    /// Parameters of the plant for a bench with the errors `of(name)` that turns from the angle θ₀ in rad at the speed ω in rad/s. The plant has
+    /// no rotation or run-out of the sensors, no delay of the positions alone, no lag of the currents, and for a shaft no backward forces.
     pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
         // κ acts like an error of the mass.
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));
@@ -83,8 +83,9 @@ impl Stated {
 }
 
 impl Twin {
-    /// The scenario of the bench before identified values replace its own, with the sample time rounded to four digits: recordings have their own clocks, and libcosim
-    /// counts nanoseconds. If it is longer than that of the start values, the bandwidths of the controller are reduced in proportion, unless the scenario states them.
+    /// The scenario of the bench before identified values replace its own. The sample time is rounded to four digits: recordings have their own
+    /// clocks, and libcosim counts nanoseconds. If it is longer than by default, bandwidths of the controller that are not stated are reduced in
+    /// proportion.
     pub(super) fn of(base: &Scenario, step_s: f64, verdict: &str) -> Self {
         let mut scenario = base.clone();
         scenario.title = "Identified from a recording".into();

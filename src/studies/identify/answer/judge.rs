@@ -138,9 +138,9 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     None
 }
 
-/// Why the estimates are not valid: with the parameter that the residuals call for most, another identification finds other force constants. (A step from a
-/// distant stated value does not show it: commands of amplifiers with a lag of 20 µs, taken for continuous currents, gave λ 20 % off, by 15 standard deviations;
-/// `scripts/faults.py`, seed 19006.)
+/// Why the estimates are not valid: with the parameter that the residuals call for most, another identification finds other force
+/// constants. (A step from a distant stated value does not show it: commands of amplifiers with a lag of 20 µs, taken for continuous
+/// currents, gave λ 20 % off, by 15 standard deviations; `scripts/faults.py`, seed 19006.)
 pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options, stated: &Stated) -> Option<String> {
     let suspect = found.suspects.first().filter(|_| !is_silent(found))?;
     let mut options = options.clone();

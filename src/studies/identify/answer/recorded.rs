@@ -38,7 +38,7 @@ pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     recording
 }
 
-/// The same recording with another meaning of a current sample. Missing readings are restored again only if currents recorded at another rate change with it.
+/// The same recording with another meaning of a current sample. Only currents recorded at another rate need to be restored again.
 pub fn read_as(of: &Recording, samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     match samples.apart {
         Some(_) => recording(samples, stated, hold),
@@ -46,23 +46,20 @@ pub fn read_as(of: &Recording, samples: &Samples, stated: &Stated, hold: Hold) -
     }
 }
 
-/// Longest time for which the force of a magnet may be unknown, s: about that in which the errors of an unstable rotor grow, √(m/ks). Over longer times the trajectory follows
-/// its own linearisation, and searches with bench parameters converged slowly.
+/// Longest time for which the force of a magnet may be unknown, s: about that in which the errors of an unstable rotor grow, √(m/ks). Over
+/// longer times the trajectory follows its own linearisation, and searches with bench parameters converged slowly.
 const LONGEST_S: f64 = 0.01;
 
-/// Restores missing readings from the response of the controller. A current that is missing for longer, by itself, is interpolated: the motion continues under an
-/// unknown force. Rows whose positions cannot be restored are not used.
+/// Restores missing readings from the response of the controller. A current that is missing for longer, by itself, is interpolated: the
+/// motion continues under an unknown force. Rows whose positions cannot be restored are not used.
 fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
     let positions = recording.position_m.len();
     let lacks = |row: usize, signal: usize| samples.missing[row] >> signal & 1 != 0;
-    let errors = |first: usize, count: usize| -> Vec<Vec<f32>> {
-        let error = |row: usize, signal: usize| if lacks(row, signal) { f32::INFINITY } else { 0.0 };
-        (first..first + count)
-            .map(|signal| (0..samples.missing.len()).map(|row| error(row, signal)).collect())
-            .collect()
+    let errors = |signal: usize| -> Vec<f32> {
+        (0..samples.missing.len()).map(|row| if lacks(row, signal) { f32::INFINITY } else { 0.0 }).collect()
     };
-    recording.position_error_m = errors(0, positions);
-    recording.square_error_a2 = errors(positions, recording.current_a.len());
+    recording.position_error_m = (0..positions).map(errors).collect();
+    recording.square_error_a2 = (positions..positions + recording.current_a.len()).map(errors).collect();
     for part in parts {
         let (coordinates, magnets) = (part.body.coordinates(), part.body.magnets());
         let gap_m = |position_m: &[Vec<f64>], row: usize, k: usize| {
@@ -102,7 +99,7 @@ fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
             }
         }
     }
-    // Other missing positions are not even bridged: the controller responds to what it read there, and the filter would attribute that to the force of the magnets.
+    // Other positions are not even bridged: the controller responds to its reading, and the filter would attribute that to the magnets.
     for (position_m, error_m) in recording.position_m.iter_mut().zip(&mut recording.position_error_m) {
         for (position_m, error_m) in position_m.iter_mut().zip(error_m).filter(|(_, error_m)| error_m.is_infinite()) {
             (*position_m, *error_m) = (f64::NAN, 0.0);

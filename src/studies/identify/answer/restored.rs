@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 const MODELS: [[usize; 2]; 4] = [[4, 1], [4, 3], [8, 1], [8, 3]];
 /// Minimum and maximum number of rows per coefficient; more add little information.
 const ROWS: [usize; 2] = [4, 40];
-/// Number of fits, each with rows weighted by the residuals of the one before nearby: while the controller starts, they are ten times as large.
+/// Number of fits, each weighted by the residuals of nearby rows in the one before: while the controller starts, they are ten times as large.
 const FITS: usize = 4;
 /// Added to the diagonal of the normal equations, per row: hardly more than rounding, since positions differ little from sample to sample, and
 /// the controller responds to their difference. With 10⁻⁶, λ was off by four standard deviations.
@@ -83,7 +83,7 @@ impl Model {
         (0..self.factors).map(|of| self.coefficients.rows(of * terms, terms) * factors[of]).sum()
     }
 
-    /// Mean square of the errors of nearby rows, normalised by their covariance: 1, or more where the controller differs, as before it uses estimates.
+    /// Normalised mean square of the errors of nearby rows: 1, or more where the controller differs, as before it uses estimates.
     fn misfit(&self, row: usize) -> f64 {
         let at = self.rows.partition_point(|of| *of < row);
         let first = at.saturating_sub(NEAR / 2).min(self.rows.len().saturating_sub(NEAR));
@@ -243,7 +243,7 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
                 self.past(row, model.past).zip(coefficients.column(k).iter()).for_each(|(of, factor)| add(of, -factor));
                 residual[k] -= coefficients[(coefficients.nrows() - 1, k)];
             }
-            // Readings that are not usable, or are restored with other rows, contribute nothing.
+            // Rows with readings that are not usable, or are restored with other rows, contribute nothing.
             if residual.iter().all(|residual| residual.is_finite()) {
                 let weighted = slopes.tr_mul(&model.weights);
                 information += &weighted * &slopes;

@@ -49,7 +49,7 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
     words
 }
 
-/// How much later than stated the currents act, and the gain in log-likelihood. The positions are late relative to the currents, as they would be if the currents acted later.
+/// How much later than stated the currents act, which delays the positions relative to them, and the gain in log-likelihood.
 pub(super) fn acting_later(delay: Estimate, hold: Hold, gain: f64) -> String {
     let later = if delay.value > 0.0 { "later" } else { "earlier" };
     let [delay, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
