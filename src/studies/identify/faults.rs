@@ -8,7 +8,7 @@ use crate::studies::statistics::range;
 const CHANCE: f64 = 1e-6;
 /// If more than this fraction of the readings are outliers, the signal is not smooth, and none are faults.
 const MOST: f64 = 0.01;
-/// Shorter or equal runs of equal readings are no fault: two readings may agree by chance of their digits.
+/// Runs of equal readings up to this length are not faults: two readings may agree by chance of their digits.
 const LEAST: usize = 4;
 /// A range is clipped if its end has more than [`CLIPPED`] times the readings of the value beside it, plus [`FEWEST_CLIPPED`].
 const CLIPPED: usize = 4;
@@ -23,7 +23,7 @@ pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
 
 /// Sets faulty readings and repeated rows to NaN. Returns notes on them; `instant` writes the time of a row.
 pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
-    // Repeated rows first: readings left out of one column would hide them.
+    // Repeated rows first: leaving out readings of one column would hide them.
     let repetitions = leave_out_repetitions(columns);
     let mut notes = Vec::new();
     for (name, values) in columns.iter_mut() {
@@ -132,7 +132,7 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
 /// Rows over which the noise of a sensor is assumed to be constant.
 const BLOCK: usize = 500;
 
-/// Unlike masses, currents may jump for a sample, and controllers often make them: an outlier exceeds the 99 % quantile by this factor.
+/// Unlike positions, currents may jump for a sample, and controllers often do this: an outlier exceeds the 99 % quantile by this factor.
 const RARE: f64 = 3.0;
 /// Rows left out before and after an outlier of a current, which may be a real jump: a gap this long is not filled from its neighbours.
 const BESIDE_OUTLIER: usize = 2;

@@ -61,7 +61,7 @@ pub struct Stated {
 }
 
 impl Stated {
-    /// The machine with the values of its estimator.
+    /// The machine as stated by the variables of its estimator.
     #[must_use]
     pub fn of(machine: &'static Machine, estimator: &Element) -> Self {
         let value = |name: &str| estimator.value(name).map(Value::as_f64);
@@ -175,7 +175,7 @@ impl Stated {
         Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.beside.lag) }
     }
 
-    /// The same with this meaning of the currents. An added lag is free; an exact delay of the positions then gets that of a typical bench.
+    /// The same with this meaning of the currents. An added lag is free; an exact delay of the positions then gets a typical tolerance.
     #[must_use]
     pub fn read_as(mut self, currents: Currents) -> Self {
         let of = |part: Part| {

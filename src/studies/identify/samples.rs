@@ -34,7 +34,7 @@ pub struct Samples {
     pub position_m: Vec<Vec<f64>>,
     /// Currents by magnet as recorded, in A; NaN where missing, empty for a magnet that is not used.
     pub current_a: Vec<Vec<f64>>,
-    /// By row, a bit for each position, then each current, that was not recorded; short gaps are filled from their neighbours. Empty if all were.
+    /// By row, a bit for each position, then each current, that was not recorded; short gaps are filled from their neighbours. Empty if none is missing.
     pub missing: Vec<u32>,
     /// Angle of the rotor, unwrapped, in rad; empty if not known.
     pub theta_rad: Vec<f64>,

@@ -32,7 +32,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
         return Ok((Pace { step_s: reading.rate_s.ok_or_else(none)?, place, ..Pace::default() }, count));
     }
     let timed = table.known([TIME_AT]);
-    // Rows without a position count if they are few; otherwise, only rows with all positions count.
+    // Rows without a position count if they are the minority; otherwise, only rows with all positions count.
     let is_dense = 2 * at.len() > timed.len();
     let rows = if is_dense { &timed } else { &at };
     let stamp_s = &table.columns[TIME_AT];
