@@ -1,4 +1,4 @@
-//! `identify`: arguments, and the way from recordings to results.
+//! The command `identify`: its arguments, and the steps from recordings to results.
 
 mod axial;
 mod machine;
@@ -13,7 +13,7 @@ use fmu_export::variable::Value;
 use serde_json::json;
 
 use super::{
-    Ended, NOT_VALID, Result, claim, deviation, duration, named, number, pair, print, refused, said_of, say,
+    Failure, NOT_VALID, Result, claim, deviation, duration, named, number, pair, print, refused, report_written, say,
     write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
@@ -27,7 +27,7 @@ use crate::studies::identify::likelihood::Knowledge;
 use crate::studies::identify::{self, Answer, Currents, Holds, Question, Reading, Rotation, Samples, Stated};
 use crate::variables::Choice;
 
-/// Plots and tables need no more points than this; the CSV file has all of them.
+/// Points in plots and tables; the CSV file has all of them.
 const SHOWN: usize = 4000;
 /// The method for a whole recording.
 const LIKELIHOOD: &str = "likelihood";
@@ -35,7 +35,7 @@ const LIKELIHOOD: &str = "likelihood";
 const PREDICTION_ERROR: &str = "predictionError";
 /// Names with their values.
 type Pairs = Vec<(String, String)>;
-/// The reading of the currents that the data decide.
+/// Value of `--hold` that lets the data decide.
 const AUTO: &str = "auto";
 /// Name of the slow force among the parameters to estimate.
 const SLOW_FORCE: &str = "force.slow";
@@ -146,7 +146,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     arguments.write(&results)?;
     if let Some(why) = &results.not_valid {
         let twin = if arguments.wants_twin() { " The twin was not written." } else { "" };
-        return Err(Ended { code: NOT_VALID, why: format!("{why}{twin}") }.into());
+        return Err(Failure { code: NOT_VALID, why: format!("{why}{twin}") }.into());
     }
     if arguments.wants_twin() {
         let twin = results.twin(&scenario);
@@ -157,14 +157,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 }
 
 impl Arguments {
-    /// Identifies a bearing with the estimator on line, by likelihood from all recordings together. Returns the columns and the scenario as well.
+    /// Identifies a bearing by maximum likelihood from all recordings, and on line from the first. Also returns columns and scenario.
     fn identify(&self, machine: &'static Machine) -> Result<(Results, Pairs, Scenario)> {
         let method = self.method();
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
         let mut wanted = self.stated_hold()?;
         if stated.currents().lag {
-            // Currents with a lag follow commands.
+            // The currents lag behind commands.
             stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
         }
         if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
@@ -184,7 +184,7 @@ impl Arguments {
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
-        // A stated reading is compared with the others as well, where an answer depends on it.
+        // A stated hold is compared with the others as well if the answer depends on it.
         let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
         let holds = is_compared.then(|| Holds::of(samples, &stated));
         stated = match (wanted, holds) {
@@ -207,17 +207,14 @@ impl Arguments {
         if answer.is_some() && samples.rotation != Rotation::Unknown {
             said.tables.extend(tracks[0].progress());
         }
-        let of_answer = |answer: &Answer| (answer.question.holds, answer.question.stated.currents());
-        let (holds, currents) = answer.as_ref().map_or((holds, currents), of_answer);
-        let table = holds.and_then(|holds| holds.table(currents));
-        said.tables.splice(..0, table);
+        said.tables.splice(..0, holds.and_then(|holds| holds.table(currents)));
         let not_valid = (said.valid == Some(false)).then(|| said.verdict.clone());
         let (document, said) = (said.json.clone(), vec![said]);
         let results = Results { recordings, tracks, said, answer, document, not_valid, ..Results::default() };
         Ok((results, columns, bearing))
     }
 
-    /// Checks that the results can be written, and refuses to overwrite a recording.
+    /// Checks that the results can be written without overwriting a recording.
     fn claim(&self) -> Result<()> {
         let page = self.report.as_ref().map(|folder| folder.join("index.html"));
         claim(&[
@@ -243,7 +240,7 @@ impl Arguments {
         }
     }
 
-    /// The bearing with knowledge of its bench, and what else is known or asked: from the scenario, then from the arguments.
+    /// The bearing, prior knowledge of its bench, known loads and effects to estimate: from the scenario, then from the arguments.
     fn stated(&self, bearing: &Scenario) -> Result<Stated> {
         simulate::check(bearing)?;
         let mut stated = Stated::of(bearing.machine, bearing.estimator());
@@ -274,14 +271,14 @@ impl Arguments {
         Ok(stated)
     }
 
-    /// Whether a slow force is to be estimated, whatever the likelihood says, if that is stated.
+    /// Whether to estimate a slow force; if not stated, the likelihood decides.
     fn slow_force(&self) -> Option<bool> {
         let is_off = self.changes.iter().any(|(name, _)| name == SLOW_FORCE);
         let is_estimated = self.estimates.iter().any(|name| name == SLOW_FORCE);
         (is_off || is_estimated).then_some(is_estimated)
     }
 
-    /// How recordings of a machine are read, with the currents of these magnets if not of all.
+    /// How to read recordings of a machine, with the currents of these magnets or else of all.
     fn reading(&self, columns: &Pairs, machine: &'static Machine, magnets: Option<Vec<usize>>) -> Reading {
         Reading {
             machine,
@@ -295,7 +292,7 @@ impl Arguments {
         }
     }
 
-    /// Reads the recordings and refuses those that the bearing, if it is known, cannot have made.
+    /// Reads the recordings and refuses those that are not plausible for the bearing, if it is known.
     fn read(&self, reading: &Reading, bearing: Option<&Scenario>) -> Result<Vec<Samples>> {
         let gap_m = |name: String| bearing?.value("estimator", &name).map(Value::as_f64);
         let gap_m: Option<Vec<f64>> = reading.machine.of_bearings("s").into_iter().map(gap_m).collect();
@@ -317,7 +314,7 @@ impl Arguments {
         samples.map_err(|unusable| self.refused(path, unusable.0))
     }
 
-    /// The error for a recording that cannot be used; also as a JSON document if that goes to the standard output.
+    /// The error for an unusable recording; written as JSON as well if that goes to the standard output.
     fn refused(&self, path: &Path, findings: Vec<String>) -> Box<dyn std::error::Error> {
         if let Some(json) = self.json.as_deref().filter(|json| output::is_standard(json)) {
             let verdict = format!("{}: the recording cannot be used", path.display());
@@ -329,7 +326,7 @@ impl Arguments {
         refused(format!("{}: {}", path.display(), identify::Unusable(findings)))
     }
 
-    /// Writes the wanted files.
+    /// Writes the requested files.
     fn write(&self, results: &Results) -> Result<()> {
         if let Some(path) = &self.csv {
             write_table(path, &identify::recording(&results.tracks))?;
@@ -347,7 +344,7 @@ impl Arguments {
         Ok(())
     }
 
-    /// Completes the parameters by the sample time and the arguments.
+    /// Sets sample time, window and noise of the estimator.
     fn complete(&self, estimator: &mut Element, samples: &Samples) {
         let window_s = match self.window {
             Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
@@ -364,7 +361,7 @@ impl Arguments {
         }
     }
 
-    /// The meaning of a current sample; none if the data decide.
+    /// The stated meaning of a current sample; `None` if the data decide.
     fn stated_hold(&self) -> Result<Option<Hold>> {
         match Hold::all().find(|hold| hold.name() == self.hold) {
             None if self.hold != AUTO => {
@@ -379,7 +376,7 @@ fn rpm(text: &str) -> std::result::Result<f64, String> {
     number(text, "a speed in rpm, negative against the angle", |_| true)
 }
 
-/// The methods to run on line: with maximum likelihood the default one, which shows drift.
+/// The on-line methods to run; with maximum likelihood, the default one, which shows drift.
 fn methods(method: &str) -> Result<Vec<Method>> {
     let wanted = if method == LIKELIHOOD { PREDICTION_ERROR } else { method };
     let methods: Vec<_> = Method::all().filter(|method| wanted == method.name() || wanted == "all").collect();
@@ -395,7 +392,6 @@ fn names<T: Choice>() -> String {
     T::all().map(T::name).collect::<Vec<_>>().join(", ")
 }
 
-/// Opens a recording.
 fn open(path: &Path) -> Result<Box<dyn io::Read>> {
     if output::is_standard(path) {
         return Ok(Box::new(io::stdin().lock()));
@@ -404,7 +400,6 @@ fn open(path: &Path) -> Result<Box<dyn io::Read>> {
     Ok(Box::new(file))
 }
 
-/// Prints what is said of the recordings.
 fn print_results(results: &Results, paths: &[PathBuf]) {
     let is_each = results.said.len() > 1;
     for (path, samples) in paths.iter().zip(&results.recordings) {

@@ -29,11 +29,11 @@ use crate::studies::sensitivity;
 use crate::studies::sweep::Sweep;
 use crate::studies::whirl::{self, Whirl};
 
-/// Default folders, relative to the one in which the program is run.
+/// Default folders, relative to the working directory.
 const FMU_FOLDER: &str = "target/fmu";
 const REPORT_FOLDER: &str = "target/report";
 
-/// Steps of the speed in the table of `whirl`.
+/// Number of speed steps in the table of `whirl`.
 const SPEEDS: usize = 12;
 
 /// The exit codes, for `--help`.
@@ -56,7 +56,7 @@ struct Arguments {
 }
 
 #[derive(Subcommand)]
-#[allow(clippy::large_enum_variant, reason = "there is one of it, and it is taken apart at once")]
+#[allow(clippy::large_enum_variant, reason = "a single instance, destructured at once")]
 enum Command {
     /// Packages the FMUs of machines, each for FMI 2.0 and for FMI 3.0, and an SSP of each closed loop, from the library that was built
     /// together with this program.
@@ -251,13 +251,13 @@ use say;
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
-/// Runs the program; errors go to the standard error, and `EXIT_CODES` lists the exit codes. `commit` is the commit that the program was built from, if known.
+/// Runs the program; errors go to the standard error. `commit` is the one that the program was built from, if known.
 pub fn main(commit: Option<&str>) -> ExitCode {
     let version = match commit {
         Some(commit) => format!("{} ({commit})", env!("CARGO_PKG_VERSION")),
         None => env!("CARGO_PKG_VERSION").to_owned(),
     };
-    // clap wants a version that lives as long as the program.
+    // clap needs a `'static` version.
     let matches = Arguments::command().version(&*version.leak()).get_matches();
     let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
     match run(arguments.command) {
@@ -269,7 +269,7 @@ pub fn main(commit: Option<&str>) -> ExitCode {
                 || error.is::<simulate::Refused>()
                 || matches!(error.downcast_ref(), Some(simulate::Stopped::Refused(_)));
             match error.downcast_ref() {
-                Some(Ended { code, .. }) => ExitCode::from(*code),
+                Some(Failure { code, .. }) => ExitCode::from(*code),
                 None if is_refused => ExitCode::from(REFUSED),
                 None => ExitCode::FAILURE,
             }
@@ -337,24 +337,24 @@ fn run(command: Option<Command>) -> Result<()> {
     }
 }
 
-/// Exit codes for arguments or input that cannot be used, and for an answer that is not valid.
+/// Exit codes for unusable arguments or input, and for an identification that is not valid.
 const REFUSED: u8 = 2;
 const NOT_VALID: u8 = 3;
 
-/// Why the program ends with an exit code of its own.
+/// An error with its own exit code.
 #[derive(Debug, thiserror::Error)]
 #[error("{why}")]
-struct Ended {
+struct Failure {
     code: u8,
     why: String,
 }
 
-/// An error for arguments or input that cannot be used, with the reason.
+/// An error for unusable arguments or input.
 fn refused(why: impl ToString) -> Box<dyn Error> {
-    Ended { code: REFUSED, why: why.to_string() }.into()
+    Failure { code: REFUSED, why: why.to_string() }.into()
 }
 
-/// An error that names the file.
+/// Prefixes an error with the name of the file.
 fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
     move |error| format!("{}: {error}", path.display()).into()
 }
@@ -390,17 +390,17 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     let outcome = if output::is_standard(out) {
         output::take_standard_output();
         match design.run_to(io::stdout().lock()) {
-            // The reader has gone, and wants no other rows.
+            // The reader has closed the pipe.
             Err(error) if error.kind() == io::ErrorKind::BrokenPipe => return Ok(()),
             outcome => outcome.map_err(named(out))?,
         }
     } else {
-        say_how_to_resume(out)?;
-        // A fault of that file is no fault of an argument.
+        explain_resuming(out)?;
+        // As text: an unusable output file must not exit as an unusable argument.
         design.run(out).map_err(|error| error.to_string())?
     };
-    let there = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
-    say!("{}: {} rows{there}", out.display(), design.count());
+    let resumed = if outcome.before > 0 { format!(", {} of them from before", outcome.before) } else { String::new() };
+    say!("{}: {} rows{resumed}", out.display(), design.count());
     match outcome.failed {
         0 => Ok(()),
         1 => Err(format!("1 of {} cases failed: its row says why", design.count()).into()),
@@ -408,8 +408,8 @@ fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Optio
     }
 }
 
-/// Makes an interrupted sweep say how to go on.
-fn say_how_to_resume(out: &Path) -> Result<()> {
+/// When the sweep is interrupted, prints how to resume it.
+fn explain_resuming(out: &Path) -> Result<()> {
     let file = out.display().to_string();
     let handler = move || {
         output::warn(format_args!(
@@ -420,11 +420,11 @@ fn say_how_to_resume(out: &Path) -> Result<()> {
     ctrlc::set_handler(handler).map_err(Into::into)
 }
 
-/// A destination of a result: the option, its path if it is given, and the format.
+/// Destination of a result: option, path if given, and format.
 type Destination<'a> = (&'static str, Option<&'a Path>, Format);
 
-/// Checks before a long run that all destinations can be written, and reserves the standard output if a result goes there, so that
-/// messages go to the standard error.
+/// Checks before a long run that all destinations can be written. If a result goes to the standard output, messages go to the
+/// standard error.
 fn claim(destinations: &[Destination<'_>]) -> Result<()> {
     let given = destinations.iter().filter_map(|(option, path, format)| Some((*option, (*path)?, *format)));
     let (standard, files): (Vec<_>, Vec<_>) = given.partition(|(_, path, _)| output::is_standard(path));
@@ -436,19 +436,19 @@ fn claim(destinations: &[Destination<'_>]) -> Result<()> {
         output::take_standard_output();
     }
     for (at, (option, path, format)) in files.iter().copied().enumerate() {
-        // A device takes several results.
+        // Several results may go to one device.
         let is_device = path.exists() && !path.is_file();
-        let whole = |path: &Path| std::path::absolute(path).ok();
-        let is_same = |(_, other, _): &&(&str, &Path, Format)| !is_device && whole(path) == whole(other);
+        let absolute = |path: &Path| std::path::absolute(path).ok();
+        let is_same = |(_, other, _): &&(&str, &Path, Format)| !is_device && absolute(path) == absolute(other);
         if let Some((other, ..)) = files[..at].iter().find(is_same) {
             return Err(refused(format!("{other} and {option} {}: expected different files", path.display())));
         }
         if path.is_dir() {
             return Err(format!("{option} {}: this is a folder, expected a file", path.display()).into());
         }
-        // The folder of a report is created, but not in place of a file.
-        let is_there = |folder: &&Path| option != "--report" || folder.exists();
-        let folder = path.ancestors().skip(1).filter(|folder| !folder.as_os_str().is_empty()).find(is_there);
+        // The folder of a report is created if missing; of its ancestors, the nearest that exists must be a folder.
+        let is_required = |folder: &&Path| option != "--report" || folder.exists();
+        let folder = path.ancestors().skip(1).filter(|folder| !folder.as_os_str().is_empty()).find(is_required);
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             return Err(format!("{option} {}: there is no folder {}", path.display(), folder.display()).into());
         }
@@ -478,12 +478,12 @@ fn simulate(arguments: &Simulation) -> Result<()> {
     // Results are written even if the run ended early.
     if let Some(path) = csv {
         write_table(path, &run.recording)?;
-        said_of(path);
+        report_written(path);
     }
     if let Some(path) = json {
         let document = format!("{:#}\n", summary::json(&scenario, &run));
         Format::Json.write(path, document.as_bytes()).map_err(named(path))?;
-        said_of(path);
+        report_written(path);
     }
     if let Some(folder) = report {
         write_page(folder, &experiment::page(name, &frame::command_line(), &scenario, &run))?;
@@ -494,14 +494,14 @@ fn simulate(arguments: &Simulation) -> Result<()> {
     }
 }
 
-/// Reports a file that was written.
-fn said_of(path: &Path) {
+/// Prints the path of a file that was written.
+fn report_written(path: &Path) {
     if !output::is_standard(path) {
         say!("\n{}", path.display());
     }
 }
 
-/// Writes a table to a file, or to the standard output under the name `-`, whose reader may close it at any time.
+/// Writes a table to a file or, for `-`, to the standard output, whose reader may close it at any time.
 fn write_table(path: &Path, recording: &Recording) -> Result<()> {
     let file = Format::Table.create(path).map_err(named(path))?;
     let written = recording.write_csv(file);
@@ -519,17 +519,17 @@ fn write_page(folder: &Path, page: &str) -> Result<()> {
     fs::create_dir_all(folder).map_err(named(folder))?;
     let path = folder.join("index.html");
     Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
-    said_of(&path);
+    report_written(&path);
     Ok(())
 }
 
-/// A finite number that fits, or else what was expected.
+/// A finite number that satisfies `fits`.
 fn number(text: &str, wanted: &str, fits: fn(&f64) -> bool) -> std::result::Result<f64, String> {
     let value = text.parse().ok().filter(|value: &f64| value.is_finite()).filter(fits);
     value.ok_or_else(|| format!("expected {wanted}"))
 }
 
-/// A standard deviation of noise that there is; where there is none the bound is 0.
+/// A positive standard deviation: without noise, the Cramér–Rao bound is 0.
 fn noise(text: &str) -> std::result::Result<f64, String> {
     number(text, "a standard deviation above 0", |value| *value > 0.0)
 }
@@ -552,19 +552,15 @@ fn speed_or_rest(text: &str) -> std::result::Result<f64, String> {
 
 /// A number of runs.
 fn count(text: &str) -> std::result::Result<usize, String> {
-    match text.parse() {
-        Ok(runs) if runs > 0 => Ok(runs),
-        _ => Err("expected a whole number above 0".into()),
-    }
+    text.parse().ok().filter(|runs: &usize| *runs > 0).ok_or_else(|| "expected a whole number above 0".into())
 }
 
 /// Runs the scenario with many seeds, or the studies whose titles contain the text.
 fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
     let &MonteCarlo { runs, seed, position_noise, current_noise, estimate_noise, .. } = arguments;
-    // Prints the figures of a study.
-    let judge = |mut study: montecarlo::Study| -> Result<()> {
+    let run_and_print = |mut study: montecarlo::Study| -> Result<()> {
         study.first_seed = seed.into();
-        // Correction masses have an instant of their own.
+        // A study of correction masses has its own instant.
         if !arguments.at.is_empty() && study.scenario.balance_s.is_none() {
             study.instants_s.clone_from(&arguments.at);
         }
@@ -574,7 +570,7 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
     };
     if let Some(name) = &arguments.scenario {
         let (scenario, noise) = (Scenario::open(name)?, [position_noise, current_noise]);
-        return judge(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
+        return run_and_print(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
     }
     let studies = montecarlo::studies(runs);
     let courses = hostile::courses();
@@ -586,7 +582,7 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
             format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
     }
-    studies.into_iter().filter(|study| study.title.contains(text)).try_for_each(judge)?;
+    studies.into_iter().filter(|study| study.title.contains(text)).try_for_each(run_and_print)?;
     cases.retain(|case| case.title().contains(text));
     if !cases.is_empty() {
         print::table(&hostile::table(&cases, &hostile::run(&cases, runs, seed.into())?));

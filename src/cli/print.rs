@@ -19,7 +19,7 @@ pub fn paragraph(text: &str) {
     }
 }
 
-/// Breaks a text into lines that fit a terminal.
+/// Wraps a text at 100 characters.
 fn wrapped(text: &str) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for word in text.split_whitespace() {
@@ -34,7 +34,7 @@ fn wrapped(text: &str) -> Vec<String> {
     lines
 }
 
-/// Prints columns, of which the first is text and the others are numbers.
+/// Prints a column of text and further columns of numbers, aligned right.
 fn columns(head: &[String], rows: &[Vec<String>]) {
     let all = || std::iter::once(head).chain(rows.iter().map(Vec::as_slice));
     let width = |column: usize| all().filter_map(|row| row.get(column)).map(|cell| cell.chars().count()).max();

@@ -14,25 +14,25 @@ use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Said, Samples, quantity};
 use crate::variables::Choice;
 
-/// Names of the parameters that are always known: the mass of what levitates, and which magnets are used.
+/// Parameters that are always known: the levitated mass, and the magnets in use.
 const MASS: &str = "m";
 const USED: &str = "magnets.used";
 
-/// An axis as the scenario and the arguments describe it, and what is wrong with that.
+/// The axis as the scenario and the arguments describe it, and the errors in that description.
 struct Bench {
     axis: Axis,
-    wrong: Vec<String>,
+    errors: Vec<String>,
 }
 
-/// Identifies an axis from each recording. Returns the columns and the scenario, for the twin, as well.
+/// Identifies an axis from each recording. Also returns the columns and the scenario, for the twin.
 pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenario)> {
-    // A scenario of another machine says nothing of this one.
+    // A scenario of another machine is ignored.
     let scenario = match &arguments.scenario {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
     let columns: Pairs = scenario.columns.iter().chain(&arguments.column).cloned().collect();
-    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), wrong: arguments.unused(&AXIAL) };
+    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), errors: arguments.unused(&AXIAL) };
     bench.read(&scenario.identify);
     for (name, value) in &arguments.changes {
         bench.set(name, value, "--set ");
@@ -46,10 +46,10 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
     let changed = arguments.changes.iter().map(|(name, _)| without_element(name));
     let mut given = changed.chain(scenario.identify.keys().map(String::as_str));
     if !given.any(|name| name == MASS) {
-        bench.wrong.push("m is missing: the mass of what levitates, --set m=…".into());
+        bench.errors.push("m is missing: the mass of what levitates, --set m=…".into());
     }
-    if !bench.wrong.is_empty() {
-        return Err(refused(bench.wrong.join("\n  ")));
+    if !bench.errors.is_empty() {
+        return Err(refused(bench.errors.join("\n  ")));
     }
     Ok((results(arguments, &bench.axis, &columns)?, columns, scenario))
 }
@@ -70,14 +70,11 @@ impl Bench {
 
     fn set(&mut self, name: &str, value: &str, from: &str) {
         let name = without_element(name);
-        let positive = |result: std::result::Result<f64, String>| {
-            result.and_then(|number| match number > 0.0 {
-                true => Ok(number),
-                false => Err(format!("{name}={value}: a value above 0 is wanted")),
-            })
+        let positive = |number: f64| {
+            if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: a value above 0 is wanted")) }
         };
         let result = match name {
-            MASS => positive(quantity(name, value, "kg")).map(|m_kg| self.axis.m_kg = m_kg),
+            MASS => quantity(name, value, "kg").and_then(positive).map(|m_kg| self.axis.m_kg = m_kg),
             USED => Used::all()
                 .find(|used| used.name() == value)
                 .map(|used| self.axis.used = used.magnets())
@@ -86,30 +83,30 @@ impl Bench {
                 Some(at) => {
                     let number = quantity(name, value, PARAMETERS[at].1);
                     let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
-                    let number = if signed { number } else { positive(number) };
+                    let number = if signed { number } else { number.and_then(positive) };
                     number.map(|number| self.axis.told[at] = Some(number))
                 }
                 None => Err(no_parameter(name)),
             },
         };
-        self.wrong.extend(result.err().map(|why| format!("{from}{why}")));
+        self.errors.extend(result.err().map(|why| format!("{from}{why}")));
     }
 
     fn estimate(&mut self, name: &str, from: &str) {
         match parameter(name) {
             Some(at) => self.axis.estimated[at] = true,
             None if matches!(name, MASS | USED) => {
-                self.wrong.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
+                self.errors.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
             }
-            None => self.wrong.push(format!("{from}{}", no_parameter(name))),
+            None => self.errors.push(format!("{from}{}", no_parameter(name))),
         }
     }
 
     fn set_position(&mut self, name: &str, value: &str) {
         match quantity(name, value, "m") {
             Ok(at_m) if name == "Xm" => self.axis.at_m = Some(at_m),
-            Ok(_) => self.wrong.push(format!("--at {name}: a position along the axis is wanted, as in Xm=10mm")),
-            Err(why) => self.wrong.push(format!("--at {why}")),
+            Ok(_) => self.errors.push(format!("--at {name}: a position along the axis is wanted, as in Xm=10mm")),
+            Err(why) => self.errors.push(format!("--at {why}")),
         }
     }
 }
@@ -155,7 +152,7 @@ fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Result
     Ok(Results { recordings, axes, said, summary, document, not_valid, ..Results::default() })
 }
 
-/// All are linearised where the first one is.
+/// Identifies the axis from a recording, linearised at the position of the first.
 fn answer(
     arguments: &Arguments,
     axis: &Axis,

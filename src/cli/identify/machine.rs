@@ -1,4 +1,4 @@
-//! The machine that `identify` is about: its scenario, with the changes that the arguments make.
+//! The machine to identify: its scenario, changed by the arguments.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::{Scenario, knows, names, suggestion};
 
-/// Variables of the estimator that have options of their own.
+/// Variables of the estimator that have their own options.
 const OPTIONS: [(&str, &str); 7] = [
     ("Ts", "the times of the recording, --rate or --step"),
     ("Tf", "--window"),
@@ -18,30 +18,29 @@ const OPTIONS: [(&str, &str); 7] = [
     ("sensor.currentNoise", "--current-noise"),
 ];
 
-/// The name of a variable of the estimator, before which its element may stand.
+/// The name of an estimator variable without its element.
 pub(super) fn without_element(path: &str) -> &str {
     path.strip_prefix("estimator.").unwrap_or(path)
 }
 
 impl Arguments {
-    /// The machine, by the option or by the scenario.
+    /// The machine from the option or from the scenario.
     pub(super) fn machine(&self) -> &'static Machine {
         let named = self.machine.as_deref().and_then(machine::find);
         named.or_else(|| Scenario::machine_of(self.scenario.as_deref()?)).unwrap_or_default()
     }
 
-    /// The method.
     pub(super) fn method(&self) -> &str {
         self.method.as_deref().unwrap_or(LIKELIHOOD)
     }
 
-    /// Loads that `--set` states, which are known then, and the rest of its settings.
+    /// Known loads stated by `--set`, and its other settings.
     pub(super) fn loads(&self, machine: &Machine) -> (Pairs, Pairs) {
         let loads = machine.of_coordinates(|coordinate| coordinate.load);
         self.changes.iter().cloned().partition(|(name, _)| loads.contains(name))
     }
 
-    /// Options that say nothing to the machine, each in a sentence.
+    /// A message for each option that does not apply to the machine.
     pub(super) fn unused(&self, machine: &Machine) -> Vec<String> {
         let (is_axial, is_planar, method) = (*machine == AXIAL, *machine == PLANAR, self.method());
         let has_none = |option: &str| format!("the machine {} has no {option}", machine.name);

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use fmu_export::package::platforms::Binaries;
 
-use super::{Arguments, LIKELIHOOD, Pairs, Result, named, print, refused, said_of};
+use super::{Arguments, LIKELIHOOD, Pairs, Result, named, print, refused, report_written};
 use crate::output::Format;
 use crate::package;
 use crate::studies::identify::Twin;
@@ -13,12 +13,12 @@ use crate::studies::identify::Twin;
 const IDENTIFIED: &str = "identified";
 
 impl Arguments {
-    /// Whether files of the twin are wanted.
+    /// Whether any file of the twin is requested.
     pub(super) fn wants_twin(&self) -> bool {
         [&self.save, &self.ssv, &self.ssp].into_iter().any(Option::is_some)
     }
 
-    /// The library of the FMUs for the closed loop, if that is wanted. It is read before the work, so that a missing one is reported then.
+    /// The library of the FMUs for the closed loop, if requested; read first, so that a missing one is reported before the work.
     pub(super) fn binaries(&self) -> Result<Option<Binaries>> {
         let binaries = self.ssp.is_some().then(|| package::binaries(&[])).transpose()?;
         let method = self.method();
@@ -28,7 +28,7 @@ impl Arguments {
         Ok(binaries)
     }
 
-    /// Writes the wanted files of the twin, whose recordings have these columns.
+    /// Writes the requested files of the twin; `columns` are those of the recordings.
     pub(super) fn write_twin(&self, twin: Twin, columns: Pairs, binaries: Option<&Binaries>) -> Result<()> {
         let Twin { mut scenario, left_out } = twin;
         let name = |path: &PathBuf| path.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -43,7 +43,7 @@ impl Arguments {
         }
         let write = |path: &Path, format: Format, content: &[u8]| {
             format.write(path, content).map_err(named(path))?;
-            said_of(path);
+            report_written(path);
             Ok::<(), Box<dyn std::error::Error>>(())
         };
         if let Some(path) = &self.save {

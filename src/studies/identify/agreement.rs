@@ -1,18 +1,17 @@
-//! Whether recordings of one bench agree by estimates of their own: χ² about the weighted mean.
+//! Whether separate estimates from recordings of one bench agree: χ² about their weighted mean.
 
 use nalgebra::{DMatrix, DVector};
 
 use super::units::significant;
 use crate::estimation::chi_square;
 
-/// χ² that chance exceeds with a probability of 10⁻⁴, as a normal deviate.
-const LIKELY: f64 = 3.719;
+/// Normal deviate of the χ² that chance exceeds with a probability of 10⁻⁴.
+const LIMIT: f64 = 3.719;
 
-/// Values with their covariance.
+/// Estimates of one recording: values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);
 
-/// The disagreement: of the recording that is furthest from the mean, the value that explains most of its difference from the others, if it alone differs. Nothing if
-/// chance explains all.
+/// The disagreement, unless chance explains it: in the recording furthest from the mean, the value that alone explains most of the difference.
 pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     let [first, _, ..] = own else { return None };
     let count = first.0.len();
@@ -27,11 +26,11 @@ pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
         off.dot(&(&weights[at] * &off))
     };
     let total: f64 = (0..own.len()).map(chi).sum();
-    if total <= chi_square((count * (own.len() - 1)) as f64, LIKELY) {
+    if total <= chi_square((count * (own.len() - 1)) as f64, LIMIT) {
         return None;
     }
     let at = (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))?;
-    // Against the others alone: the mean has a part of the one that differs.
+    // Against the others alone: the mean includes the one that differs.
     let others = inverse(&(all - &weights[at]))?;
     let of_others = &others * (sum - &weights[at] * &own[at].0);
     let weight = inverse(&(others + inverse(&weights[at])?))?;

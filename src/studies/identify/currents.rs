@@ -1,6 +1,6 @@
-//! Meaning of the readings of the currents, decided by likelihood.
+//! Meaning of the current samples, decided by likelihood.
 
-use super::diagnosis::{self, Take, VERY_STRONG};
+use super::diagnosis::{self, Trial, VERY_STRONG};
 use super::likelihood::{DELAY, DYNAMICS, Hold, Knowledge, LAG, Options};
 use super::samples::Samples;
 use super::tolerance::plain;
@@ -9,12 +9,12 @@ use super::{Stated, answer};
 use crate::table::Table;
 use crate::variables::Choice;
 
-/// Meaning of the readings of the currents.
+/// Meaning of the current samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Currents {
     /// Time that a sample stands for.
     pub hold: Hold,
-    /// Whether the currents follow what is held with a lag.
+    /// Whether the currents follow the held values with a lag.
     pub lag: bool,
 }
 
@@ -23,14 +23,14 @@ impl Currents {
         format!("{}{}", self.hold.name(), if self.lag { " with a lag" } else { "" })
     }
 
-    /// The options of `identify` for it.
+    /// The options of `identify` that select it.
     fn options(self) -> String {
         format!("--hold {}{}", self.hold.name(), if self.lag { " --estimate lag" } else { "" })
     }
 }
 
-/// Readings that are tried, those without a lag first. Currents that are continuous follow nothing.
-const READINGS: [Currents; 5] = [
+/// Meanings to compare, those without a lag first. Continuous currents are not commands, and do not lag.
+const MEANINGS: [Currents; 5] = [
     MEASURED,
     Currents { hold: Hold::HeldAfter, lag: false },
     Currents { hold: Hold::Linear, lag: false },
@@ -38,39 +38,39 @@ const READINGS: [Currents; 5] = [
     Currents { hold: Hold::HeldAfter, lag: true },
 ];
 
-/// By so much a parameter raises the log-likelihood by chance (Akaike 1974). A lag of 50 µs that was worth 2.7 to 3.3 on the stretch moved λ by 5 to 26 of
-/// its deviations over the whole recording.
+/// Amount by which a parameter raises the log-likelihood by chance (Akaike 1974). A lag of 50 µs that raised it by 2.7 to 3.3 on the
+/// stretch moved λ by 5 to 26 of its standard deviations over the whole recording.
 const BY_CHANCE: f64 = 1.0;
 
-/// Those of a sensor, that stand for the time before the sample.
+/// Measured currents, which stand for the time before the sample.
 const MEASURED: Currents = Currents { hold: Hold::HeldBefore, lag: false };
 
-/// Readings of the currents, and by how much less likely than the best each is: differences of log-likelihoods, infinite where nothing fits.
+/// Meanings of the currents, with the difference between the greatest log-likelihood and theirs; infinite if they do not fit.
 #[derive(Clone, Copy, Debug)]
 pub struct Holds(pub [(Currents, f64); 5]);
 
 impl Holds {
-    /// Tries the readings on a bearing whose bench is exactly as stated but for a lag of the currents, or else the delay of the positions, and the dynamics.
+    /// Compares the meanings on a bench that is as stated except for the dynamics and the lag of the currents, or else the delay of the positions.
     #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let of = answer::recording(samples, stated, stated.hold);
-        let take = |at: usize| {
-            let currents = READINGS[at];
+        let trial = |at: usize| {
+            let currents = MEANINGS[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::read_as(&of, samples, &stated, currents.hold);
             let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
             let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
             let others = options.bench().filter(|of| !kept.contains(&plain(&of.name)));
             others.for_each(|of| of.knowledge = Knowledge::Exact);
-            Take { recording, options, machine: stated.machine, bearing: 0 }
+            Trial { recording, options, machine: stated.machine, bearing: 0 }
         };
-        let less: [f64; READINGS.len()] = diagnosis::holds(take);
-        Self(std::array::from_fn(|at| (READINGS[at], less[at])))
+        let deficits: [f64; MEANINGS.len()] = diagnosis::holds(trial);
+        Self(std::array::from_fn(|at| (MEANINGS[at], deficits[at])))
     }
 
-    /// Those that fit at all, the most likely first.
+    /// Those that fit, the most likely first.
     pub(super) fn ranked(&self) -> Vec<Currents> {
-        let mut ranked: Vec<_> = self.0.iter().filter(|(_, less)| less.is_finite()).collect();
+        let mut ranked: Vec<_> = self.0.iter().filter(|(_, deficit)| deficit.is_finite()).collect();
         ranked.sort_by(|a, b| a.1.total_cmp(&b.1));
         ranked.into_iter().map(|(currents, _)| *currents).collect()
     }
@@ -80,58 +80,56 @@ impl Holds {
         self.ranked().into_iter().filter(|of| !of.lag)
     }
 
-    /// Other readings without a lag that are as good as the best one.
+    /// Other meanings without a lag that are about as likely as the best one.
     #[must_use]
     pub fn as_likely(&self, chosen: Currents) -> Vec<Hold> {
-        let is_as_good = |of: &Currents| *of != chosen && self.less(*of).is_some_and(|less| less < VERY_STRONG);
+        let is_as_good = |of: &Currents| *of != chosen && self.is_within(*of, VERY_STRONG);
         self.without_lag().filter(is_as_good).map(|of| of.hold).collect()
     }
 
-    /// By how much less likely than the best a reading is.
-    fn less(&self, of: Currents) -> Option<f64> {
-        self.0.iter().find(|(currents, _)| *currents == of).map(|(_, less)| *less)
+    /// Difference between the greatest log-likelihood and that of a meaning.
+    fn deficit(&self, of: Currents) -> Option<f64> {
+        self.0.iter().find(|(currents, _)| *currents == of).map(|(_, deficit)| *deficit)
     }
 
-    /// The most likely one; none if nothing fits.
+    fn is_within(&self, of: Currents, most: f64) -> bool {
+        self.deficit(of).is_some_and(|deficit| deficit < most)
+    }
+
+    /// The most likely one, if any fits.
     fn best(&self) -> Option<Currents> {
         self.ranked().first().copied()
     }
 
-    /// That of measured currents, unless another one is clearly more likely; else the most likely one without a lag, unless one with a lag explains more than
-    /// chance.
+    /// Measured currents, unless another meaning is clearly more likely; else the best without a lag, unless a lag explains more than chance.
     #[must_use]
     pub fn most_likely(&self) -> Currents {
-        let is_within = |of: &Currents, most: f64| self.less(*of).is_some_and(|less| less < most);
-        let measured = Some(MEASURED).filter(|of| is_within(of, VERY_STRONG));
-        let plain = self.without_lag().next().filter(|of| is_within(of, BY_CHANCE));
+        let measured = Some(MEASURED).filter(|of| self.is_within(*of, VERY_STRONG));
+        let plain = self.without_lag().next().filter(|of| self.is_within(*of, BY_CHANCE));
         measured.or(plain).or(self.best()).unwrap_or(MEASURED)
     }
 
-    /// The objection to a stated reading, if another one is clearly more likely.
+    /// The objection to a stated meaning, if another one is clearly more likely.
     pub(super) fn against(&self, stated: Currents) -> Option<String> {
-        let (less, best) = (self.less(stated)?, self.best()?);
-        let by =
-            if less.is_finite() { format!(" by {} in log-likelihood", significant(less, 3)) } else { String::new() };
-        (less > VERY_STRONG).then(|| {
+        let (deficit, best) = (self.deficit(stated)?, self.best()?);
+        let by = deficit.is_finite().then(|| format!(" by {} in log-likelihood", significant(deficit, 3)));
+        let by = by.unwrap_or_default();
+        (deficit > VERY_STRONG).then(|| {
             let (stated, options, best) = (stated.name(), best.options(), best.name());
             format!("currents that are read as {stated} are less likely than as {best}{by}: {options}, or --hold auto")
         })
     }
 
-    /// The comparison as a table; none if nothing fits.
+    /// The comparison as a table, if any meaning fits.
     #[must_use]
     pub fn table(&self, chosen: Currents) -> Option<Table> {
         self.best()?;
-        let rows = self.0.iter().map(|(currents, less)| {
+        let rows = self.0.iter().map(|(currents, deficit)| {
             let mark = if *currents == chosen { "chosen" } else { "" };
-            let less = if less.is_finite() { format!("{less:.1}") } else { "does not fit".into() };
-            vec![currents.name(), less, mark.to_owned()]
+            let deficit = if deficit.is_finite() { format!("{deficit:.1}") } else { "does not fit".into() };
+            vec![currents.name(), deficit, mark.to_owned()]
         });
-        Some(Table {
-            title: "What a current sample stands for".into(),
-            note: "How much less likely the same data are with each reading (differences of log-likelihoods).".into(),
-            head: ["", "less likely by", ""].map(String::from).into(),
-            rows: rows.collect(),
-        })
+        let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
+        Some(Table::new("What a current sample stands for", note, ["", "less likely by", ""], rows))
     }
 }

@@ -1,4 +1,4 @@
-//! Alternatives for data that are not as stated: each alternative is tried on a stretch of the recording.
+//! Alternatives for data that are not as stated, each tried on a stretch of the recording.
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -11,73 +11,67 @@ use super::units::significant;
 use crate::machine::Machine;
 use crate::studies::parallel::in_order;
 
-/// Rows of the stretch at least, and at most where the rotor turns slowly.
+/// Minimum and maximum number of rows of a stretch.
 const ROWS: [usize; 2] = [2000, 20_000];
 /// Turns of the stretch.
 const TURNS: f64 = 5.0;
-/// The reading of the currents decides several per cent of λ: it is judged on so many times as many rows. On one stretch, a force that wanders made a
-/// current that is held look continuous (`scripts/faults.py --only "slow force" --seed 7001`).
+/// The meaning of the currents decides several per cent of λ: it is judged on this many stretches. On one, a slow force made a held current look
+/// continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
-/// A gap that differs by less from the stated one, relative, is no other gap: that of a careful assembly.
+/// A gap that differs from the stated one by less, relative, is the same: a careful assembly does.
 const SAME_GAP: f64 = 0.01;
-/// Probability that something is proposed for data that are as stated.
+/// Probability of a proposal for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
 pub(super) const VERY_STRONG: f64 = 5.0;
-/// Alternatives whose log-likelihood is lower than that of the best by less than this are proposed as well: the model errors that both share ask for
-/// more than very strong evidence.
+/// Alternatives whose log-likelihood is within this of the best are proposed as well: the model errors that they share call for more than very
+/// strong evidence.
 const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 
-/// By how much the log-likelihood must be higher than with the stated one, over so many alternatives and rows.
+/// Gain in log-likelihood that an alternative needs over the stated values, for these numbers of alternatives and rows.
 ///
-/// The likelihood ratio of a fixed alternative has the expectation 1 if the statements are true, so that it exceeds 1/p with a probability of p at most
-/// (Markov). A parameter fitted to N values raises its logarithm by half of ln N (Schwarz 1978): one alternative has one more.
-fn better(alternatives: usize, rows: usize) -> f64 {
+/// If the statements are true, the likelihood ratio of a fixed alternative has the expectation 1, so that it exceeds 1/p with a probability of at
+/// most p (Markov). A parameter fitted to N values raises its logarithm by ½ ln N (Schwarz 1978); one of the alternatives has one more parameter.
+fn needed_gain(alternatives: usize, rows: usize) -> f64 {
     libm::log(alternatives as f64 / CHANCE) + 0.5 * libm::log(2.0 * rows as f64)
 }
 
-/// A recording and what is told of it.
+/// A recording with the statements about it.
 #[derive(Clone, Debug)]
-pub(super) struct Take {
+pub(super) struct Trial {
     pub recording: Recording,
     pub options: Options,
     pub machine: &'static Machine,
-    /// The radial bearing that an alternative is about.
+    /// The radial bearing that an alternative concerns.
     pub bearing: usize,
 }
 
-impl Take {
+impl Trial {
     /// The magnets of the bearing.
     fn magnets(&self) -> Range<usize> {
         self.machine.magnets_of_bearings()[self.bearing].1.clone()
     }
 }
 
-/// Something that people get wrong: the fewest magnets of a bearing that can show it, 0 for what is not about a bearing; the fault of the data, in words; what undoes
-/// it; advice to the user.
-type Alternative = (usize, &'static str, fn(&mut Take), &'static str);
+/// A common mistake: the fewest magnets of a bearing that it needs, 0 if not about a bearing; description; correction; advice to the user.
+type Alternative = (usize, &'static str, fn(&mut Trial), &'static str);
 
 /// Changes the positions that the sensors of the bearing read.
-fn positions(take: &mut Take, change: impl Fn([f64; 2]) -> [f64; 2]) {
-    let [y, z, ..] = &mut take.recording.position_m[2 * take.bearing..] else { return };
+fn positions(trial: &mut Trial, change: impl Fn([f64; 2]) -> [f64; 2]) {
+    let [y, z, ..] = &mut trial.recording.position_m[2 * trial.bearing..] else { return };
     for (y, z) in y.iter_mut().zip(z) {
         [*y, *z] = change([*y, *z]);
     }
 }
 
 /// Reorders the currents of the bearing.
-fn currents(take: &mut Take, reorder: impl FnOnce(&mut [usize])) {
-    let mut order: Vec<usize> = (0..take.recording.current_a.len()).collect();
-    reorder(&mut order[take.magnets()]);
-    take.recording.current_a = order.iter().map(|k| take.recording.current_a[*k].clone()).collect();
-    if !take.recording.square_error_a2.is_empty() {
-        take.recording.square_error_a2 = order.iter().map(|k| take.recording.square_error_a2[*k].clone()).collect();
+fn currents(trial: &mut Trial, reorder: impl FnOnce(&mut [usize])) {
+    let mut order: Vec<usize> = (0..trial.recording.current_a.len()).collect();
+    reorder(&mut order[trial.magnets()]);
+    trial.recording.current_a = order.iter().map(|k| trial.recording.current_a[*k].clone()).collect();
+    if !trial.recording.square_error_a2.is_empty() {
+        trial.recording.square_error_a2 = order.iter().map(|k| trial.recording.square_error_a2[*k].clone()).collect();
     }
-}
-
-fn later(take: &mut Take) {
-    take.recording.current_a.iter_mut().for_each(|current| current.rotate_right(1));
-    take.recording.usable[0] = false;
 }
 
 const SWAP: &str = "exchange Ym and Zm (--column)";
@@ -86,67 +80,62 @@ const GAP: &str = "--estimate s";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 
 const ALTERNATIVES: &[Alternative] = &[
-    (3, "y and z are exchanged", |take| positions(take, |[y, z]| [z, y]), SWAP),
-    (3, "y is mirrored", |take| positions(take, |[y, z]| [-y, z]), MIRROR),
-    (3, "z is mirrored", |take| positions(take, |[y, z]| [y, -z]), MIRROR),
-    (3, "y and z are mirrored", |take| positions(take, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
-    (3, "the sensors are turned by 90°", |take| positions(take, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
-    (3, "the sensors are turned by −90°", |take| positions(take, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
-    (3, "y and z are exchanged and mirrored", |take| positions(take, |[y, z]| [-z, -y]), SWAP),
-    (3, "magnets 1 and 2 are exchanged", |take| currents(take, |order| order.swap(0, 1)), ORDER),
-    (3, "magnets 1 and 3 are exchanged", |take| currents(take, |order| order.swap(0, 2)), ORDER),
-    (3, "magnets 2 and 3 are exchanged", |take| currents(take, |order| order.swap(1, 2)), ORDER),
-    (4, "magnets 1 and 4 are exchanged", |take| currents(take, |order| order.swap(0, 3)), ORDER),
-    (4, "magnets 2 and 4 are exchanged", |take| currents(take, |order| order.swap(1, 3)), ORDER),
-    (4, "magnets 3 and 4 are exchanged", |take| currents(take, |order| order.swap(2, 3)), ORDER),
-    (3, "the magnets count from the second", |take| currents(take, |order| order.rotate_left(1)), ORDER),
-    (3, "the magnets count from the third", |take| currents(take, |order| order.rotate_left(2)), ORDER),
-    (4, "the magnets count from the fourth", |take| currents(take, |order| order.rotate_left(3)), ORDER),
+    (3, "y and z are exchanged", |t| positions(t, |[y, z]| [z, y]), SWAP),
+    (3, "y is mirrored", |t| positions(t, |[y, z]| [-y, z]), MIRROR),
+    (3, "z is mirrored", |t| positions(t, |[y, z]| [y, -z]), MIRROR),
+    (3, "y and z are mirrored", |t| positions(t, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    (3, "the sensors are turned by 90°", |t| positions(t, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
+    (3, "the sensors are turned by −90°", |t| positions(t, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
+    (3, "y and z are exchanged and mirrored", |t| positions(t, |[y, z]| [-z, -y]), SWAP),
+    (3, "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), ORDER),
+    (3, "magnets 1 and 3 are exchanged", |t| currents(t, |order| order.swap(0, 2)), ORDER),
+    (3, "magnets 2 and 3 are exchanged", |t| currents(t, |order| order.swap(1, 2)), ORDER),
+    (4, "magnets 1 and 4 are exchanged", |t| currents(t, |order| order.swap(0, 3)), ORDER),
+    (4, "magnets 2 and 4 are exchanged", |t| currents(t, |order| order.swap(1, 3)), ORDER),
+    (4, "magnets 3 and 4 are exchanged", |t| currents(t, |order| order.swap(2, 3)), ORDER),
+    (3, "the magnets count from the second", |t| currents(t, |order| order.rotate_left(1)), ORDER),
+    (3, "the magnets count from the third", |t| currents(t, |order| order.rotate_left(2)), ORDER),
+    (4, "the magnets count from the fourth", |t| currents(t, |order| order.rotate_left(3)), ORDER),
     (
         0,
         "the currents are those before the sample (measured)",
-        |take| take.recording.hold = Hold::HeldBefore,
+        |t| t.recording.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    (
-        0,
-        "the currents are commands, held after the sample",
-        |take| take.recording.hold = Hold::HeldAfter,
-        "--hold heldAfter",
-    ),
-    (0, "the currents are continuous", |take| take.recording.hold = Hold::Linear, "--hold linear"),
+    (0, "the currents are commands, held after the sample", |t| t.recording.hold = Hold::HeldAfter, "--hold heldAfter"),
+    (0, "the currents are continuous", |t| t.recording.hold = Hold::Linear, "--hold linear"),
     (
         0,
         "the currents come a sample late, or the positions early",
-        |take| take.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
+        |t| t.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
         "shift the currents by one row",
     ),
     (
         0,
         "the currents come a sample early, or the positions late",
-        later,
+        |t| t.recording.current_a.iter_mut().for_each(|current| current.rotate_right(1)),
         "shift the currents by one row, or --estimate delay",
     ),
     (
         0,
         "the angle counts against the rotation",
-        |take| turn(take, -1.0),
+        |t| scale_rotation(t, -1.0),
         "reverse the signs of theta and omega, or that of --speed",
     ),
-    (0, "the speed is twice as high", |take| turn(take, 2.0), "double theta and omega, or --speed"),
-    (0, "the speed is half as high", |take| turn(take, 0.5), "halve theta and omega, or --speed"),
+    (0, "the speed is twice as high", |t| scale_rotation(t, 2.0), "double theta and omega, or --speed"),
+    (0, "the speed is half as high", |t| scale_rotation(t, 0.5), "halve theta and omega, or --speed"),
     (
         0,
         "the speed is another",
-        |take| drift(&take.recording).into_iter().for_each(|[off, ..]| turn(take, 1.0 + off)),
+        |t| drift(&t.recording).into_iter().for_each(|[off, ..]| scale_rotation(t, 1.0 + off)),
         SPEED,
     ),
-    (0, "the gap is another", |take| free(take, "s"), GAP),
+    (0, "the gap is another", |t| free(t, "s"), GAP),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
 
-/// By which part of itself the speed of the motion differs from that told, with its standard deviation and the angle in rad that this makes over the
+/// Relative difference of the speed of the motion from the stated one, its standard deviation, and the angle in rad that it amounts to over the
 /// recording: the line through the phases of the forward component, turn by turn.
 pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let Recording { theta_rad, position_m, .. } = recording;
@@ -161,7 +150,7 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
         turns[turn][0] += y * cos + z * sin;
         turns[turn][1] += z * cos - y * sin;
     }
-    // The last turn is not a whole one.
+    // The last turn is incomplete.
     turns.pop();
     let step = |pair: &[[f64; 2]]| {
         let [[a, b], [c, d]] = [pair[0], pair[1]];
@@ -178,86 +167,89 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let at = |turn: usize| turn as f64 - middle;
     let slope = phases.iter().enumerate().map(|(turn, phase)| at(turn) * phase).sum::<f64>() / square;
     let mean = phases.iter().sum::<f64>() / count;
-    let rest: Vec<f64> = phases.iter().enumerate().map(|(turn, phase)| phase - mean - slope * at(turn)).collect();
-    let power: f64 = rest.iter().map(|rest| rest * rest).sum();
-    // Other motions beat with the turns: the rest is correlated from turn to turn.
-    let correlation = (rest.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / power).max(0.0);
+    let residuals: Vec<f64> = phases.iter().enumerate().map(|(turn, phase)| phase - mean - slope * at(turn)).collect();
+    let power: f64 = residuals.iter().map(|residual| residual * residual).sum();
+    // Other motions beat with the turns: the residuals are autocorrelated.
+    let correlation = (residuals.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / power).max(0.0);
     let variance = power / (count - 2.0) / square * (1.0 + correlation) / (1.0 - correlation);
     let off = slope / TAU.copysign(last - first);
     (phases.len() >= 4).then(|| [off, variance.sqrt() / TAU, off * (last - first).abs()])
 }
 
-/// Angle and speed, times a factor.
-fn turn(take: &mut Take, factor: f64) {
-    let rotation = take.recording.theta_rad.iter_mut().chain(&mut take.recording.omega_rad_s);
+/// Multiplies angle and speed by a factor.
+fn scale_rotation(trial: &mut Trial, factor: f64) {
+    let rotation = trial.recording.theta_rad.iter_mut().chain(&mut trial.recording.omega_rad_s);
     rotation.for_each(|value| *value *= factor);
 }
 
-fn free(take: &mut Take, name: &str) {
-    let meant = take.options.bench().filter(|of| plain(&of.name) == name);
+fn free(trial: &mut Trial, name: &str) {
+    let meant = trial.options.bench().filter(|of| plain(&of.name) == name);
     meant.for_each(|of| of.knowledge = Knowledge::Free);
 }
 
-fn identified(take: &Take) -> Option<Identification> {
-    with_slow_force(std::slice::from_ref(&take.recording), &mut take.options.clone()).ok()
+fn identified(trial: &Trial) -> Option<Identification> {
+    with_slow_force(std::slice::from_ref(&trial.recording), &mut trial.options.clone()).ok()
 }
 
-/// Log-likelihood of a take, what the gap would be, and whether it fits a bearing at all.
-fn fit(take: &Take) -> Option<(f64, Option<f64>, bool)> {
-    let found = identified(take)?;
-    let sound = found.converged && implausible(&found, &take.recording, take.machine, &take.options.parts).is_none();
+/// Log-likelihood of a trial, relative error of the gap, and whether the estimates are plausible.
+fn fit(trial: &Trial) -> Option<(f64, Option<f64>, bool)> {
+    let found = identified(trial)?;
+    let sound = found.converged && implausible(&found, &trial.recording, trial.machine, &trial.options.parts).is_none();
     let gap = found.bench.iter().find(|of| of.parameter.name == "s").map(|of| of.estimate.value);
     Some((found.log_likelihood, gap, sound))
 }
 
-/// A stretch in the middle of a recording, or as long as several.
-fn stretch(take: &Take, stretches: usize) -> Take {
-    let all = &take.recording;
+/// The middle of a recording, as long as this number of stretches.
+fn stretch(trial: &Trial, stretches: usize) -> Trial {
+    let all = &trial.recording;
     let rows = all.usable.len();
     let speed = all.omega_rad_s.iter().filter(|omega| omega.is_finite()).sum::<f64>().abs() / rows.max(1) as f64;
     let wanted = if speed > 0.0 { (TURNS * TAU / speed / all.step_s) as usize } else { 0 };
     let count = (stretches * wanted.clamp(ROWS[0], ROWS[1])).min(rows);
     let from = (rows - count) / 2;
     let mut recording = all.part(from..from + count);
-    // The first row has a neighbour in every alternative, or in none.
+    // All alternatives use the same rows: some shift the currents by a row.
     for end in [0, count.saturating_sub(1)] {
         recording.usable[end..].iter_mut().take(1).for_each(|usable| *usable = false);
     }
-    Take { recording, options: take.options.clone(), ..*take }
+    Trial { recording, options: trial.options.clone(), ..*trial }
 }
 
-/// Minus the log-likelihood of a stretch with each reading of the currents, less that of the best; infinite where nothing was found. Each has the lag that suits it
-/// best, if one is asked for, or else the delay, as far as those of a typical bench: without it a delay of a third of a sample looks like a current that is continuous.
-pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
+/// Difference between the greatest log-likelihood of a stretch and that of each meaning of the currents; infinite if it does not fit. Each has
+/// the best lag, if requested, or else the best delay of a typical bench: otherwise a delay of a third of a sample looks like a continuous current.
+pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] {
     // One whole recording at a time: each may have millions of rows.
-    let mut takes: [Take; N] = std::array::from_fn(|at| {
-        let mut take = stretch(&take(at), HOLD_STRETCHES);
-        take.options = take.options.late();
-        // A force that is not known goes with every reading.
-        for error_a2 in &take.recording.square_error_a2 {
-            let rows = take.recording.usable.iter_mut().zip(error_a2);
+    let mut trials: [Trial; N] = std::array::from_fn(|at| {
+        let mut trial = stretch(&trial(at), HOLD_STRETCHES);
+        trial.options = trial.options.late();
+        // An unknown force is consistent with every meaning.
+        for error_a2 in &trial.recording.square_error_a2 {
+            let rows = trial.recording.usable.iter_mut().zip(error_a2);
             rows.for_each(|(usable, error_a2)| *usable &= error_a2.is_finite());
         }
-        take
+        trial
     });
-    let all = |takes: &[Take; N]| in_order(takes.len(), &|at| identified(&takes[at]));
-    let mut found = all(&takes);
-    // Rows that are disturbed with one reading are left out of all: an outlier would decide.
+    let all = |trials: &[Trial; N]| in_order(trials.len(), &|at| identified(&trials[at]));
+    let mut found = all(&trials);
+    // Rows that are disturbed with one meaning are left out of all: an outlier would decide.
     let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
     let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
     let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
     if !rows.is_empty() {
-        takes.iter_mut().for_each(|take| rows.iter().for_each(|rows| take.recording.usable[rows.clone()].fill(false)));
-        found = all(&takes);
+        for trial in &mut trials {
+            rows.iter().for_each(|rows| trial.recording.usable[rows.clone()].fill(false));
+        }
+        found = all(&trials);
     }
-    // No magnet pushes, and no current leads what it follows: a lag that would be negative is none. Single outliers made one of −20 µs more likely than none by 20 to 40.
+    // Magnets only pull, and currents do not lead commands: a negative lag counts as none. Single outliers made one of −20 µs more likely than
+    // none by 20 to 40.
     let is_possible = |of: &&Identification| !of.lambda.iter().any(Estimate::is_negative);
     let leads = |of: &Identification| {
         let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
         lags.any(|lag| lag.estimate.value < 0.0)
     };
     let of: [f64; N] = std::array::from_fn(|at| {
-        let same = |other: &usize| takes[*other].recording.hold == takes[at].recording.hold;
+        let same = |other: &usize| trials[*other].recording.hold == trials[at].recording.hold;
         let from = if found[at].as_ref().is_some_and(leads) { (0..N).find(same).unwrap_or(at) } else { at };
         let whole = found[from].as_ref().filter(|of| of.contradictions.is_empty()).filter(is_possible);
         whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
@@ -267,11 +259,11 @@ pub(super) fn holds<const N: usize>(take: impl Fn(usize) -> Take) -> [f64; N] {
 }
 
 /// Proposals, the best first; empty if nothing fits better than the stated values.
-pub(super) fn proposals(take: &Take) -> Vec<String> {
-    let mut take = stretch(take, 1);
-    take.options.leaves_out = false;
-    let told = fit(&take).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
-    let bearings: Vec<_> = take.machine.bearings.iter().filter(|of| of.is_radial).collect();
+pub(super) fn proposals(trial: &Trial) -> Vec<String> {
+    let mut trial = stretch(trial, 1);
+    trial.options.leaves_out = false;
+    let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
+    let bearings: Vec<_> = trial.machine.bearings.iter().filter(|of| of.is_radial).collect();
     let each = |alternative: &'static Alternative| {
         let (magnets, ..) = *alternative;
         let of_bearings = bearings.iter().enumerate().filter(move |(_, of)| of.magnets >= magnets);
@@ -279,10 +271,10 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
         of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
-    let least = told + better(alternatives.len(), take.recording.usable.len());
+    let least = stated + needed_gain(alternatives.len(), trial.recording.usable.len());
     let words = |index: usize| {
         let ((magnets, name, apply, proposal), at, bearing) = &alternatives[index];
-        let mut other = Take { bearing: *at, ..take.clone() };
+        let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
         let (likelihood, gap, sound) = fit(&other)?;
         let is_stated = *proposal == GAP && gap.is_some_and(|gap| gap.abs() < SAME_GAP);
@@ -292,9 +284,9 @@ pub(super) fn proposals(take: &Take) -> Vec<String> {
         let of = if *magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
         let mut words = format!("{name}{of}: {proposal}");
         if let (GAP, Some(gap)) = (*proposal, gap) {
-            words += &format!("; about {} mm", significant(1e3 * take.options.parts[0].body.gap_m() * (1.0 + gap), 3));
+            words += &format!("; about {} mm", significant(1e3 * trial.options.parts[0].body.gap_m() * (1.0 + gap), 3));
         }
-        if let (SPEED, Some([off, ..])) = (*proposal, drift(&take.recording)) {
+        if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
         }
         Some((likelihood, words))

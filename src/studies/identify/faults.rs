@@ -1,29 +1,29 @@
-//! Faults of sensors, found in the columns before any model is asked: readings that are stuck, stuck at the end of a range (clipped), or
-//! single outliers, and rows that a late logger repeats. They are left out.
+//! Sensor faults, detected in the columns without a model: readings that are stuck, clipped (stuck at the end of a range) or single outliers,
+//! and rows that a late logger repeats. They are left out.
 
 use super::units::significant;
 use crate::studies::statistics::range;
 
-/// Probability by which good readings of a whole column are taken for a fault.
+/// Probability of a false alarm in a whole column of good readings.
 const CHANCE: f64 = 1e-6;
-/// More outliers than this part of all readings are a signal that is not smooth, not faults.
+/// If more than this fraction of the readings are outliers, the signal is not smooth, and none are faults.
 const MOST: f64 = 0.01;
-/// Rows of a run at least: with two, readings agree by chance of their digits.
+/// Runs of equal readings up to this length are not faults: two readings may agree by chance of their digits.
 const LEAST: usize = 4;
-/// Readings at the end of a range, relative to those at the value beside it, and how many more there are at least.
+/// A range is clipped if its end has more than [`CLIPPED`] times the readings of the value beside it, plus [`FEWEST_CLIPPED`].
 const CLIPPED: usize = 4;
 const FEWEST_CLIPPED: usize = 10;
 /// Rows before and after a clipped reading that are left out with it.
 const BESIDE_CLIPPED: usize = 8;
-/// Faults of one column that are listed.
+/// Number of faults listed per column.
 const LISTED: usize = 3;
 
-/// A column of a recording with its name; those of positions end in m.
+/// A column of a recording with its name; names of positions end in m.
 pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
 
-/// Sets faulty readings and repeated rows to NaN. Says what was left out, with the times of rows as `instant` writes them.
+/// Sets faulty readings and repeated rows to NaN. Returns notes on them; `instant` writes the time of a row.
 pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
-    // Repeated rows first: what is left out of one column hides that all repeat.
+    // Repeated rows first: leaving out readings of one column would hide them.
     let repetitions = leave_out_repetitions(columns);
     let mut notes = Vec::new();
     for (name, values) in columns.iter_mut() {
@@ -35,7 +35,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
                 rows.len(),
                 instant(rows[0])
             ));
-            // Beside them only readings with noise that points inwards are left, a biased choice.
+            // Beside clipped readings, only those with inward noise remain: a biased sample.
             for row in rows {
                 let end = (row + 1 + BESIDE_CLIPPED).min(values.len());
                 values[row.saturating_sub(BESIDE_CLIPPED)..end].fill(f64::NAN);
@@ -45,7 +45,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
         let is_position = name.ends_with('m');
         for rows in stuck(values) {
             let value = values[rows.start];
-            // A command that rests on its least value: no sensor ends there.
+            // A command held at its lower limit; no sensor range ends there.
             if value == low && low > 0.0 && !is_position {
                 continue;
             }
@@ -78,8 +78,8 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
     notes
 }
 
-/// Readings at an end of the range of a sensor, far from 0, each with its rows: more than [`CLIPPED`] times as many as at the value beside it, but not most of all,
-/// as where nothing moves. At the peak of a quantised sine there are 1/(√2 − 1) times as many at most.
+/// Values at which a sensor is clipped, with their rows: a negative minimum or positive maximum, [`CLIPPED`] times as frequent as the value
+/// beside it. The peak of a quantised sine is at most 1/(√2 − 1) times as frequent. A value of most readings is not clipped: nothing moves.
 fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
@@ -94,7 +94,7 @@ fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     low.into_iter().chain(high).map(|end| (*end, rows(*end))).collect()
 }
 
-/// Rows in which all readings are those of the row before, and the first ones of runs in which all are 0. Where most rows are, nothing moves and nothing is noisy.
+/// Leaves out rows that repeat the one before, and the first of a run of zeros; none if most rows repeat, since nothing moves, without noise.
 fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
     let count = columns.first()?.1.len();
     let is_repeated = |row: usize| (1..count).contains(&row) && columns.iter().all(|(_, of)| of[row] == of[row - 1]);
@@ -111,8 +111,8 @@ fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
     Some(format!("{} rows ({percent} %) repeat the one before; left out.", rows.len()))
 }
 
-/// Runs of equal readings that chance does not make: with the share p of readings that equal the one before, a run of n occurs in N
-/// rows with a probability of N pⁿ at most.
+/// Runs of equal readings that are too long for chance: if a fraction p of the readings equals the one before, a run of n occurs in N
+/// rows with a probability of at most N pⁿ.
 fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
     let equal = values.windows(2).filter(|pair| pair[0] == pair[1]).count();
     let share = equal as f64 / values.len().max(1) as f64;
@@ -129,18 +129,17 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
     runs.filter(|run| run.len() > least).collect()
 }
 
-/// Rows over which the noise of a sensor is taken to be the same.
+/// Rows over which the noise of a sensor is assumed to be constant.
 const BLOCK: usize = 500;
 
-/// Currents may jump for a sample, as masses may not, and a controller makes them do so again and again: single ones are outliers if they are off by so many times as much
-/// as 99 % of the others.
+/// Unlike positions, currents may jump for a sample, and controllers often do this: an outlier exceeds the 99 % quantile by this factor.
 const RARE: f64 = 3.0;
-/// Rows before and after an outlier of a current that are left out with it: a gap of so many is not filled from its neighbours, for the current may have jumped in earnest.
+/// Rows left out before and after an outlier of a current, which may be a real jump: a gap this long is not filled from its neighbours.
 const BESIDE_OUTLIER: usize = 2;
 
-/// Single readings far from the cubic through their four neighbours, which agree with each other. Far is what normal noise exceeds
-/// with a probability of [`CHANCE`] in all rows, √(2 ln(N/CHANCE)) deviations; the deviation is 1.4826 times the median of the
-/// distances nearby (Huber, *Robust Statistics*, section 5.1). It is also `rare` times the distance that 99 % of all have.
+/// Single readings far from the cubic through their four neighbours, which agree with each other. The limit is √(2 ln(N/CHANCE)) standard
+/// deviations, exceeded by normal noise in any row with a probability of [`CHANCE`]; the standard deviation is 1.4826 times the median
+/// distance nearby (Huber, *Robust Statistics*, section 5.1). The limit is at least `rare` times the 99 % quantile of all distances.
 fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
     let off = |row: usize| {
         let [a, b, c, d] = [values[row - 2], values[row - 1], values[row + 1], values[row + 2]];

@@ -44,24 +44,24 @@ use crate::studies::statistics::{mean, rms};
 use crate::table::Table;
 use crate::variables::Choice;
 
-/// Name of the power of the gap with which the noise of the positions grows.
+/// Name of the power of the gap with which the position noise grows.
 pub const NOISE_EXPONENT: &str = "noise.exponent";
 
-/// A machine and its sensors, as they are stated.
+/// A machine and its sensors as stated.
 #[derive(Clone, Debug)]
 pub struct Stated {
     /// The machine.
     pub machine: &'static Machine,
-    /// The parts of its motion, with what is known of their bench.
+    /// The parts of its motion, with prior knowledge of their bench.
     pub parts: Vec<Part>,
-    /// Meaning of a sample of a current.
+    /// Meaning of a current sample.
     pub hold: Hold,
     /// Standard deviations of the noise of positions, m, and currents, A; 0 to estimate them.
     pub noise: [f64; 2],
 }
 
 impl Stated {
-    /// By the values of its estimator.
+    /// The machine as stated by the variables of its estimator.
     #[must_use]
     pub fn of(machine: &'static Machine, estimator: &Element) -> Self {
         let value = |name: &str| estimator.value(name).map(Value::as_f64);
@@ -112,7 +112,7 @@ impl Stated {
         self.parts.iter().flat_map(|part| &part.parameters)
     }
 
-    /// States how well a parameter of the bench is known, by its number.
+    /// States how well the bench parameter with this number is known.
     pub fn know(&mut self, at: usize, knowledge: Knowledge) {
         let parameter = self.parts.iter_mut().flat_map(|part| &mut part.parameters).nth(at);
         parameter.into_iter().for_each(|parameter| parameter.knowledge = knowledge);
@@ -122,13 +122,13 @@ impl Stated {
         self.parts.iter().flat_map(|part| part.body.numbers())
     }
 
-    /// Stated numbers and loads that are known; the angles of a bearing under one name.
+    /// Stated numbers and known loads; the angles of a bearing share one name.
     fn numbers(&self) -> Vec<(String, Vec<f64>)> {
         let mut all: Vec<(String, Vec<f64>)> = Vec::new();
         for (name, value) in self.numbers_of_bodies().chain(self.known_loads()) {
             let name = name.split_once('[').filter(|(group, _)| group.ends_with("alpha")).map_or(&*name, |of| of.0);
             match all.iter_mut().find(|(known, _)| known == name) {
-                // The axis of a shaft has its mass.
+                // A shaft and its axis have the same mass.
                 Some((_, values)) => values.extend(name.ends_with("alpha").then_some(value)),
                 None => all.push((name.into(), vec![value])),
             }
@@ -137,7 +137,7 @@ impl Stated {
     }
 
     /// The same in words.
-    fn told(&self) -> Vec<String> {
+    fn descriptions(&self) -> Vec<String> {
         let words = |(name, values): (String, Vec<f64>)| {
             let (factor, digits, unit) = match plain(&name) {
                 "m" => (1.0, 6, "kg"),
@@ -156,26 +156,26 @@ impl Stated {
 
     /// The same as JSON, in SI units.
     fn json(&self) -> Json {
-        let mut told = json!({"hold": self.hold.name()});
+        let mut known = json!({"hold": self.hold.name()});
         for (name, values) in self.numbers() {
-            told[name.as_str()] = if name.ends_with("alpha") { values.into() } else { values[0].into() };
+            known[name.as_str()] = if name.ends_with("alpha") { values.into() } else { values[0].into() };
         }
-        told
+        known
     }
 
-    /// The stated value of what a relative parameter of the bench belongs to: of `X.m` the mass.
+    /// The stated value that a relative bench parameter refers to: for `X.m`, the mass.
     fn value(&self, name: &str) -> f64 {
         let of = |name: &str| self.numbers_of_bodies().find(|(of, _)| of == name).map(|(_, value)| value);
         of(name).or_else(|| of(name.trim_start_matches("X."))).unwrap_or(f64::NAN)
     }
 
-    /// Meaning of its currents.
+    /// The meaning of its currents.
     #[must_use]
     pub fn currents(&self) -> Currents {
         Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.beside.lag) }
     }
 
-    /// The same with this meaning of the currents. Of a lag that is new nothing is known; positions have the delay of a typical bench beside it.
+    /// The same with this meaning of the currents. An added lag is free; an exact delay of the positions then gets a typical tolerance.
     #[must_use]
     pub fn read_as(mut self, currents: Currents) -> Self {
         let of = |part: Part| {
@@ -201,14 +201,14 @@ impl Stated {
         names
     }
 
-    /// Loads that are known, with their names.
+    /// The known loads with their names.
     fn known_loads(&self) -> impl Iterator<Item = (String, f64)> {
         let of = |part: &Part, n: usize| part.beside.load_n.get(n).copied().flatten();
         let values = self.parts.iter().flat_map(move |part| (0..part.body.coordinates()).map(move |n| of(part, n)));
         self.loads().into_iter().zip(values).filter_map(|(name, load_n)| Some((name, load_n?)))
     }
 
-    /// Takes a load for known, in N or N·m; whether there is one of this name.
+    /// States a load, in N or N·m; returns whether there is one of this name.
     pub fn set_load(&mut self, name: &str, load_n: f64) -> bool {
         let Some(at) = self.loads().iter().position(|load| load == name) else { return false };
         let first = self.parts[0].body.coordinates();
@@ -219,11 +219,11 @@ impl Stated {
         true
     }
 
-    /// Asks for an effect of real benches, if this is the name of one: κ, the lag of the currents, or the power of the gap in the noise. Of a shaft, the name without
-    /// prefix means all parts that can tell it. κ and the lag are parameters of the bench, of which nothing else is known yet.
+    /// Adds an effect of real benches, if this is the name of one: κ, the lag of the currents, or the power of the gap in the noise. Without
+    /// a prefix, all parts of a shaft that can identify it are meant. κ and the lag become bench parameters, whose knowledge is yet to be stated.
     ///
     /// # Errors
-    /// A text that says what the effect needs.
+    /// The known load that the effect needs.
     pub fn ask(&mut self, name: &str) -> Result<(), String> {
         let is_dynamics = plain(name) == DYNAMICS;
         if ![DYNAMICS, LAG, NOISE_EXPONENT].contains(&plain(name)) {
@@ -236,15 +236,15 @@ impl Stated {
             if name != plain(name) && name != format!("{}{}", part.body.prefix(), plain(name)) {
                 continue;
             }
-            let is_told = !is_dynamics || part.beside.is_loaded();
+            let is_identifiable = !is_dynamics || part.beside.is_loaded();
             *part = part.clone().with(|beside| {
                 *match plain(name) {
                     DYNAMICS => &mut beside.dynamics,
                     LAG => &mut beside.lag,
                     _ => &mut beside.exponent,
-                } |= is_told;
+                } |= is_identifiable;
             });
-            asked |= is_told;
+            asked |= is_identifiable;
             wanted.extend(own.into_iter().filter(|load| load.starts_with('p')).map(|load| format!("--set {load}=…")));
         }
         if asked {
@@ -257,12 +257,12 @@ impl Stated {
     }
 }
 
-/// The answer to a recording, or to several together, in words, numbers and JSON.
+/// The results of one recording, or of several together, in words, tables and JSON.
 #[derive(Clone, Debug)]
 pub struct Said {
-    /// Whether the estimates can be relied on; none of on-line methods, which are compared.
+    /// Whether the estimates are valid; `None` for on-line methods, which are only compared.
     pub valid: Option<bool>,
-    /// Why, or why not.
+    /// The reason.
     pub verdict: String,
     /// Further findings, in sentences.
     pub findings: Vec<String>,
@@ -274,12 +274,12 @@ pub struct Said {
     pub json: Json,
 }
 
-/// The window of one revolution that fits the recording, in seconds; the paper's where the speed is not known.
+/// The window of one revolution, in whole samples, as a time in s; the paper's if the speed is not known.
 #[must_use]
 pub fn one_revolution(samples: &Samples) -> f64 {
     let speed_rad_s = mean(samples.omega_rad_s.iter().copied()).abs();
     let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };
-    // Two periods of the slowest that the window can see, eight samples at least.
+    // At most 0.2 s, at least eight samples.
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
 }
 

@@ -13,38 +13,38 @@ use crate::studies::statistics::{median, noise, range};
 
 /// Sample times of controllers and recorders of magnetic bearings, in s: 2 MHz to 500 Hz.
 const STEP_S: [f64; 2] = [0.5e-6, 2e-3];
-/// Largest currents, in A. A few milliamperes carry no rotor, and no bearing of this kind takes hundreds of amperes.
+/// Plausible largest currents, in A: a few milliamperes carry no rotor, and no bearing of this kind takes hundreds of amperes.
 const CURRENT_A: [f64; 2] = [20e-3, 200.0];
 /// Fastest rotor, in rad/s: 150,000 rpm.
 const SPEED_RAD_S: f64 = 150_000.0 * PI / 30.0;
-/// A controller takes so many samples a turn at least, or the rotor would not levitate.
+/// Minimum number of samples per turn: with fewer, no controller levitates a rotor.
 const SAMPLES_PER_TURN: f64 = 8.0;
 /// Motion of less than 1 µm peak to peak ...
 const STILL_M: f64 = 1e-6;
-/// ... without at least 5 nm of noise is none that a sensor of position would show: they have 50 nm to 2 µm.
+/// ... with less than 5 nm of noise does not come from a position sensor: they have 50 nm to 2 µm.
 const SILENT_M: f64 = 5e-9;
-/// The slope of the angle and the speed may differ by so much.
+/// Greatest relative difference between the slope of the angle and the speed.
 const AGREE: f64 = 0.05;
 /// Below this speed, in rad/s, the rotor counts as being at rest.
 pub const REST_RAD_S: f64 = 1.0;
 
 impl Samples {
-    /// Signs of a misread unit, by magnitude and by comparison of the signals with each other; `gap_m` is the nominal
-    /// air gap of each bearing in m. A recording with findings must not be used.
+    /// Signs of a misread unit, by magnitude and by comparing the signals; `gap_m` is the nominal air gap of each bearing
+    /// in m. A recording with findings must not be used.
     #[must_use]
     pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
-        let read = Read { samples: self, signals: Signals::of(self.machine) };
-        let pace = read.pace();
-        let mut rotation: Vec<String> = read.wrapping().into_iter().chain(read.angle_against_speed()).collect();
-        // The other checks go by a speed that makes sense only if the time does, and say less than these.
+        let checks = Checks { samples: self, signals: Signals::of(self.machine) };
+        let pace = checks.pace();
+        let mut rotation: Vec<String> = checks.wrapping().into_iter().chain(checks.angle_against_speed()).collect();
+        // The other checks use a speed, which needs a correct time, and are less specific.
         if pace.is_none() && rotation.is_empty() {
-            rotation.extend(read.speed().or_else(|| read.motion_against_angle()));
+            rotation.extend(checks.speed().or_else(|| checks.motion_against_angle()));
         }
-        let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| read.positions(bearing, *gap_m));
-        pace.into_iter().chain(self.unmoved()).chain(positions).chain(read.currents()).chain(rotation).collect()
+        let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| checks.positions(bearing, *gap_m));
+        pace.into_iter().chain(self.unmoved()).chain(positions).chain(checks.currents()).chain(rotation).collect()
     }
 
-    /// Positions that read the same throughout although the currents of their bearing vary.
+    /// Positions that are constant although the currents of their bearing vary.
     #[must_use]
     pub fn unmoved(&self) -> Vec<String> {
         let (signals, currents) = (Signals::of(self.machine), self.currents(Hold::Linear));
@@ -69,29 +69,29 @@ fn rpm(rad_s: f64) -> String {
     format!("{:.0} rpm", (rad_s * 30.0 / PI).abs())
 }
 
-/// A recording with the signals of its machine.
-struct Read<'s> {
+/// Checks of a recording with the signals of its machine.
+struct Checks<'s> {
     samples: &'s Samples,
     signals: Signals,
 }
 
-impl Read<'_> {
-    /// The units that a signal may have been recorded in instead of that in which it was read, and how its values would change.
-    fn instead(&self, at: usize) -> impl Iterator<Item = (&'static str, f64)> {
+impl Checks<'_> {
+    /// Other units that a signal may have been recorded in, and the factors that they would apply to its values.
+    fn other_units(&self, at: usize) -> impl Iterator<Item = (&'static str, f64)> {
         let (quantity, unit) = (self.signals.list[at].quantity, self.samples.units[at]);
         let taken = quantity.iter().find(|(names, _)| Some(names[0]) == unit).unwrap_or(&quantity[0]);
         let others = quantity.iter().filter(move |unit| *unit != taken);
         others.map(|(names, factor)| (names[0], factor / taken.1))
     }
 
-    /// The value of a signal that cannot be, the units that would mend it, and options to try. The unit of each suspect enters the value to a power; `fits` says of
-    /// a factor of the value whether it would.
+    /// The finding for an implausible value of a signal: units that would explain it, and options to try. The unit of each suspect enters
+    /// the value to a power; `fits` tests a factor of the value.
     fn misread(&self, at: usize, value: &str, suspects: &[(usize, i32)], fits: impl Fn(f64) -> bool) -> String {
         let (mut likely, mut remedies) = (Vec::new(), Vec::new());
         for (suspect, power) in suspects {
             let Some(taken) = self.samples.units[*suspect] else { continue };
             let name = &self.signals.list[*suspect].name;
-            for (unit, _) in self.instead(*suspect).filter(|(_, scale)| fits(scale.powi(*power))) {
+            for (unit, _) in self.other_units(*suspect).filter(|(_, scale)| fits(scale.powi(*power))) {
                 likely.push(format!("{name} in {unit} read as {taken}"));
                 remedies.push(format!("--unit {name}={unit}"));
             }
@@ -137,13 +137,13 @@ impl Read<'_> {
             Some(self.misread(at(n), &value, &[(at(n), 1)], fits))
         };
         let mut findings: Vec<String> = (0..axes.len()).filter_map(finding).collect();
-        // One axis in another unit than the other hides below the limits above.
+        // If the axes are in different units, both may be within the limits above.
         if let ([one, other], []) = (&spans[..], &findings[..]) {
             let small = usize::from(other < one);
             let (least, most) = (one.min(*other), one.max(*other));
             let fits = |scale: f64| (0.03..30.0).contains(&(scale * least / most));
             let is_hidden = least > 0.0 && most / least > 300.0 && is_silent(small);
-            if is_hidden && self.instead(at(small)).any(|(_, scale)| fits(scale)) {
+            if is_hidden && self.other_units(at(small)).any(|(_, scale)| fits(scale)) {
                 let [own, other] = [least, most].map(|span| significant(span * 1e6, 3));
                 let value = format!("it moves by {own} µm, the other axis by {other} µm");
                 findings.push(self.misread(at(small), &value, &[(at(small), 1)], fits));
@@ -168,13 +168,12 @@ impl Read<'_> {
             let is_odd = most > 300.0 * strongest && noise(&currents[k]) < 2e-5;
             let is_misread = strongest > CURRENT_A[1] || strongest > 0.0 && (is_weak || is_odd);
             let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * strongest));
-            let value = || format!("up to {} A", significant(strongest, 4));
-            is_misread.then(|| self.misread(at, &value(), &[(at, 1)], fits))
+            is_misread.then(|| self.misread(at, &format!("up to {} A", significant(strongest, 4)), &[(at, 1)], fits))
         };
         (0..currents.len()).filter_map(finding).collect()
     }
 
-    /// A wrapped angle shows its unit by the size of a turn.
+    /// A wrapped angle reveals its unit by the size of a turn.
     fn wrapping(&self) -> Option<String> {
         let wrap = self.samples.wrap_rad?;
         let fits = |scale: f64| {
@@ -186,7 +185,7 @@ impl Read<'_> {
         (!fits(1.0)).then(|| self.misread(theta, &value, &[(theta, 1)], fits))
     }
 
-    /// Angle and speed, both recorded, must agree: the slope of the one is the other, by least squares, but at rest.
+    /// If both are recorded, the slope of the angle must agree with the speed, by least squares, except at rest.
     fn angle_against_speed(&self) -> Option<String> {
         let samples = self.samples;
         if samples.rotation != Rotation::Both {
@@ -214,15 +213,15 @@ impl Read<'_> {
         })
     }
 
-    /// Where the speed comes from: the signal whose unit decides it.
-    fn source(&self) -> usize {
+    /// The signal whose unit determines the speed.
+    fn speed_source(&self) -> usize {
         match self.samples.rotation {
             Rotation::Angle | Rotation::Both => self.signals.theta,
-            Rotation::Speed | Rotation::Told | Rotation::Unknown => self.signals.omega,
+            Rotation::Speed | Rotation::Stated | Rotation::Unknown => self.signals.omega,
         }
     }
 
-    /// Speeds that no rotor has, or no controller follows.
+    /// Speeds that are too high for a rotor, or for its controller.
     fn speed(&self) -> Option<String> {
         let (speed, step_s) = (median(self.samples.omega_rad_s.iter().copied()).abs(), self.samples.step_s);
         let fits = |speed: f64| speed <= SPEED_RAD_S && speed * step_s <= TAU / SAMPLES_PER_TURN;
@@ -230,14 +229,14 @@ impl Read<'_> {
             return None;
         }
         let value = format!("{}, {} samples a turn", rpm(speed), significant(TAU / speed / step_s, 3));
-        // A rotor that hardly turns is no better explanation.
+        // A rotor that hardly turns is not a better explanation.
         let fits = |scale: f64| fits(scale * speed) && scale * speed > REST_RAD_S;
-        Some(self.misread(self.source(), &value, &[(self.source(), 1)], fits))
+        Some(self.misread(self.speed_source(), &value, &[(self.speed_source(), 1)], fits))
     }
 
-    /// A rotor moves with its own rotation; where it moves with another one instead, angle, speed or time are misread.
+    /// A rotor moves in step with its rotation; if it moves in step with another one, angle, speed or time are misread.
     fn motion_against_angle(&self) -> Option<String> {
-        /// Part of the motion below which the angle as read explains nothing, and above which another one does.
+        /// Fraction of the motion below which the angle as read explains nothing, and above which another one is the explanation.
         const NOTHING: f64 = 0.2;
         const MOST: f64 = 0.6;
         let samples = self.samples;
@@ -250,25 +249,25 @@ impl Read<'_> {
         let suspects: &[(usize, i32)] = match samples.rotation {
             Rotation::Angle | Rotation::Both => &[(self.signals.theta, 1)],
             Rotation::Speed => &[(self.signals.omega, 1), (TIME_AT, 1)],
-            Rotation::Told | Rotation::Unknown => &[(TIME_AT, 1)],
+            Rotation::Stated | Rotation::Unknown => &[(TIME_AT, 1)],
         };
-        let others = suspects.iter().flat_map(|(at, _)| self.instead(*at).map(|(_, scale)| scale));
-        // A speed in Hz or in rad/s was perhaps stated as one in rpm.
-        let stated = (samples.rotation == Rotation::Told).then_some([60.0, 30.0 / PI]);
+        let others = suspects.iter().flat_map(|(at, _)| self.other_units(*at).map(|(_, scale)| scale));
+        // A speed in Hz or rad/s may have been stated as rpm.
+        let stated = (samples.rotation == Rotation::Stated).then_some([60.0, 30.0 / PI]);
         let scale = others.chain(stated.into_iter().flatten()).find(|scale| explains(*scale))?;
-        Some(self.misread(self.source(), &value(scale), suspects, explains))
+        Some(self.misread(self.speed_source(), &value(scale), suspects, explains))
     }
 }
 
-/// Part of the motion that goes with the angle times a factor, its first four harmonics forwards and backwards.
+/// Fraction of the motion that is synchronous with the angle times a factor: its first four harmonics, forwards and backwards.
 fn synchronous(samples: &Samples, factor: f64) -> Option<f64> {
     const HARMONICS: i32 = 4;
-    /// So many samples are enough to tell.
-    const SEEN: usize = 100_000;
-    let theta = &samples.theta_rad[..samples.theta_rad.len().min(SEEN)];
+    /// Samples that are enough.
+    const ENOUGH: usize = 100_000;
+    let theta = &samples.theta_rad[..samples.theta_rad.len().min(ENOUGH)];
     let [low, high] = range(theta.iter().copied());
     let turned = factor * (high - low);
-    // Less than two turns show little, and fast ones are confused with slow ones.
+    // Less than two turns show little, and fast turns alias with slow ones.
     if turned < 2.0 * TAU || turned / theta.len() as f64 > PI / f64::from(HARMONICS) {
         return None;
     }

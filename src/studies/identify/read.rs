@@ -1,4 +1,4 @@
-//! Recordings of test benches: tables of text with all their imperfections, made into samples at a uniform pace.
+//! Recordings of test benches: text tables with all their imperfections, converted to uniform samples.
 
 mod grid;
 mod header;
@@ -20,29 +20,29 @@ use crate::machine::Machine;
 
 pub(super) use self::header::{Signals, TIME_AT};
 
-/// How the columns are to be read.
+/// How to read a recording.
 #[derive(Clone, Debug, Default)]
 pub struct Reading {
     /// The machine; its signals are read.
     pub machine: &'static Machine,
     /// Whether the machine was stated. If not, a recording with the columns of a machine with more magnets is refused.
     pub is_stated: bool,
-    /// The magnets that are used, counted from 0, if not all are.
+    /// The magnets in use, counted from 0, if not all.
     pub magnets: Option<Vec<usize>>,
     /// Names of columns: signal as in the interface, name in the header.
     pub columns: Vec<(String, String)>,
-    /// Units: signal as in the interface, unit. What stands in the header counts otherwise, then SI.
+    /// Units: signal as in the interface, unit. The default is the unit in the header, or else SI.
     pub units: Vec<(String, String)>,
-    /// Speed in rad/s where the recording has neither angle nor speed.
+    /// Speed in rad/s for a recording with neither angle nor speed.
     pub omega_rad_s: Option<f64>,
-    /// Sample time in seconds, for recordings without time stamps; where there are some they must agree with it.
+    /// Sample time in s for recordings without time stamps; time stamps must agree with it.
     pub rate_s: Option<f64>,
-    /// Sample time in seconds to which everything is interpolated, for recordings without a uniform pace.
+    /// Sample time in s to which recordings without a uniform pace are interpolated.
     pub resample_s: Option<f64>,
 }
 
 impl Reading {
-    /// Whether the machine has this signal: only a rotor with unbalance is told its rotation.
+    /// Whether to read this signal: angle and speed only for a rotor with unbalance.
     fn wants(&self, signals: &Signals, at: usize) -> bool {
         let is_used = |k| self.magnets.as_ref().is_none_or(|used| used.contains(&k));
         match at.checked_sub(signals.currents.start) {
@@ -52,7 +52,7 @@ impl Reading {
     }
 }
 
-/// All findings that keep a recording from being used.
+/// All reasons why a recording cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the recording cannot be used:\n  {}", .0.join("\n  "))]
 pub struct Unusable(pub Vec<String>);
@@ -70,8 +70,8 @@ impl From<io::Error> for Unusable {
 }
 
 impl Unusable {
-    /// The same, of one of two tables.
-    fn of(self, table: &str) -> Self {
+    /// The same, prefixed with the name of the table.
+    fn in_table(self, table: &str) -> Self {
         Self(self.0.iter().map(|finding| format!("{table}: {finding}")).collect())
     }
 }
@@ -79,26 +79,26 @@ impl Unusable {
 impl Samples {
     /// Reads a recording, row by row.
     ///
-    /// The text may be UTF-8, UTF-16 or Windows-1252, also compressed by gzip. Columns are separated by comma, semicolon or tab, whichever the header
-    /// has most of; a decimal comma is understood where they are not separated by commas. Empty cells and `NaN` are missing
-    /// values. Time stamps are numbers, Unix times or ISO 8601; the samples are taken to be on the straight line through them.
+    /// The text may be UTF-8, UTF-16 or Windows-1252, plain or compressed by gzip. Columns are separated by comma, semicolon or tab,
+    /// whichever is most frequent in the header; decimal commas are accepted unless commas separate the columns. Empty cells and `NaN` are
+    /// missing values. Time stamps are numbers, Unix times or ISO 8601; the samples are assumed to be on the straight line through them.
     ///
     /// # Errors
-    /// Everything that keeps the recording from being used.
+    /// All reasons why the recording cannot be used.
     pub fn read(mut recording: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let table = Table::read(&mut recording, reading, &|signals, at| reading.wants(signals, at))?;
         Self::of_tables(&table, None, reading)
     }
 
-    /// Reads a recording whose currents stand in a table of their own, at any rate, by the same clock. What a current sample
-    /// stands for decides how they are brought to the pace of the positions ([`Samples::currents`]).
+    /// Reads a recording whose currents are in a separate table, at any rate, by the same clock. The meaning of a current
+    /// sample decides how they are resampled ([`Samples::currents`]).
     ///
     /// # Errors
     /// As for [`Samples::read`], of both tables.
     pub fn read_apart(mut motion: impl Read, mut currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let is_motion = |signals: &Signals, at| reading.wants(signals, at) && !signals.currents.contains(&at);
-        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|unusable| unusable.of("positions"));
-        let currents = table_of_currents(&mut currents, reading).map_err(|unusable| unusable.of("currents"));
+        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|unusable| unusable.in_table("positions"));
+        let currents = table_of_currents(&mut currents, reading).map_err(|unusable| unusable.in_table("currents"));
         match (motion, currents) {
             (Ok(motion), Ok(currents)) => Self::of_tables(&motion, Some(&currents), reading),
             (motion, currents) => {
@@ -108,7 +108,7 @@ impl Samples {
         }
     }
 
-    /// Brings the rows of a table to a uniform pace; the currents may stand in one of their own.
+    /// Converts the rows of a table to uniform samples; the currents may be in a separate table.
     fn of_tables(table: &Table, apart: Option<&Table>, reading: &Reading) -> Result<Self, Unusable> {
         let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let signals = &table.signals;
@@ -118,25 +118,25 @@ impl Samples {
         samples.notes.push(format!("{count} samples of {}.", time(step_s)));
         samples.notes.extend(table.notes.iter().cloned().chain(notes));
         let rows = table.known([signals.positions.start]).len();
-        let is_beside = |of: &Known| signals::is_at_samples(of) && 2 * of.len() > rows;
-        let is_apart = signals.currents.clone().any(|at| !table.columns[at].is_empty() && !is_beside(&known(at)));
+        let is_aligned = |of: &Known| signals::is_at_samples(of) && 2 * of.len() > rows;
+        let is_apart = signals.currents.clone().any(|at| !table.columns[at].is_empty() && !is_aligned(&known(at)));
         let end = if is_apart { signals.positions.end } else { signals.currents.end };
-        samples.take_columns(table, signals.positions.start..end, &known, count);
+        samples.set_columns(table, signals.positions.start..end, &known, count);
         if is_apart {
-            samples.take_apart(signals.currents.clone().map(known).collect());
+            samples.set_apart(signals.currents.clone().map(known).collect());
         }
         let mut theta = known(signals.theta);
         samples.wrap_rad = signals::unwrap(&mut theta);
-        samples.take_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
+        samples.set_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
         if let Some(currents) = apart {
             let later_s = (currents.origin_ns() - table.origin_ns()) as f64 * 1e-9;
-            samples.take_currents(currents, later_s).map_err(|why| format!("currents: {why}"))?;
+            samples.set_currents(currents, later_s).map_err(|why| format!("currents: {why}"))?;
         }
         Ok(samples)
     }
 
-    /// Takes over positions and currents, by their places among the signals, without readings that are faulty.
-    fn take_columns(&mut self, table: &Table, of: Range<usize>, known: &dyn Fn(usize) -> Known, count: usize) {
+    /// Sets positions and currents from the signals `of` of a table, without faulty readings.
+    fn set_columns(&mut self, table: &Table, of: Range<usize>, known: &dyn Fn(usize) -> Known, count: usize) {
         let column = |at: usize| match known(at) {
             _ if table.columns[at].is_empty() => Vec::new(),
             known if signals::is_at_samples(&known) => signals::at_samples(&known, count),
@@ -165,8 +165,8 @@ impl Samples {
         self.position_m = columns;
     }
 
-    /// Takes over the currents of a table whose clock began so much later.
-    fn take_currents(&mut self, table: &Table, later_s: f64) -> Result<(), String> {
+    /// Sets the currents from a table whose clock starts `later_s` later.
+    fn set_currents(&mut self, table: &Table, later_s: f64) -> Result<(), String> {
         let currents = table.signals.currents.clone();
         let rows = table.known([TIME_AT].into_iter().chain(currents.clone()));
         grid::enough(&rows, "all of them")?;
@@ -185,19 +185,19 @@ impl Samples {
         self.units[currents.clone()].copy_from_slice(&table.units[currents.clone()]);
         let place = |row: usize| (time_s(row) - self.start_s) / self.step_s;
         let current = |at: usize| rows.iter().map(|row| (place(*row), table.columns[at][*row])).collect();
-        self.take_apart(currents.map(current).collect());
+        self.set_apart(currents.map(current).collect());
         Ok(())
     }
 
-    /// Takes over currents at places of their own.
-    fn take_apart(&mut self, currents: Vec<Known>) {
+    /// Sets currents that have their own places.
+    fn set_apart(&mut self, currents: Vec<Known>) {
         let (count, step) = (currents[0].len(), rounded_time(self.step_s * signals::distance(&currents[0]), 4));
         self.notes.push(format!("The currents have {count} samples of their own, every {step}."));
         self.apart = Some(currents);
     }
 }
 
-/// Reads a table of currents. It need not have the same name for the time as that of the positions, nor the same unit.
+/// Reads a table of currents, whose name and unit of the time may differ from those in the table of positions.
 fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Unusable> {
     let mut text = Vec::new();
     from.read_to_end(&mut text)?;

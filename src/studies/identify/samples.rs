@@ -1,4 +1,4 @@
-//! The samples of a recording: their currents by what a sample stands for, their gaps, angle and speed.
+//! The samples of a recording: currents by the meaning of a sample, gaps, angle and speed.
 
 use super::signals::{self, Known};
 use super::units::significant;
@@ -18,10 +18,10 @@ pub enum Rotation {
     /// The speed was recorded; the angle is its integral, from 0 at the first sample.
     Speed,
     /// The speed is stated; the angle is its integral.
-    Told,
+    Stated,
 }
 
-/// Signals at a uniform pace, in SI units; NaN where nothing is known.
+/// Uniformly sampled signals, in SI units; NaN where not known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
     /// The machine.
@@ -32,22 +32,21 @@ pub struct Samples {
     pub step_s: f64,
     /// Positions in the order of the readings, in m.
     pub position_m: Vec<Vec<f64>>,
-    /// Currents by magnet as recorded, in A; NaN where there was none, and empty for a magnet that is not used.
+    /// Currents by magnet as recorded, in A; NaN where missing, empty for a magnet that is not used.
     pub current_a: Vec<Vec<f64>>,
-    /// By row, which positions and currents were not recorded, one bit for each of them in this order; short gaps are filled from their neighbours. Empty if
-    /// nothing is missing.
+    /// By row, a bit for each position, then each current, that was not recorded; short gaps are filled from their neighbours. Empty if none is missing.
     pub missing: Vec<u32>,
     /// Angle of the rotor, unwrapped, in rad; empty if not known.
     pub theta_rad: Vec<f64>,
     /// Speed, in rad/s; empty if not known.
     pub omega_rad_s: Vec<f64>,
-    /// Where the two come from.
+    /// Source of angle and speed.
     pub rotation: Rotation,
-    /// By how much the recorded angle jumps back when it wraps, in rad as read; none if it does not.
+    /// Jump of the recorded angle when it wraps, in rad as read; `None` if it does not wrap.
     pub wrap_rad: Option<f64>,
-    /// The units that the recorded signals were taken to be in: time, positions, currents, angle, speed.
+    /// Units assumed for the recorded signals: time, positions, currents, angle, speed.
     pub units: Vec<Option<&'static str>>,
-    /// The currents at places of their own, in samples from the first, if they were recorded at another rate.
+    /// Currents that were recorded at another rate, with their places in samples from the first.
     pub apart: Option<Vec<Vec<(f64, f64)>>>,
     /// Remarks, in sentences.
     pub notes: Vec<String>,
@@ -66,7 +65,7 @@ impl Samples {
         self.len() == 0
     }
 
-    /// The currents with a value at every sample where one can be had.
+    /// The currents at every sample; NaN where unavailable.
     #[must_use]
     pub fn currents(&self, how: Hold) -> Vec<Vec<f64>> {
         match &self.apart {
@@ -75,7 +74,7 @@ impl Samples {
         }
     }
 
-    /// Positions, then currents, NaN also where a gap was filled.
+    /// Positions, then currents, with NaN in filled gaps as well.
     pub(super) fn unfilled(&self) -> Vec<Vec<f64>> {
         let mut columns = [self.position_m.clone(), self.currents(Hold::Linear)].concat();
         for (at, column) in columns.iter_mut().enumerate() {
@@ -85,26 +84,26 @@ impl Samples {
         columns
     }
 
-    /// Takes over angle and speed, and completes one from the other or from the speed that was told.
-    pub(super) fn take_rotation(&mut self, theta: &Known, omega: &Known, told_rad_s: Option<f64>) {
+    /// Sets angle and speed, deriving one from the other or both from the stated speed.
+    pub(super) fn set_rotation(&mut self, theta: &Known, omega: &Known, stated_rad_s: Option<f64>) {
         let count = |known: &Known| if known.is_empty() { 0 } else { self.len() };
         let [theta, omega] = [theta, omega].map(|known| signals::straight(known, count(known), true));
         (self.theta_rad, self.omega_rad_s) = (theta, omega);
         if self.machine.planes == 0 {
             return;
         }
-        self.rotation = match (self.theta_rad.is_empty(), self.omega_rad_s.is_empty(), told_rad_s) {
+        self.rotation = match (self.theta_rad.is_empty(), self.omega_rad_s.is_empty(), stated_rad_s) {
             (false, false, _) => Rotation::Both,
             (false, true, _) => Rotation::Angle,
             (true, false, _) => Rotation::Speed,
             (true, true, Some(speed)) => {
                 self.omega_rad_s = vec![speed; self.len()];
                 self.notes.push(format!("The speed is taken to be {} rad/s, as stated.", significant(speed, 6)));
-                Rotation::Told
+                Rotation::Stated
             }
             (true, true, None) => Rotation::Unknown,
         };
-        if told_rad_s.is_some() && self.rotation != Rotation::Told {
+        if stated_rad_s.is_some() && self.rotation != Rotation::Stated {
             self.notes.push("--speed is not used: the recording has angle or speed.".into());
         }
         let note = match self.rotation {
@@ -113,7 +112,7 @@ impl Samples {
                 self.omega_rad_s = signals::slope(&self.theta_rad, self.step_s);
                 "There is no speed; it is the slope of the angle."
             }
-            Rotation::Speed | Rotation::Told => {
+            Rotation::Speed | Rotation::Stated => {
                 let mut angle = 0.0;
                 let turned = |omega: &f64| {
                     angle += omega * self.step_s;

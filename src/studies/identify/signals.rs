@@ -1,31 +1,31 @@
-//! Signals at the samples: gaps, other rates, angle and speed.
+//! Signals at the samples: gaps, resampling, angle and speed.
 
 use std::f64::consts::TAU;
 
 use crate::estimation::Hold;
 use crate::studies::statistics::{median, range};
 
-/// The identification predicts across gaps of at most so many samples; longer ones begin a new segment.
+/// Longest gap, in samples, across which the identification predicts; a longer one begins a new segment.
 const FILLED: usize = 3;
 
-/// A gap is filled by the cubic through neighbours that are no further apart than this, in samples.
+/// Greatest distance, in samples, of the neighbours through which a cubic fills a gap.
 const SPAN: usize = 2 * FILLED + 1;
 
-/// Known values by their places, in samples from the first one; the places rise.
+/// Known values with their places, in samples from the first; places increase.
 pub(super) type Known = Vec<(f64, f64)>;
 
-/// The values of a column with their places.
+/// The known values of a column with their places.
 pub(super) fn known(place: &[f64], column: &[f64]) -> Known {
     let both = place.iter().copied().zip(column.iter().copied());
     both.filter(|(place, value)| place.is_finite() && value.is_finite()).collect()
 }
 
-/// Whether the values belong to samples.
+/// Whether all places are whole samples.
 pub(super) fn is_at_samples(known: &Known) -> bool {
     known.iter().all(|(place, _)| place.fract() == 0.0)
 }
 
-/// The values of the samples; NaN for those without one.
+/// The values by sample; NaN for samples without one.
 pub(super) fn at_samples(known: &Known, count: usize) -> Vec<f64> {
     let mut values = vec![f64::NAN; count];
     for (place, value) in known.iter().filter(|(place, _)| (0.0..count as f64).contains(place)) {
@@ -34,17 +34,17 @@ pub(super) fn at_samples(known: &Known, count: usize) -> Vec<f64> {
     values
 }
 
-/// The usual distance of the known values.
+/// Median distance of the known values, in samples.
 pub(super) fn distance(known: &Known) -> f64 {
     median(known.windows(2).map(|pair| pair[1].0 - pair[0].0))
 }
 
-/// The longest distance to a neighbour, in samples, that is no gap.
+/// The longest distance to a neighbour, in samples, that is not a gap.
 fn longest(known: &Known) -> f64 {
     (FILLED as f64 + 1.0) * distance(known).max(1.0)
 }
 
-/// Straight lines between the known neighbours of the samples, NaN in gaps unless these are bridged.
+/// Linear interpolation at the samples; NaN in gaps unless these are bridged.
 pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
     let longest = if bridges { f64::INFINITY } else { longest(known) };
     let at = |sample: usize| {
@@ -60,11 +60,11 @@ pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
     (0..count).map(|sample| at(sample).unwrap_or(f64::NAN)).collect()
 }
 
-/// Places come from decimal fractions.
+/// Rounding error of places, in samples: they come from decimal fractions.
 const ROUNDING: f64 = 1e-6;
 
-/// The currents of the samples from currents at other instants: the root of the mean of the square over the interval that a sample stands
-/// for, or the value on the straight line. NaN in gaps.
+/// The currents at the samples from currents at other instants: rms over the interval that a sample stands for, or linear interpolation.
+/// NaN in gaps.
 pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
     if how == Hold::Linear {
         return straight(known, count, false);
@@ -74,14 +74,14 @@ pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
         let start = if how == Hold::HeldBefore { sample as f64 - 1.0 } else { sample as f64 };
         let (mut at, mut sum) = (start, 0.0);
         while at < start + 1.0 - ROUNDING {
-            // The first value after the instant; it stands for the time before it, or the one before it for that after.
+            // The next value stands for the time before it, or the previous one for the time after it.
             let next = known.partition_point(|(place, _)| *place <= at + ROUNDING);
             let row = if how == Hold::HeldBefore { next } else { next.wrapping_sub(1) };
             let Some((_, value)) = known.get(row).filter(|(place, _)| (place - at).abs() <= longest) else {
                 return f64::NAN;
             };
             let until = known.get(next).map_or(start + 1.0, |(place, _)| place.min(start + 1.0));
-            // The only one keeps its sign and its last bit.
+            // A single value is returned exactly, with its sign.
             if until - at > 1.0 - ROUNDING {
                 return *value;
             }
@@ -93,7 +93,7 @@ pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
     (0..count).map(mean_square).collect()
 }
 
-/// Fills short gaps by the cubic through two neighbours on both sides.
+/// Fills short gaps by the cubic through two neighbours on either side.
 pub(super) fn fill(values: &mut [f64]) {
     let known: Vec<usize> = (0..values.len()).filter(|at| values[*at].is_finite()).collect();
     for nodes in known.windows(4).filter(|nodes| nodes[2] - nodes[1] <= FILLED + 1 && nodes[3] - nodes[0] <= SPAN) {
@@ -108,26 +108,25 @@ pub(super) fn fill(values: &mut [f64]) {
     }
 }
 
-/// Takes the jumps of whole turns out of an angle; over a gap the rotor turns on as before. Returns by how much the recorded angle jumps when it
-/// wraps: always against its direction. An angle that never jumps by more than half its range is left as it is, for a unit that was misread must
-/// not be hidden by taking turns off it.
+/// Unwraps an angle; in gaps the rotor keeps its speed. Returns the jump of the recorded angle when it wraps, if all jumps are against its
+/// direction. An angle that never jumps by more than half its range is left as it is: unwrapping would hide a misread unit.
 pub(super) fn unwrap(angle: &mut Known) -> Option<f64> {
-    /// The pace is followed over about so many samples.
-    const FOLLOWED: f64 = 20.0;
+    /// The speed is averaged over about this many samples.
+    const AVERAGED: f64 = 20.0;
     let range = range(angle.iter().map(|(_, value)| *value));
     let (jumps, steps): (Vec<f64>, Vec<f64>) =
         angle.windows(2).map(|pair| pair[1].1 - pair[0].1).partition(|step| step.abs() > 0.5 * (range[1] - range[0]));
     if jumps.is_empty() {
         return None;
     }
-    let mut pace = None;
+    let mut speed = None;
     for at in 1..angle.len() {
         let ((former, before), (place, value)) = (angle[at - 1], &mut angle[at]);
         let samples = *place - former;
-        let expected = before + if samples > 1.5 { pace.unwrap_or(0.0) * samples } else { 0.0 };
+        let expected = before + if samples > 1.5 { speed.unwrap_or(0.0) * samples } else { 0.0 };
         *value -= ((*value - expected) / TAU).round() * TAU;
         let step = (*value - before) / samples;
-        pace = Some(pace.map_or(step, |pace: f64| pace + (step - pace) / FOLLOWED));
+        speed = Some(speed.map_or(step, |speed: f64| speed + (step - speed) / AVERAGED));
     }
     let [jump, step] = [&jumps, &steps].map(|steps| median(steps.iter().copied()));
     let is_against = jumps.iter().all(|one| one * jump > 0.0) && jump * step < 0.0;

@@ -1,4 +1,4 @@
-//! Tolerances of a bench as people write them: `s=2%`, `alpha=1deg`, `sensor.offset=5um`.
+//! Tolerances of a bench as users write them: `s=2%`, `alpha=1deg`, `sensor.offset=5um`.
 
 use fmu_export::variable::Value;
 
@@ -7,12 +7,12 @@ use super::likelihood::BenchParameter;
 use super::units::{self, factor, number_and_unit};
 use crate::simulation::scenario::{Element, suggestion};
 
-/// A value in SI units from a number with or without one of the units of a quantity, which is named by its SI unit.
+/// A value in SI units from a number with or without a unit of the quantity whose SI unit is `si`.
 ///
 /// # Errors
-/// The wanted form.
+/// The expected form.
 pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
-    // A random walk is given by what it reaches in a second.
+    // The level of a random walk is its standard deviation after one second.
     let units = units::quantity_of(si.trim_end_matches("/s0.5"));
     units::value(text, units).ok_or_else(|| match units {
         [] => format!("{name}={text}: a number is wanted ({si})"),
@@ -25,10 +25,10 @@ pub(super) fn plain(name: &str) -> &str {
     ["A.", "B.", "X."].into_iter().find_map(|prefix| name.strip_prefix(prefix)).unwrap_or(name)
 }
 
-/// The bench parameters that a name means: one, those of all bearings, or all whose names begin with it (`alpha`, `sensor.offset`, `runout2`).
+/// The bench parameters that a name stands for: one, those of all bearings, or all whose names begin with it (`alpha`, `sensor.offset`, `runout2`).
 ///
 /// # Errors
-/// There are none; the message suggests a name.
+/// No parameter matches; the message suggests a name.
 pub fn named(parameters: &[BenchParameter], name: &str) -> Result<Vec<usize>, String> {
     let is_group = |whole: &str| whole.strip_prefix(name).is_some_and(|rest| rest.starts_with(['[', '.']));
     let is_meant = |whole: &str| [whole, plain(whole)].into_iter().any(|whole| whole == name || is_group(whole));
@@ -43,12 +43,11 @@ pub fn named(parameters: &[BenchParameter], name: &str) -> Result<Vec<usize>, St
     Err(format!("{name} is not a parameter of a bench; {}", suggestion(name, &names)))
 }
 
-/// The tolerances that the on-line estimator is told (`tolerance.*`), as bench parameters with their standard deviations; none where they
-/// are 0.
+/// The tolerances of the on-line estimator (`tolerance.*`) above 0, as bench parameters with their standard deviations.
 #[must_use]
 pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
     let of = |name: &str| estimator.value(&format!("tolerance.{name}")).map_or(0.0, Value::as_f64);
-    // Gains of two sensors that are independent of each other: their mean, and half their difference.
+    // The gains of the two sensors are independent: factor for their mean, and for half their difference.
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let std = |name: &str| match plain(name) {
         own @ ("m" | "s" | "Jt" | "Jp") => of(own) / stated.value(name),
@@ -66,11 +65,11 @@ pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
     all.filter(|(_, std)| *std > 0.0).collect()
 }
 
-/// The parameters of a tolerance with its value in their unit. Masses, gaps and moments of inertia may be given in their units as well; they are relative
-/// then to the values that are stated.
+/// The parameters that a tolerance applies to, with its value in their unit. Absolute tolerances of masses, gaps and moments of inertia are
+/// divided by the stated values.
 ///
 /// # Errors
-/// The wanted form.
+/// The expected form.
 pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize, f64)>, String> {
     let parameters = stated.parameters();
     let meant = named(&parameters, name)?;

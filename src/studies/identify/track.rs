@@ -26,23 +26,23 @@ pub struct Track {
     pub machine: &'static Machine,
     /// The estimator with its parameters.
     pub estimator: Element,
-    /// Its outputs by their names, after every sample or after every so many.
+    /// Its outputs by name, after every n-th sample.
     pub outputs: Recording,
 }
 
-/// Outputs that there are of each magnet.
+/// Outputs of each magnet.
 const OF_MAGNETS: [&str; 5] = ["lambdaHat", "lambdaStd", "lambdaStdTotal", "ki", "ks"];
 /// Note below the estimates over time.
 const DRIFT: &str = "± of noise alone. Values that drift from line to line mean that the bearing changes.";
 
-/// Runs an estimator over a recording and keeps the outputs of every n-th sample: all those of a long recording take more memory than itself.
+/// Runs an estimator over a recording and keeps the outputs of every n-th sample: those of all samples need more memory than the recording.
 ///
 /// # Errors
 /// Parameters that the estimator refuses.
 pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Track, String> {
     let (machine, mut estimator) = (samples.machine, estimator.clone());
     estimator.set("Ts", Value::Real(samples.step_s));
-    // Without the angle of the rotor there is no telling where an unbalance points. The paper's methods have no use for it, nor for tolerances.
+    // Without the angle of the rotor, the phase of an unbalance is unknown. The paper's methods use neither this setting nor tolerances.
     if method(&estimator) == Method::PredictionError {
         if samples.theta_rad.is_empty() {
             estimator.set("identify.unbalance", Value::Boolean(false));
@@ -61,7 +61,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     let inputs = machine.measured().into_iter().chain(machine.of_magnets("im")).chain(rotation);
     let inputs: Vec<usize> = inputs.map(|name| index(&name)).collect();
     let places: Vec<u32> = inputs.iter().map(|index| *index as u32).collect();
-    // Methods that need a speed take that of their window where none is known.
+    // If the speed is unknown, methods that need one assume a revolution per window.
     let usual_rad_s = estimator.value("Tf").map_or(0.0, |window_s| TAU / window_s.as_f64());
     let (names, every) = (kept(machine), every.max(1));
     let outputs: Vec<usize> = names.iter().map(index).collect();
@@ -69,7 +69,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     let column = |(name, index)| Column { name, unit: unit(index), values: Vec::new() };
     let mut columns: Vec<Column> = names.into_iter().zip(&outputs).map(column).collect();
     let (mut time_s, mut values) = (Vec::new(), Vec::with_capacity(inputs.len()));
-    // Short gaps are filled for the paper's methods, which bridge none.
+    // For the planar machine short gaps stay filled: the paper's methods cannot bridge any.
     let has_gaps = *machine != PLANAR;
     instance.set(index(&"enable".into()), Value::Boolean(true)).map_err(|why| refused(why.to_string()))?;
     for j in 0..samples.len() {
@@ -95,14 +95,14 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     Ok(Track { machine, estimator, outputs: Recording { time_s, columns } })
 }
 
-/// The outputs that are looked at.
+/// The outputs that are kept.
 fn kept(machine: &Machine) -> Vec<String> {
     let of_magnets = OF_MAGNETS.map(|name| machine.of_magnets(name)).concat();
     let states = ["valid", "verdict"].map(str::to_owned);
     [of_magnets, numbers(machine), states.to_vec()].concat()
 }
 
-/// Names of what an estimate has one of.
+/// Names of the outputs that are not of a magnet.
 fn numbers(machine: &Machine) -> Vec<String> {
     let of_parts = ["noise.position", "noise.current"].map(|name| machine.of_parts(name)).concat();
     [motion(machine), of_parts, ["condition", "residual"].map(str::to_owned).to_vec()].concat()
@@ -113,7 +113,7 @@ fn motion(machine: &Machine) -> Vec<String> {
     [machine.of_loads("p", "Hat"), machine.of_planes("magnitude"), machine.of_planes("phase")].concat()
 }
 
-/// The choice of an estimator for a variable.
+/// The choice that an estimator has for a variable.
 pub(super) fn chosen<T: Choice + Default>(estimator: &Element, variable: &str) -> T {
     let number = estimator.value(variable).map(|value| value.as_f64() as i32);
     number.and_then(T::of_number).unwrap_or_default()
@@ -165,13 +165,13 @@ impl Track {
         self.of("valid").last() == Some(&1.0)
     }
 
-    /// The largest standard deviation of a force constant in a row, relative: of noise, or in all.
+    /// The largest relative standard deviation of a force constant in a row; `std` is the name of the output.
     fn largest_deviation(&self, std: &str, row: usize) -> f64 {
         let of = |name: &str| self.at(&self.machine.of_magnets(name), row);
         of(std).into_iter().zip(of("lambdaHat")).map(|(std, lambda)| std / lambda).fold(0.0, f64::max)
     }
 
-    /// Use of the recording, in a sentence or two.
+    /// How well the recording identifies the bearing, in a sentence or two.
     #[must_use]
     pub fn verdict(&self) -> String {
         let valid = self.of("valid");
@@ -306,7 +306,7 @@ pub fn recording(tracks: &[Track]) -> Recording {
     recording
 }
 
-/// The answers of the methods to a recording, with the last valid estimate of each as JSON.
+/// The results of the methods for a recording, with the last valid estimate of each as JSON.
 #[must_use]
 pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
     let method = |track: &Track| {

@@ -1,7 +1,7 @@
-//! The twin of a bench: plant, controller and estimator with the values that were identified, as a scenario.
+//! The twin of a bench: plant, controller and estimator with the identified values, as a scenario.
 //!
-//! A scenario of the bench is the base; what was identified replaces its values. Controller and estimator take the estimate as their first
-//! guess. What the estimator cannot know better, its `tolerance.*`, follows from ±.
+//! It is based on a scenario of the bench, whose values are replaced by those identified. Controller and estimator take the estimate as their
+//! first guess; the standard deviations become `tolerance.*` of the estimator.
 
 use fmu_export::variable::Value;
 
@@ -18,7 +18,7 @@ const STEPS: f64 = 4000.0;
 /// Parameters of the bench that no plant has.
 const WITHOUT: [&str; 5] = ["sensor.rotation", "delay", "lag", "runout1", "runout2"];
 
-/// A machine with the values that were identified.
+/// A machine with the identified values.
 #[derive(Clone)]
 pub struct Twin {
     /// The machine.
@@ -28,10 +28,10 @@ pub struct Twin {
 }
 
 impl Stated {
-    /// Parameters of the plant, by name, of a bench with these errors, by their names. It turns from the angle θ₀ in rad with the speed ω in rad/s. The plant has no
-    /// rotation and no run-out of the sensors, no delay of the positions alone, no lag of the currents, and a shaft no backward forces.
+    /// Parameters of the plant for a bench with the errors `of(name)` that turns from the angle θ₀ in rad at the speed ω in rad/s. The plant has
+    /// no rotation or run-out of the sensors, no delay of the positions alone, no lag of the currents, and for a shaft no backward forces.
     pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
-        // κ is one of the mass.
+        // κ acts like an error of the mass.
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));
         let mut values = Vec::new();
         for Part { body, .. } in &self.parts {
@@ -83,9 +83,9 @@ impl Stated {
 }
 
 impl Twin {
-    /// The scenario of the bench before anything that was identified replaces its values, with the sample time rounded to four digits: recordings have clocks of
-    /// their own, and libcosim counts nanoseconds. Where it is longer than that of the start values, the bandwidths of the controller are lower in proportion, unless
-    /// the scenario states them.
+    /// The scenario of the bench before identified values replace its own. The sample time is rounded to four digits: recordings have their own
+    /// clocks, and libcosim counts nanoseconds. If it is longer than by default, bandwidths of the controller that are not stated are reduced in
+    /// proportion.
     pub(super) fn of(base: &Scenario, step_s: f64, verdict: &str) -> Self {
         let mut scenario = base.clone();
         scenario.title = "Identified from a recording".into();
@@ -93,7 +93,7 @@ impl Twin {
         scenario.remove_observers();
         scenario.profiles.clear();
         scenario.balance_s = None;
-        // The tolerances of the estimator say how well the bench is known now.
+        // The tolerances of the estimator replace those of the bench.
         scenario.tolerance.clear();
         scenario.changes.clear();
         let step_s = format!("{step_s:.3e}").parse().unwrap_or(step_s);
@@ -112,19 +112,19 @@ impl Twin {
         twin
     }
 
-    /// A value of a variable of an element.
+    /// Sets a variable of an element.
     pub(super) fn put(&mut self, element: &str, name: &str, value: impl Into<Value>) {
         self.scenario.set(element, name, value);
     }
 
-    /// A value, unless the scenario states one.
+    /// Sets a variable, unless the scenario states it.
     pub(super) fn put_unless_stated(&mut self, element: &str, name: &str, value: f64) {
         if !self.scenario.is_stated(element, name) {
             self.put(element, name, value);
         }
     }
 
-    /// A force constant of the plant, which is the first guess of the others.
+    /// Sets a force constant of the plant, which is the first guess of the others.
     pub(super) fn put_lambda(&mut self, name: &str, value: f64) {
         self.put("plant", name, value);
         for element in ["controller", "estimator"] {
@@ -132,14 +132,14 @@ impl Twin {
         }
     }
 
-    /// A tolerance of the estimator, unless it is 0.
+    /// Sets a tolerance of the estimator, unless it is 0.
     pub(super) fn put_tolerance(&mut self, name: &str, std: f64) {
         if std > 0.0 {
             self.put("estimator", &format!("tolerance.{name}"), std);
         }
     }
 
-    /// Noise of the sensors, m and A, as the plant makes it and the estimator expects it.
+    /// Sets the sensor noise, in m and A, of the plant and that assumed by the estimator.
     pub(super) fn put_noise(&mut self, position_m: f64, current_a: f64) {
         for element in ["plant", "estimator"] {
             self.put(element, "sensor.positionNoise", position_m);
@@ -147,7 +147,7 @@ impl Twin {
         }
     }
 
-    /// The twin, if all models take its values.
+    /// The twin, if all models accept its values.
     ///
     /// # Errors
     /// All values that a model refuses.
@@ -158,7 +158,7 @@ impl Twin {
 }
 
 impl Answer {
-    /// The bearing with the stated and the identified values, those of the first recording where recordings differ. `base` is the
+    /// The bearing with the stated and the identified values, those of the first recording if recordings differ. `base` is the
     /// scenario of the bench.
     ///
     /// # Errors
@@ -170,10 +170,10 @@ impl Answer {
         let of = |name: &str| bench(name).map_or(0.0, |bench| bench.estimate.value);
         let std = |name: &str| match bench(name) {
             Some(bench) if bench.estimated => bench.estimate.total_std,
-            // Not separated from the rest: known as before.
+            // Not separable from the others: known as before.
             bench => bench.and_then(|bench| bench.parameter.knowledge.tolerance()).unwrap_or(0.0),
         };
-        // The estimator takes sensors for exact, so that their errors are part of what it does not know.
+        // The estimator assumes exact sensors: their errors add to its uncertainty.
         let error = |name: &str| of(name).hypot(std(name));
         let omega_rad_s = mean(samples.omega_rad_s.iter().copied());
         let machine = base.machine;
@@ -183,7 +183,7 @@ impl Answer {
             if value != 0.0 || base.is_stated("plant", &name) {
                 twin.put("plant", &name, value);
             }
-            // Sensors and forces are the plant's alone.
+            // Only the plant has sensors and forces.
             if !name.contains("sensor.") && !name.starts_with("perturbation") {
                 twin.put("controller", &name, value);
                 twin.put("estimator", &name, value);
@@ -205,7 +205,7 @@ impl Answer {
         }
         twin.put("plant", "omega", omega_rad_s);
         twin.put_noise(first.parts[0].position_noise_m, first.parts[0].current_noise_a);
-        // One tolerance of the estimator is that of all bearings and magnets.
+        // A tolerance of the estimator applies to all bearings and magnets.
         let of_all = |begin: &str, of: &dyn Fn(&str) -> f64| {
             let names = found.bench.iter().map(|of| of.parameter.name.as_str());
             rms(names.filter(|name| plain(name).starts_with(begin)).map(of))

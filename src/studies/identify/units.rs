@@ -1,9 +1,9 @@
-//! Units in which people record and state, with the names by which they call them; numbers and times as messages show them.
+//! Units of recordings and parameters, by their common names; numbers and times for messages.
 
 use std::f64::consts::{PI, TAU};
 
-/// A quantity: its units by all their names, with what one of them is in SI. The first is the SI unit; the first
-/// name of a group is the one that messages propose.
+/// A quantity: its units, each with all its names and its size in SI. The first is the SI unit; messages use the
+/// first name of a unit.
 pub(super) type Quantity = &'static [(&'static [&'static str], f64)];
 
 pub(super) const TIME: Quantity =
@@ -33,7 +33,7 @@ pub(super) const SPEED: Quantity = &[
     (&["deg/s", "°/s"], PI / 180.0),
 ];
 
-/// An angle of a bench; no sensor of a rotor counts in mrad.
+/// An angle of a bench; sensors of a rotor do not use mrad.
 const STATED_ANGLE: Quantity = &[ANGLE[0], (&["mrad"], 1e-3), ANGLE[1]];
 const RATIO: Quantity = &[(&["1"], 1.0), (&["%"], 1e-2), (&["ppm"], 1e-6)];
 const FORCE: Quantity = &[(&["N"], 1.0), (&["mN"], 1e-3)];
@@ -46,14 +46,14 @@ pub(super) fn quantity_of(si: &str) -> Quantity {
     all.into_iter().find(|quantity| quantity[0].0[0] == si).unwrap_or_default()
 }
 
-/// Different ways of writing the same name, made one.
+/// Normalises the spelling of a name.
 fn plain(name: &str) -> String {
     let name = name.trim().replace(['µ', 'μ'], "u").replace(['º', '˚'], "°").replace("⁻¹", "-1").replace('−', "-");
     name.replace([' ', '^', '\u{a0}'], "").replace("{-1}", "-1").replace("(-1)", "-1").replace(['·', '.'], "*")
 }
 
-/// The unit of that name: the name that messages propose, and what one of it is in SI. Where names of a quantity differ in
-/// more than capitals, capitals do not matter, except in short ones: mA is not MA.
+/// The unit of that name: its name in messages and its size in SI. Capitals do not matter, except in names of one or two
+/// characters (mA is not MA) other than Hz.
 pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)> {
     let name = plain(name);
     let same = |known: &&str| {
@@ -65,12 +65,12 @@ pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)
     quantity.iter().find(|(names, _)| names.iter().any(same)).map(|(names, factor)| (names[0], *factor))
 }
 
-/// Size of a unit in SI; without a name it is the SI unit.
+/// Size of a unit in SI; without a name, that of the SI unit.
 pub(super) fn factor(quantity: Quantity, name: &str) -> Option<f64> {
     if name.is_empty() { Some(1.0) } else { find(quantity, name).map(|(_, factor)| factor) }
 }
 
-/// So many of a unit in SI. Division by a whole reciprocal rounds once, and keeps 100 µs at exactly 1e-4.
+/// Converts to SI. Division by a whole reciprocal rounds once, and keeps 100 µs at exactly 1e-4.
 pub(super) fn in_si(number: f64, factor: f64) -> f64 {
     let per = (1.0 / factor).round();
     if factor < 1.0 && (factor * per - 1.0).abs() < 1e-12 { number / per } else { number * factor }
@@ -87,10 +87,10 @@ pub(super) fn names(quantity: Quantity) -> String {
     names.filter(|name| *name != RATIO[0].0[0]).collect::<Vec<_>>().join(", ")
 }
 
-/// A length of time with its unit, `100us` or `100 µs`; seconds where there is none.
+/// A duration with its unit, `100us` or `100 µs`; seconds by default.
 ///
 /// # Errors
-/// The wanted form.
+/// The expected form.
 pub fn duration_s(text: &str) -> Result<f64, String> {
     let value = value(text, TIME).filter(|value| *value > 0.0);
     value.ok_or_else(|| format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s"))
@@ -99,7 +99,7 @@ pub fn duration_s(text: &str) -> Result<f64, String> {
 /// The sample time of a rate with its unit, `10kHz` or `9600 Hz`.
 ///
 /// # Errors
-/// The wanted form.
+/// The expected form.
 pub fn rate_s(text: &str) -> Result<f64, String> {
     let wanted = || format!("{text}: a rate above 0 with its unit is wanted, as in 10kHz or 9600Hz");
     let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
@@ -119,17 +119,17 @@ pub(super) fn value(text: &str, quantity: Quantity) -> Option<f64> {
     Some(in_si(number, factor(quantity, unit)?)).filter(|value| value.is_finite())
 }
 
-/// A number and the text behind it.
+/// A number and the text after it.
 pub(super) fn number_and_unit(text: &str) -> Option<(f64, &str)> {
     let text = text.trim();
-    // The longest beginning that is a number, so that an exponent is not taken for a unit.
+    // The longest prefix that is a number, so that an exponent is not mistaken for a unit.
     let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
     ends.rev().find_map(|end| Some((text[..end].trim().parse().ok()?, text[end..].trim())))
 }
 
-/// A time in the unit in which it has the fewest zeros.
+/// A time in a unit that suits its size.
 pub(super) fn time(seconds: f64) -> String {
-    // A number just below a unit by rounding is shown in it.
+    // A time that is below a unit only by rounding is shown in that unit.
     let (factor, name) = match seconds.abs() * (1.0 + 1e-9) {
         size if size >= 1.0 || size == 0.0 => (1.0, "s"),
         size if size >= 1e-3 => (1e3, "ms"),
@@ -139,12 +139,12 @@ pub(super) fn time(seconds: f64) -> String {
     format!("{} {name}", significant(seconds * factor, 7))
 }
 
-/// A time that is not known to more than so many digits, with its unit.
+/// A time, rounded to significant digits, with its unit.
 pub(super) fn rounded_time(seconds: f64, digits: i32) -> String {
     time(significant(seconds, digits).parse().unwrap_or(seconds))
 }
 
-/// A number with so many significant digits, without zeros at its end.
+/// A number, rounded to significant digits, without trailing zeros.
 pub(super) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");

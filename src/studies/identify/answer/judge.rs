@@ -8,13 +8,13 @@ use crate::studies::identify::likelihood::{
 };
 use crate::studies::identify::units::significant;
 
-// False alarms of the limits below, over good recordings (seeds 95001 and 101001): none of 600 of drawn bearings, 0.1 to 5 s, is refused for
-// them. Of 1300 of the nominal bearing whose bench is off by its tolerances none is, nor of 1200 with its bench exactly as stated.
+// The limits below cause no false alarms in good recordings (seeds 95001 and 101001): 600 of drawn bearings, 0.1 to 5 s, 1300 of the nominal
+// bearing whose bench is off by its tolerances, and 1200 with its bench exactly as stated.
 
-/// A bench parameter that the residuals ask for makes the answer invalid if it would move a λ by more than this many stated
-/// deviations.
+/// A bench parameter that the residuals call for makes the answer invalid if it would move a λ by more than this many stated
+/// standard deviations.
 const SUSPECTED: f64 = 3.0;
-/// Relative standard deviation of a λ that no longer recording would mend: to 5 % it would have to be a hundred times as long.
+/// Relative standard deviation of a λ beyond which a longer recording is no remedy: for 5 % it would have to be a hundred times as long.
 const NOT_KNOWN: f64 = 0.5;
 /// Autocorrelation of the innovations at lag one beyond which the model does not describe the motion, unless chance explains it.
 const COLOURED: f64 = 0.15;
@@ -22,14 +22,14 @@ const COLOURED: f64 = 0.15;
 const SILENT_M: f64 = 1e-9;
 /// Amplitude of a harmonic, relative to the noise of one innovation, beyond which it counts.
 const HARMONIC: f64 = 0.3;
-/// χ² with two degrees of freedom of a harmonic: e⁻¹⁵ by chance.
+/// χ² of a harmonic, with two degrees of freedom: e⁻¹⁵ by chance.
 pub(super) const HARMONIC_CHI: f64 = 30.0;
-/// Noise of the currents, relative to their rms, that no sensor has.
+/// Greatest plausible noise of the currents, relative to their rms.
 const CURRENT_NOISE: f64 = 0.15;
-/// Force constants of one bearing differ by less.
+/// Greatest plausible ratio of force constants of one bearing.
 const RATIO: f64 = 10.0;
 
-/// Whether estimates describe a magnetic bearing at all: `None`, or why not.
+/// Why estimates cannot describe a magnetic bearing, if they cannot.
 pub(in crate::studies::identify) fn implausible(
     found: &Identification,
     recording: &Recording,
@@ -138,9 +138,9 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     None
 }
 
-/// Why the estimates are not valid: with the parameter that the residuals ask for most, another identification finds other force constants. (A step from the
-/// told value does not show it where it is far: commands taken for continuous currents behind amplifiers with a lag of 20 µs gave λ 20 % off by 15 deviations,
-/// `scripts/faults.py`, seed 19006.)
+/// Why the estimates are not valid: with the parameter that the residuals call for most, another identification finds other force
+/// constants. (A step from a distant stated value does not show it: commands of amplifiers with a lag of 20 µs, taken for continuous
+/// currents, gave λ 20 % off, by 15 standard deviations; `scripts/faults.py`, seed 19006.)
 pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options, stated: &Stated) -> Option<String> {
     let suspect = found.suspects.first().filter(|_| !is_silent(found))?;
     let mut options = options.clone();

@@ -1,4 +1,4 @@
-//! A recording as the likelihood takes it, and what it shows without a model.
+//! A recording as input of the likelihood, and its properties without a model.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use crate::studies::identify::plausible::REST_RAD_S;
 use crate::studies::identify::samples::{Rotation, Samples};
 use crate::studies::identify::{Stated, rms};
 
-/// The recording of a machine, if a current sample stands for this.
+/// The recording of a machine with this meaning of a current sample.
 pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     let (count, position_m, current_a) = (samples.len(), samples.position_m.clone(), samples.currents(hold));
     let known = samples.rotation != Rotation::Unknown;
@@ -38,7 +38,7 @@ pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     recording
 }
 
-/// The same recording if a current sample stands for something else. What is missing is restored anew only where currents of a pace of their own are others then.
+/// The same recording with another meaning of a current sample. Only currents recorded at another rate need to be restored again.
 pub fn read_as(of: &Recording, samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     match samples.apart {
         Some(_) => recording(samples, stated, hold),
@@ -46,23 +46,20 @@ pub fn read_as(of: &Recording, samples: &Samples, stated: &Stated, hold: Hold) -
     }
 }
 
-/// Time over which the force of a magnet may be unknown, s: about that in which an unstable rotor multiplies its errors, √(m/ks). With bench parameters, searches crept along
-/// longer ones, where the trajectory follows its own linearisation.
+/// Longest time for which the force of a magnet may be unknown, s: about that in which the errors of an unstable rotor grow, √(m/ks). Over
+/// longer times the trajectory follows its own linearisation, and searches with bench parameters converged slowly.
 const LONGEST_S: f64 = 0.01;
 
-/// Fills what was not recorded by what the controller made of it. A current that is missing for longer, by itself, gets a straight line: the motion goes on without its
-/// force being known. Rows whose positions nothing tells are not used.
+/// Restores missing readings from the response of the controller. A current that is missing for longer, by itself, is interpolated: the
+/// motion continues under an unknown force. Rows whose positions cannot be restored are not used.
 fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
     let positions = recording.position_m.len();
     let lacks = |row: usize, signal: usize| samples.missing[row] >> signal & 1 != 0;
-    let errors = |first: usize, count: usize| -> Vec<Vec<f32>> {
-        let error = |row: usize, signal: usize| if lacks(row, signal) { f32::INFINITY } else { 0.0 };
-        (first..first + count)
-            .map(|signal| (0..samples.missing.len()).map(|row| error(row, signal)).collect())
-            .collect()
+    let errors = |signal: usize| -> Vec<f32> {
+        (0..samples.missing.len()).map(|row| if lacks(row, signal) { f32::INFINITY } else { 0.0 }).collect()
     };
-    recording.position_error_m = errors(0, positions);
-    recording.square_error_a2 = errors(positions, recording.current_a.len());
+    recording.position_error_m = (0..positions).map(errors).collect();
+    recording.square_error_a2 = (positions..positions + recording.current_a.len()).map(errors).collect();
     for part in parts {
         let (coordinates, magnets) = (part.body.coordinates(), part.body.magnets());
         let gap_m = |position_m: &[Vec<f64>], row: usize, k: usize| {
@@ -94,7 +91,7 @@ fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
         let largest_a: Vec<f64> = recording.current_a.iter().map(rms_a).collect();
         for Restored { row, signal, value, std } in of_pulls {
             let (magnet, square_m2) = (part.magnets + signal, gap_m(&recording.position_m, row, signal).powi(2));
-            // By itself for longer, it is missing for its value: an outlier, or clipped.
+            // A current missing for longer, by itself, is missing because of its value: an outlier, or clipped.
             let is_odd = recording.current_a[magnet][row].is_nan() && (0..positions).all(|signal| !lacks(row, signal));
             if !is_odd && std * square_m2 < largest_a[magnet].powi(2) {
                 recording.current_a[magnet][row] = (value.max(0.0) * square_m2).sqrt();
@@ -102,7 +99,7 @@ fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
             }
         }
     }
-    // Not even bridged: the controller answers what it read there, and the filter would take that for the force of the magnets.
+    // Other positions are not even bridged: the controller responds to its reading, and the filter would attribute that to the magnets.
     for (position_m, error_m) in recording.position_m.iter_mut().zip(&mut recording.position_error_m) {
         for (position_m, error_m) in position_m.iter_mut().zip(error_m).filter(|(_, error_m)| error_m.is_infinite()) {
             (*position_m, *error_m) = (f64::NAN, 0.0);
@@ -150,7 +147,7 @@ impl Recording {
         self.turns() * TAU < REST_RAD_S * self.step_s * self.usable.len() as f64
     }
 
-    /// Mean of the rows that are used, and the mean square of what differs from it.
+    /// Mean and variance over the rows that are used.
     fn spread(&self, of: &[f64]) -> [f64; 2] {
         let count = self.used().count().max(1) as f64;
         let mean = self.used().map(|j| of[j]).sum::<f64>() / count;

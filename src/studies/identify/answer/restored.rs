@@ -1,45 +1,45 @@
-//! Readings that were not recorded, restored from the currents with which the controller answered them.
+//! Missing readings, restored from the currents with which the controller responded to them.
 //!
-//! A filter that predicts across a missing position takes the later currents for known. They are not independent of its error: the controller
-//! has read the position, noise and all, and answered. With noise of 0.5 µm and 10 % of the rows missing, the maximum of such a likelihood was
-//! twice λ. But the answer also tells what was read. Where nothing is missing, a linear model of the controller is fitted (ARX, Ljung 1999,
-//! section 4.2),
+//! A filter that predicts across a missing position treats the later currents as known. They are not independent of its error: the controller
+//! has read the position, including its noise, and responded. With noise of 0.5 µm and 10 % of the rows missing, such a likelihood had its
+//! maximum at twice λ. But the response also reveals the reading. A linear model of the controller is fitted where nothing is missing (ARX,
+//! Ljung 1999, section 4.2),
 //!
 //! ```text
 //! p(t) = c + Σ_l A_l p(t−l) + B_l q(t−l) + e(t),    l = 1 … n,
 //! ```
 //!
-//! p the pulls `(i/gap)²`, q the positions, with coefficients that go with the angle of the shaft, `1, cos θ, sin θ`, where that lowers the
-//! final prediction error. Missing positions are those that satisfy it best in all rows that answer them (least squares, weighted by the
-//! inverse covariance of e).
+//! where p are the pulls `(i/gap)²` and q the positions; the coefficients depend on the angle of the shaft, `1, cos θ, sin θ`, if that lowers
+//! the final prediction error. Missing positions are those that best satisfy it in all rows that respond to them (least squares, weighted by
+//! the inverse covariance of e).
 //!
-//! Missing pulls follow from what is before them alone. If later answers told them, they would be off by what those are beyond expectation,
-//! which pushes the rotor as well. Nor is the model quite linear: magnets only pull. Where it expects less of one, the others are expected to
-//! pull as much more as their errors go with its own.
+//! Missing pulls are predicted from earlier rows alone. Estimated from later responses, they would absorb the errors e of these, which move
+//! the rotor as well. The controller is not quite linear either: magnets only pull. A pull that would be negative is set to 0, and the others
+//! change with it by the covariance of e.
 
 use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
-/// Samples that the model looks back at, and factors of the angle: what a controller filters shows in a longer past.
+/// Numbers of past samples and of factors of the angle: filters of a controller need a longer past.
 const MODELS: [[usize; 2]; 4] = [[4, 1], [4, 3], [8, 1], [8, 3]];
-/// Rows to a coefficient: at least, and at most, for more hardly tell more.
+/// Minimum and maximum number of rows per coefficient; more add little information.
 const ROWS: [usize; 2] = [4, 40];
-/// Fits, each with rows weighted by what the one before leaves of those nearby: while the controller starts it leaves ten times as much.
+/// Number of fits, each weighted by the residuals of nearby rows in the one before: while the controller starts, they are ten times as large.
 const FITS: usize = 4;
-/// Added to the diagonal of the normal equations, relative to the rows: hardly more than rounding, for positions differ little from sample to
-/// sample, and the controller answers their difference. With 10⁻⁶, λ was off by four deviations.
+/// Added to the diagonal of the normal equations, per row: hardly more than rounding, since positions differ little from sample to sample, and
+/// the controller responds to their difference. With 10⁻⁶, λ was off by four standard deviations.
 const RIDGE: f64 = 1e-12;
-/// Rows nearby by which the model is judged.
+/// Number of nearby rows on which the model is judged.
 const NEAR: usize = 30;
-/// Most readings that are restored together: the effort grows with their cube.
+/// Maximum number of readings that are restored together: the effort grows with its cube.
 const TOGETHER: usize = 200;
-/// Standard deviation of a reading of which nothing is known, relative to that of its signal: it tells nothing.
-const NOTHING: f64 = 10.0;
-/// By how much force constants differ, relative: those of drawn bearings by 0.12.
+/// Prior standard deviation of an unknown reading, relative to that of its signal: uninformative.
+const PRIOR_STD: f64 = 10.0;
+/// Relative spread of force constants; that of drawn bearings is 0.12.
 const SPREAD: f64 = 0.15;
 
-/// A reading, as it was restored.
+/// A restored reading.
 pub struct Restored {
     pub row: usize,
     /// The pulls come first, then the positions.
@@ -51,12 +51,12 @@ pub struct Restored {
 /// Row and signal.
 type Place = (usize, usize);
 
-/// Signals of bearings that are controlled together, by their means and standard deviations.
+/// Signals of bearings that are controlled together, with their means and standard deviations.
 pub struct Signals<'a, F: Fn(usize, usize) -> bool> {
     of: Vec<&'a [f64]>,
     pulls: usize,
     scales: Vec<[f64; 2]>,
-    /// Of the pulls, by position.
+    /// Directions of the pulls, by position.
     directions: &'a [Vec<f64>],
     theta_rad: &'a [f64],
     is_missing: F,
@@ -66,24 +66,24 @@ pub struct Signals<'a, F: Fn(usize, usize) -> bool> {
 #[derive(Default)]
 struct Model {
     past: usize,
-    /// One factor of the angle after the other, in each the past samples, the last one first, and the constant; by pull.
+    /// For each factor of the angle, the past samples, the latest first, and the constant; a column per pull.
     coefficients: DMatrix<f64>,
     factors: usize,
     /// Inverse covariance of the errors.
     weights: DMatrix<f64>,
-    /// The rows that it was fitted to, with their errors, by row and pull.
+    /// The rows that it was fitted to, and their errors by row and pull.
     rows: Vec<usize>,
     errors: DMatrix<f64>,
 }
 
 impl Model {
-    /// The coefficients where the angle has these factors: of the past samples and the constant, by pull.
+    /// The coefficients for these factors of the angle: of the past samples and the constant, by pull.
     fn at(&self, factors: [f64; 3]) -> DMatrix<f64> {
         let terms = self.coefficients.nrows() / self.factors;
         (0..self.factors).map(|of| self.coefficients.rows(of * terms, terms) * factors[of]).sum()
     }
 
-    /// Mean square of the errors of rows nearby, by their covariance: 1, but more where the controller is another, as before it takes up estimates.
+    /// Normalised mean square of the errors of nearby rows: 1, or more where the controller differs, as before it uses estimates.
     fn misfit(&self, row: usize) -> f64 {
         let at = self.rows.partition_point(|of| *of < row);
         let first = at.saturating_sub(NEAR / 2).min(self.rows.len().saturating_sub(NEAR));
@@ -91,7 +91,7 @@ impl Model {
         (near * &self.weights).dot(&near) / near.len() as f64
     }
 
-    /// The pulls of a row that are not known, with their covariance, where these are expected and those known.
+    /// The unknown pulls of a row, with their covariance, given the expected and the known pulls.
     fn conditional(
         &self,
         expected: &DVector<f64>,
@@ -106,7 +106,7 @@ impl Model {
 }
 
 impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
-    /// `is_missing` tells of a row and a signal whether it was not recorded there; a pull acts on the positions along its direction.
+    /// `is_missing(row, signal)` is whether a reading is missing; a pull acts on the positions along its direction.
     pub fn new(
         [pulls, positions]: [&[&'a [f64]]; 2],
         directions: &'a [Vec<f64>],
@@ -144,13 +144,13 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         [1.0, cos, sin]
     }
 
-    /// The places of so many samples before a row, the last one first.
+    /// The places of this many samples before a row, the latest first.
     fn past(&self, row: usize, samples: usize) -> impl Iterator<Item = Place> {
         (1..=samples).flat_map(move |back| (0..self.count()).map(move |signal| (row - back, signal)))
     }
 
-    /// The model of so many past samples and factors of the angle, and the logarithm of its final prediction error (Akaike; Ljung 1999,
-    /// section 16.4); none if too few rows tell.
+    /// The model with these numbers of past samples and factors of the angle, and the logarithm of its final prediction error (Akaike; Ljung
+    /// 1999, section 16.4); `None` if there are too few rows.
     fn model(&self, [past, factors]: [usize; 2]) -> Option<(f64, Model)> {
         let terms = factors * (past * self.count() + 1);
         let mut since = 0;
@@ -172,7 +172,7 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
                 .flat_map(move |factor| past.clone().into_iter().map(move |of| factor * of))
         };
         let terms_of = DMatrix::from_row_iterator(rows.len(), terms, rows.iter().flat_map(column));
-        let answers = DMatrix::from_fn(rows.len(), self.pulls, |of, k| self.value((rows[of], k)));
+        let responses = DMatrix::from_fn(rows.len(), self.pulls, |of, k| self.value((rows[of], k)));
         let (count, ridge) = (rows.len() as f64, RIDGE * rows.len() as f64);
         let mut model = Model { past, factors, rows, ..Model::default() };
         let mut weights = DVector::repeat(model.rows.len(), 1.0);
@@ -180,9 +180,9 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         for _ in 0..FITS {
             let weighted = DMatrix::from_fn(model.rows.len(), terms, |of, i| terms_of[(of, i)] * weights[of]);
             let gram = weighted.tr_mul(&terms_of) + DMatrix::from_diagonal_element(terms, terms, ridge);
-            model.coefficients = gram.cholesky()?.solve(&weighted.tr_mul(&answers));
-            model.errors = &answers - &terms_of * &model.coefficients;
-            // Errors of the coefficients come on top of those of the answers.
+            model.coefficients = gram.cholesky()?.solve(&weighted.tr_mul(&responses));
+            model.errors = &responses - &terms_of * &model.coefficients;
+            // Errors of the coefficients add to those of the responses.
             let more = (count + terms as f64) / (count - terms as f64);
             let weighted = DMatrix::from_fn(model.rows.len(), self.pulls, |of, k| model.errors[(of, k)] * weights[of]);
             let cholesky = (weighted.tr_mul(&model.errors) * (more / weights.sum())).cholesky()?;
@@ -193,19 +193,19 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         Some((final_error, model))
     }
 
-    /// The readings that are missing, as far as the answers of the controller tell them.
+    /// The missing readings, as far as the responses of the controller determine them.
     pub fn restored(&self) -> Vec<Restored> {
         let models = MODELS.into_iter().filter_map(|of| self.model(of));
         let Some((_, model)) = models.min_by(|(a, _), (b, _)| a.total_cmp(b)) else { return Vec::new() };
         let is_missing = |row: &usize| (0..self.count()).any(|signal| (self.is_missing)(*row, signal));
         let rows: Vec<usize> = (0..self.theta_rad.len()).filter(is_missing).collect();
-        // Before a row of a longer run, nothing is known.
+        // In a longer run, the past is not known.
         let runs = rows.chunk_by(|row, next| row + 1 == *next).filter(|run| run.len() <= model.past);
         let rows: Vec<usize> = runs.flatten().copied().collect();
         rows.chunk_by(|row, next| next - row <= model.past).flat_map(|rows| self.together(&model, rows)).collect()
     }
 
-    /// The missing readings of rows that answers have in common.
+    /// The missing readings of rows that share responses.
     fn together(&self, model: &Model, rows: &[usize]) -> Vec<Restored> {
         let mut restored = BTreeMap::new();
         if rows[0] >= model.past {
@@ -221,45 +221,45 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         each.collect()
     }
 
-    /// Adds missing positions of some rows: least squares for all that is missing there, by all rows that answer it.
+    /// Adds the missing positions of some rows: least squares for all their missing readings, over all rows that respond to them.
     fn positions(&self, model: &Model, rows: &[usize], restored: &mut BTreeMap<Place, [f64; 2]>) {
         let is_missing = |place: &Place| (self.is_missing)(place.0, place.1);
         let places = rows.iter().flat_map(|row| (0..self.count()).map(|signal| (*row, signal)));
         let places: BTreeMap<Place, usize> = places.filter(is_missing).zip(0..).collect();
         let size = places.len();
-        let mut information = DMatrix::identity(size, size) / (NOTHING * NOTHING);
+        let mut information = DMatrix::identity(size, size) / (PRIOR_STD * PRIOR_STD);
         let mut right = DVector::zeros(size);
         for row in rows[0]..self.theta_rad.len().min(rows[rows.len() - 1] + model.past + 1) {
-            // e = rest − Σ slope · unknown.
+            // e = residual − Σ slope · unknown.
             let mut slopes = DMatrix::<f64>::zeros(self.pulls, size);
-            let mut rest = DVector::<f64>::zeros(self.pulls);
+            let mut residual = DVector::<f64>::zeros(self.pulls);
             let coefficients = model.at(self.factors(row));
             for k in 0..self.pulls {
                 let mut add = |place: Place, factor: f64| match places.get(&place) {
                     Some(at) => slopes[(k, *at)] -= factor,
-                    None => rest[k] += factor * self.value(place),
+                    None => residual[k] += factor * self.value(place),
                 };
                 add((row, k), 1.0);
                 self.past(row, model.past).zip(coefficients.column(k).iter()).for_each(|(of, factor)| add(of, -factor));
-                rest[k] -= coefficients[(coefficients.nrows() - 1, k)];
+                residual[k] -= coefficients[(coefficients.nrows() - 1, k)];
             }
-            // Nothing follows from what is not usable, or is restored with other rows.
-            if rest.iter().all(|rest| rest.is_finite()) {
+            // Rows with readings that are not usable, or are restored with other rows, contribute nothing.
+            if residual.iter().all(|residual| residual.is_finite()) {
                 let weighted = slopes.tr_mul(&model.weights);
                 information += &weighted * &slopes;
-                right += weighted * rest;
+                right += weighted * residual;
             }
         }
         let Some(cholesky) = information.cholesky() else { return };
         let (values, covariance) = (cholesky.solve(&right), cholesky.inverse());
-        // A reading that may be off by as much as it varies is not known.
-        let is_told = |(_, signal): Place, at: usize| signal >= self.pulls && covariance[(at, at)] < 1.0;
-        let positions = places.into_iter().filter(|(place, at)| is_told(*place, *at));
+        // A reading whose error may be as large as its variation remains unknown.
+        let is_determined = |(_, signal): Place, at: usize| signal >= self.pulls && covariance[(at, at)] < 1.0;
+        let positions = places.into_iter().filter(|(place, at)| is_determined(*place, *at));
         let variance = |row: usize, at: usize| model.misfit(row) * covariance[(at, at)];
         restored.extend(positions.map(|(place, at)| (place, [values[at], variance(place.0, at)])));
     }
 
-    /// Adds the missing pulls of a row, from what is before it.
+    /// Adds the missing pulls of a row, predicted from earlier rows.
     fn pulls(&self, model: &Model, row: usize, restored: &mut BTreeMap<Place, [f64; 2]>) {
         let known = |place| [self.value(place), 0.0];
         let past =
@@ -270,12 +270,12 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         if expected.iter().any(|of| !of.is_finite()) {
             return;
         }
-        // Errors of what was restored before go on.
+        // Errors of readings that were restored before propagate.
         let inherited = coefficients.map(|of| of * of).tr_mul(&DVector::from(variances));
         let mut known: Vec<Option<f64>> =
             (0..self.pulls).map(|k| (!(self.is_missing)(row, k)).then(|| self.value((row, k)))).collect();
         let Some((missing, mut values, covariance)) = model.conditional(&expected, &known) else { return };
-        // Magnets only pull: where the model expects less, the others pull as much more as they do then.
+        // Magnets only pull: a negative pull is set to 0, and the others are conditioned on that.
         let mut free = missing.clone();
         let zero = |k: usize| -self.scales[k][0] / self.scales[k][1];
         let lowest = |free: &[usize], values: &DVector<f64>| {
@@ -284,21 +284,21 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         };
         while let Some(k) = lowest(&free, &values) {
             known[k] = Some(zero(k));
-            let Some((rest, of_rest, _)) = model.conditional(&expected, &known) else { return };
-            (free, values) = (rest, of_rest);
+            let Some((others, of_others, _)) = model.conditional(&expected, &known) else { return };
+            (free, values) = (others, of_others);
         }
         free.iter().zip(values.iter()).for_each(|(k, value)| known[*k] = Some(*value));
         let mut covariance = covariance * model.misfit(row);
         (0..missing.len()).for_each(|at| covariance[(at, at)] += inherited[missing[at]]);
-        let part = self.part_of_force(&missing, &covariance);
+        let part = self.force_fraction(&missing, &covariance);
         for (at, k) in missing.iter().enumerate() {
             restored.insert((row, *k), [known[*k].unwrap_or(0.0), part * covariance[(at, at)]]);
         }
     }
 
-    /// The part of the variance of missing pulls of a row that their force has. The controller divides a force among magnets that pull against
-    /// each other: errors of their pulls cancel, as far as their force constants are equal.
-    fn part_of_force(&self, pulls: &[usize], covariance: &DMatrix<f64>) -> f64 {
+    /// Fraction of the variance of missing pulls of a row that affects their force. The controller divides a force among magnets that pull
+    /// against each other: errors of their pulls cancel as far as their force constants are equal.
+    fn force_fraction(&self, pulls: &[usize], covariance: &DMatrix<f64>) -> f64 {
         let along = |i: usize, j: usize| {
             let [a, b] = [i, j].map(|at| pulls[at]);
             let of: f64 = self.directions[a].iter().zip(&self.directions[b]).map(|(a, b)| a * b).sum();

@@ -20,7 +20,7 @@ const SENSITIVITIES: &str =
 pub fn shown(parameter: &BenchParameter) -> (f64, &'static str) {
     match parameter.unit {
         "1" => (0.01, "%"),
-        // Positions along a shaft are no errors of sensors.
+        // Positions along a shaft are not sensor errors.
         "m" if parameter.typical > 1e-4 => (1e-3, "mm"),
         "m" => (1e-6, "µm"),
         "rad" => (std::f64::consts::PI / 180.0, "°"),
@@ -38,8 +38,8 @@ impl Answer {
         let is_hidden = |line: &&BenchEstimate| !line.parameter.is_open() && line.parameter.in_typical_bench;
         let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
             let own = lambda.total_std / lambda.value;
-            let untold = found.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
-            untold.fold(own * own, |sum, part| sum + part * part).sqrt()
+            let unstated = found.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
+            unstated.fold(own * own, |sum, part| sum + part * part).sqrt()
         };
         Some(found.lambda.iter().enumerate().map(of_magnet).collect())
     }
@@ -51,17 +51,17 @@ impl Answer {
             valid: Some(self.valid),
             verdict: self.verdict.clone(),
             findings: self.findings.clone(),
-            told: self.told(),
+            told: self.assumptions(),
             tables: self.tables(),
             json: self.json(),
         }
     }
 
     /// Parameters taken as known.
-    fn told(&self) -> String {
+    fn assumptions(&self) -> String {
         let stated = &self.question.stated;
         let hold = stated.hold.name();
-        let mut words = format!("Taken as known: {}, currents {hold}", stated.told().join(", "));
+        let mut words = format!("Taken as known: {}, currents {hold}", stated.descriptions().join(", "));
         for parameter in stated.bench() {
             let (factor, unit) = shown(parameter);
             match parameter.knowledge {
@@ -133,7 +133,7 @@ impl Answer {
         Table::new("Maximum likelihood over the whole recording", note, head, rows)
     }
 
-    /// The answer as one JSON document, SI units; without estimates where they are not valid.
+    /// The answer as one JSON document, in SI units; without estimates if they are not valid.
     fn json(&self) -> Json {
         let Some(found) = self.found.as_ref().filter(|_| self.valid) else {
             return json!({"valid": false, "verdict": self.verdict, "findings": self.findings});
@@ -216,7 +216,7 @@ fn bench(found: &Identification) -> Table {
     Table::new("The bench, estimated with the rest", "", ["", "value", "± in all", "", ""], rows)
 }
 
-/// Contributions to the magnets of a bearing.
+/// Contributions to ± of λ of the magnets of a bearing.
 fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> Table {
     let row = |line: &BenchEstimate| {
         let (factor, unit) = shown(&line.parameter);

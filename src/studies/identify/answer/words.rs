@@ -24,7 +24,7 @@ pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
 }
 
 /// Findings besides the estimates.
-pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<String> {
+pub(super) fn findings(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<String> {
     let mut words = contradictions(found, all);
     let held: Vec<&str> = found.held().collect();
     if !held.is_empty() {
@@ -49,8 +49,7 @@ pub(super) fn words_on(found: &Identification, all: &[Recording], stated: &State
     words
 }
 
-/// By how much later than stated the currents act, and what it is worth. The positions are late relative to the currents as these are read: so they would be if the currents
-/// acted later.
+/// How much later than stated the currents act, which delays the positions relative to them, and the gain in log-likelihood.
 pub(super) fn acting_later(delay: Estimate, hold: Hold, gain: f64) -> String {
     let later = if delay.value > 0.0 { "later" } else { "earlier" };
     let [delay, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
@@ -66,7 +65,7 @@ fn along(name: &str) -> &'static str {
     if name.starts_with("X.") { " along the axis" } else { "" }
 }
 
-/// Parts of recordings that contradict the rest.
+/// Parts of recordings that are inconsistent with the others.
 fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     let words = |part: &Contradiction| {
         let step_s = all[part.recording].step_s;
@@ -91,7 +90,7 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     found.contradictions.iter().map(words).collect()
 }
 
-/// A bench parameter that the residuals ask for.
+/// A bench parameter that the residuals call for.
 fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
     let parameter = &found.bench[suspect.parameter].parameter;
     let (factor, unit) = shown(parameter);
@@ -111,16 +110,16 @@ fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
 
 /// Harmonics of the shaft in the first recording that has any.
 fn harmonics(found: &Identification, stated: &Stated) -> Option<String> {
-    let loud = |chi: f64| chi > HARMONIC_CHI;
-    let residuals = found.conditions.iter().find(|of| of.harmonics.iter().flatten().any(|chi| loud(*chi)))?;
+    let is_present = |chi: f64| chi > HARMONIC_CHI;
+    let residuals = found.conditions.iter().find(|of| of.harmonics.iter().flatten().any(|chi| is_present(*chi)))?;
     let readings = &stated.machine.readings;
     let each = (0..HARMONICS).flat_map(|n| (0..readings.len()).map(move |axis| (n, axis)));
-    let listed = each.filter(|(n, axis)| loud(residuals.harmonics[*axis][*n]));
+    let listed = each.filter(|(n, axis)| is_present(residuals.harmonics[*axis][*n]));
     let listed: Vec<String> = listed.map(|(n, axis)| format!("{}× in {}", n + 1, readings[axis].axis)).collect();
     Some(format!("Harmonics of the shaft in the residuals: {}: run-out, or another force?", listed.join(", ")))
 }
 
-/// Sensors with steps above their noise.
+/// Sensors whose quantisation exceeds their noise.
 fn quantisation(found: &Identification, stated: &Stated) -> Vec<String> {
     let mut words = Vec::new();
     for conditions in &found.conditions {
@@ -142,7 +141,7 @@ fn quantisation(found: &Identification, stated: &Stated) -> Vec<String> {
     words
 }
 
-/// The slow force, and what it is worth.
+/// The slow force, and its gain in log-likelihood.
 fn slow_force(found: &Identification) -> Option<String> {
     let levels: Vec<f64> = found.parts().map(|part| part.slow_force_n).collect();
     levels.iter().any(|level| *level > 0.0).then(|| {
@@ -155,7 +154,7 @@ fn slow_force(found: &Identification) -> Option<String> {
     })
 }
 
-/// κ, the lag of the currents, and the power of the gap in the noise, where they were estimated.
+/// κ, the lag of the currents, and the power of the gap in the noise, if they were estimated.
 fn effects(found: &Identification) -> Vec<String> {
     let of = |bench: &BenchEstimate| {
         let (name, Estimate { value, total_std, .. }) = (&bench.parameter.name, bench.estimate);
@@ -177,7 +176,7 @@ fn effects(found: &Identification) -> Vec<String> {
     of_bench.chain(exponents).collect()
 }
 
-/// The factor κ between statics and dynamics, and what it is worth.
+/// The factor κ between statics and dynamics; `worth` is appended to its value.
 pub(in crate::studies::identify) fn words_on_dynamics(of: &str, kappa: f64, std: f64, worth: &str) -> String {
     let weaker = 1.0 - 1.0 / kappa;
     let side = if weaker > 0.0 { "weaker" } else { "stronger" };

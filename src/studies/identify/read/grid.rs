@@ -1,4 +1,4 @@
-//! Where the rows of a table are among the samples, and how many samples there are.
+//! The number of samples in a table, and the sample number of each row.
 
 use super::Reading;
 use super::header::TIME_AT;
@@ -6,19 +6,19 @@ use super::pace::{CLOCKS, Pace};
 use super::table::Table;
 use crate::studies::identify::units::{significant, time};
 
-/// So many samples of all positions a recording must have.
+/// Minimum number of samples with all positions.
 const LEAST: usize = 20;
 
-/// The time stamps may lead away from the samples that are to be interpolated by so many sample times at the end of the recording.
+/// A recording is not interpolated if its pace, by the end, is within this many sample times of the stated one.
 const NEAR: f64 = 0.05;
 
-/// Refuses too few rows in which something is known.
+/// Refuses too few rows with known values.
 pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
     let count = rows.len();
     if count < LEAST { Err(format!("{count} samples of {of}, {LEAST} at least are wanted")) } else { Ok(()) }
 }
 
-/// The pace of the positions, with a place for every row; currents may have a pace of their own.
+/// The pace of the positions, with the sample number of every row, and the number of samples; currents may have their own pace.
 pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), String> {
     let positions = table.signals.positions.clone();
     let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
@@ -32,12 +32,12 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
         return Ok((Pace { step_s: reading.rate_s.ok_or_else(none)?, place, ..Pace::default() }, count));
     }
     let timed = table.known([TIME_AT]);
-    // Where a position is missing now and then its row still counts; where most rows have none, the others do.
+    // Rows without a position count if they are the minority; otherwise, only rows with all positions count.
     let is_dense = 2 * at.len() > timed.len();
     let rows = if is_dense { &timed } else { &at };
     let stamp_s = &table.columns[TIME_AT];
     let found = table.times(rows).pace();
-    let is_same = |a: f64, b: f64, freedom: f64| (a / b - 1.0).abs() <= freedom;
+    let is_same = |a: f64, b: f64, tolerance: f64| (a / b - 1.0).abs() <= tolerance;
     let is_near = |wanted| found.as_ref().is_ok_and(|pace| is_same(pace.step_s, wanted, NEAR / at.len() as f64));
     if let Some(wanted) = reading.resample_s.filter(|wanted| !is_near(*wanted)) {
         table.times(&timed).check_rising()?;
@@ -47,21 +47,21 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     if !is_dense {
         table.times(&timed).check_rising()?;
     }
-    if let (Some((known, why)), None) = (&pace.vague, reading.rate_s) {
+    if let (Some((known, why)), None) = (&pace.uncertain, reading.rate_s) {
         let percent = significant(100.0 * known, 2);
         return Err(format!("{why}: the pace is known to {percent} % only; --rate is wanted"));
     }
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
-    let freedom = pace.vague.as_ref().map_or(CLOCKS, |(known, _)| *known);
-    if !is_same(pace.step_s, step_s, freedom) {
-        let ([stated, found], percent) = ([step_s, pace.step_s].map(time), significant(100.0 * freedom, 2));
+    let tolerance = pace.uncertain.as_ref().map_or(CLOCKS, |(known, _)| *known);
+    if !is_same(pace.step_s, step_s, tolerance) {
+        let ([stated, found], percent) = ([step_s, pace.step_s].map(time), significant(100.0 * tolerance, 2));
         return Err(format!(
             "the stated rate has samples {stated} apart, the time stamps {found}; they must agree within {percent} %"
         ));
     }
     let mut place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - pace.start_s) / pace.step_s).collect();
     rows.iter().zip(&pace.place).for_each(|(row, own)| place[*row] = *own);
-    // The grid reaches from the first row with all positions to the last.
+    // The grid extends from the first row with all positions to the last.
     let mut placed = at.iter().map(|row| place[*row]).filter(|place| place.is_finite());
     let first = placed.next().unwrap_or(0.0);
     let count = placed.next_back().unwrap_or(first) - first + 1.0;
@@ -69,7 +69,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     Ok((Pace { start_s: pace.start_s + first * step_s, step_s, place, ..pace }, count as usize))
 }
 
-/// The samples of a recording that is interpolated to the wanted pace, from the first row with all positions to the last.
+/// The samples of a recording that is interpolated to the stated pace, from the first row with all positions to the last.
 fn interpolated(stamp_s: &[f64], at: &[usize], step_s: f64) -> Result<(Pace, usize), String> {
     let start_s = stamp_s[at[0]];
     let place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - start_s) / step_s).collect();
@@ -79,5 +79,5 @@ fn interpolated(stamp_s: &[f64], at: &[usize], step_s: f64) -> Result<(Pace, usi
         return Err(format!("--resample {step_s}: {count:.0} samples would come from {} rows", stamp_s.len()));
     }
     let note = "The recording was interpolated, at the price of errors that the standard deviation does not include.";
-    Ok((Pace { start_s, step_s, place, vague: None, notes: vec![note.into()] }, count as usize + 1))
+    Ok((Pace { start_s, step_s, place, uncertain: None, notes: vec![note.into()] }, count as usize + 1))
 }

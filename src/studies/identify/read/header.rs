@@ -1,4 +1,4 @@
-//! The header of a recording: which column is which signal, and in what unit.
+//! The header of a recording: which column holds which signal, in which unit.
 
 use std::ops::Range;
 
@@ -10,7 +10,7 @@ use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SP
 pub(in crate::studies::identify) const TIME_AT: usize = 0;
 const TIME_NAME: &str = "time";
 
-/// The header is sought among so many lines.
+/// Number of lines in which the header is searched for.
 const BEFORE_HEADER: usize = 200;
 
 /// A signal that a recording may have.
@@ -18,10 +18,10 @@ const BEFORE_HEADER: usize = 200;
 pub(in crate::studies::identify) struct Signal {
     /// Name as in the interface.
     pub name: String,
-    /// The names that a column of it may have, the best first; one that begins with a point may stand behind the name of any element.
+    /// Names that its column may have, the best first; one that begins with a point may follow the name of any element.
     names: Vec<String>,
     pub quantity: Quantity,
-    /// The user's name for it.
+    /// Description for messages.
     meaning: String,
 }
 
@@ -38,12 +38,12 @@ impl Signal {
         }
     }
 
-    /// The last option for the signal.
+    /// The last option given for the signal.
     fn given<'a>(&self, options: &'a [(String, String)]) -> Option<&'a String> {
         options.iter().rev().find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
-    /// The column of the signal; nothing if it may be absent and is.
+    /// The column of the signal; `None` if it is optional and absent.
     fn column(&self, columns: &[Column], reading: &Reading, is_optional: bool) -> Result<Option<usize>, String> {
         let Self { name, meaning, .. } = self;
         let given = self.given(&reading.columns);
@@ -64,7 +64,7 @@ impl Signal {
         }
     }
 
-    /// The unit of the signal in that column; nothing if nobody said.
+    /// The unit of the signal in that column; `None` if not stated.
     fn unit(&self, column: &Column, reading: &Reading) -> Result<Option<Unit>, String> {
         let Some(stated) = self.given(&reading.units).or(column.unit.as_ref()) else { return Ok(None) };
         let unit = units::find(self.quantity, stated);
@@ -74,7 +74,7 @@ impl Signal {
         })
     }
 
-    /// The columns that are the signal, one if all is well: the column that was given, with or without its unit, or those with its best name.
+    /// The columns that match the signal, one if all is well: the given column, with or without its unit, or those with the best name.
     fn candidates(&self, columns: &[Column], given: Option<&String>) -> Vec<usize> {
         let given = given.map(|given| vec![given.clone(), column(given).name]);
         let is = |column: &Column, name: &String| {
@@ -86,7 +86,7 @@ impl Signal {
     }
 }
 
-/// The signals of a machine: time, positions, currents, angle and speed. Positions and currents are needed, the time if no rate is given.
+/// The signals of a machine: time, positions, currents, angle and speed. Positions and currents are required, the time if no rate is given.
 #[derive(Clone, Debug)]
 pub(in crate::studies::identify) struct Signals {
     pub list: Vec<Signal>,
@@ -120,7 +120,7 @@ impl Signals {
     }
 }
 
-/// The machine with the most magnets whose positions and currents all stand in the header, if it is another than this one.
+/// The machine with the most magnets whose positions and currents are all in the header, if it differs from this one.
 fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machine> {
     let fits = |machine: &&Machine| {
         let Signals { list, positions, currents, .. } = Signals::of(machine);
@@ -129,7 +129,7 @@ fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machi
     MACHINES.iter().filter(fits).max_by_key(|machine| machine.magnets()).filter(|most| *most != machine)
 }
 
-/// Where the header stands: at which byte it starts, in which line of the file, and what separates its columns.
+/// Start byte and line of the header in the file, and the separator of its columns.
 pub(super) struct Header {
     pub start: usize,
     pub line: u32,
@@ -137,8 +137,8 @@ pub(super) struct Header {
 }
 
 impl Header {
-    /// The line that names the most signals, since data loggers write remarks and settings before it; a remark if no other line names as many,
-    /// as numpy.savetxt writes it.
+    /// The line that names the most signals, since data loggers write remarks and settings before it; a comment, as written by numpy.savetxt,
+    /// if no other line names as many.
     pub fn find(head: &str, signals: &Signals, reading: &Reading) -> Option<Self> {
         let mut best: Option<((usize, bool), Self)> = None;
         let mut start = 0;
@@ -159,10 +159,10 @@ impl Header {
     }
 }
 
-/// A unit: its name and what one of it is in SI.
+/// A unit: its name and its size in SI.
 type Unit = (&'static str, f64);
 
-/// Where a signal stands in a row, and in what unit; none if nobody said.
+/// Column of a signal, and its unit, if stated.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Place {
     pub column: usize,
@@ -175,7 +175,7 @@ pub(super) struct Column {
     unit: Option<String>,
 }
 
-/// Reads a cell of a header: `name [unit]`, `name (unit)`, `name / unit` or `name in unit`; an index in brackets is no unit, nor is a dash.
+/// Reads a cell of a header: `name [unit]`, `name (unit)`, `name / unit` or `name in unit`; an index in brackets is not a unit, nor is a dash.
 pub(super) fn column(cell: &str) -> Column {
     let cell = cell.trim().trim_matches('"').trim();
     let is_index = |unit: &str| !unit.is_empty() && unit.chars().all(|c| c.is_ascii_digit());
@@ -188,13 +188,13 @@ pub(super) fn column(cell: &str) -> Column {
     Column { name: name.trim().into(), unit: stated(unit) }
 }
 
-/// A unit, unless the cell is empty or holds a dash.
+/// The unit, unless the cell is empty or a dash.
 fn stated(unit: &str) -> Option<String> {
     let unit = unit.trim();
     (!matches!(unit, "" | "-" | "–")).then(|| unit.to_owned())
 }
 
-/// The text before a bracket at the end, and that in it.
+/// The texts before and in brackets at the end of a cell.
 fn bracketed(cell: &str) -> Option<(&str, &str)> {
     [('[', ']'), ('(', ')'), ('{', '}'), ('<', '>')].into_iter().find_map(|(open, close)| {
         let (name, unit) = cell.trim().strip_suffix(close)?.rsplit_once(open)?;
@@ -202,8 +202,8 @@ fn bracketed(cell: &str) -> Option<(&str, &str)> {
     })
 }
 
-/// Takes the units from the row below the header, if it holds units: no number, and a unit in one of its cells at least. Returns whether it
-/// does. Units in both places must agree.
+/// Takes the units from the row below the header if it has no number and at least one unit; returns whether it does. Units in both places
+/// must agree.
 pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, findings: &mut Vec<String>) -> bool {
     let unit = |cell| stated(bracketed(cell).filter(|(name, _)| name.is_empty()).map_or(cell, |(_, unit)| unit));
     let units: Vec<Option<String>> = cells.iter().map(unit).collect();
@@ -222,12 +222,12 @@ pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, find
     true
 }
 
-/// Names in a row, for messages.
+/// List of names for messages.
 fn joined<'a>(names: impl Iterator<Item = &'a String>) -> String {
     names.map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-/// Finds the wanted signals, in the order of the list; all that is wrong goes to the findings.
+/// Finds the wanted signals, in the order of the list; errors go to the findings.
 pub(super) fn places(
     signals: &Signals,
     columns: &[Column],

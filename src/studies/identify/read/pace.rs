@@ -1,35 +1,35 @@
-//! The pace of a recording: a straight line through its time stamps, which scatter, are rounded, and lack rows.
+//! The pace of a recording: a straight line through its time stamps, which may scatter, be rounded, or lack rows.
 
 use crate::studies::identify::units::{rounded_time, time as shown};
 use crate::studies::statistics::{median, range, rms};
 
-/// The stamps may scatter about the line by so many sample times (rms): rounding to half a sample time scatters by 0.5/√12 = 0.144.
+/// Largest rms scatter of the stamps about the line, in sample times: rounding to half a sample time scatters by 0.5/√12 = 0.144.
 const SCATTER: f64 = 0.15;
 
-/// A stamp further off the line, in sample times, is wrong. Half a sample time would make the number of its sample uncertain;
-/// rounding to half a sample time takes 0.25.
+/// A stamp further off the line, in sample times, is wrong. At half a sample time its sample number would be ambiguous;
+/// rounding to half a sample time uses up 0.25.
 const WRONG: f64 = 0.35;
 
-/// So many of the stamps may be wrong, as a part of all.
+/// Largest fraction of wrong stamps.
 const WRONG_PART: f64 = 0.01;
 
-/// Equal stamps in succession are rounding if they are more than this part of all; fewer are rows that came twice.
+/// Equal successive stamps are due to rounding if they exceed this fraction; fewer are duplicated rows.
 const ROUNDED_PART: f64 = 0.02;
 
-/// Steps that differ by whole multiples of the rounding are rounding if there are so many at least, spread evenly; fewer are
-/// missing rows.
+/// Steps that differ by whole multiples of the rounding are due to rounding if there are at least this many, spread evenly; fewer
+/// are missing rows.
 const ROUNDED_STEPS: usize = 8;
 
-/// So many sample times may a recording last for each of its rows; a longer one has a stamp that is far off.
+/// Greatest duration of a recording, in sample times per row; a longer one has a stamp that is far off.
 const SPARSE: f64 = 20.0;
 
-/// So many changes of coarse stamps at least tell the pace.
+/// Minimum number of changes of coarse stamps that determine the pace.
 const LEAST_CHANGES: usize = 3;
 
-/// A rate that is given and the slope of the time stamps may differ by so much; quartz clocks differ by a tenth of it.
+/// Greatest relative difference between a stated rate and the slope of the time stamps; quartz clocks differ by a tenth of it.
 pub(super) const CLOCKS: f64 = 1e-3;
 
-/// So many lines are listed.
+/// Number of lines listed in a message.
 const SHOWN: usize = 5;
 
 /// The samples on the straight line.
@@ -39,28 +39,28 @@ pub(super) struct Pace {
     pub start_s: f64,
     /// Sample time, in s.
     pub step_s: f64,
-    /// Number of the sample that each row is; NaN for rows without a place.
+    /// Sample number of each row; NaN for rows without one.
     pub place: Vec<f64>,
-    /// To which part of itself the sample time is known, and why not better, if it is known badly.
-    pub vague: Option<(f64, String)>,
+    /// Relative uncertainty of the sample time, and its cause, if it is large.
+    pub uncertain: Option<(f64, String)>,
     /// Findings, in sentences.
     pub notes: Vec<String>,
 }
 
-/// Time stamps, at least two of them and all finite, and the lines of the file in which they stand.
+/// At least two time stamps, all finite, and their lines in the file.
 pub(super) struct Times {
     pub time_s: Vec<f64>,
     pub lines: Vec<u32>,
 }
 
-/// A straight line over the numbers of the samples.
+/// Time as a straight line over the sample numbers.
 #[derive(Clone, Copy)]
 struct Line {
     start_s: f64,
     step_s: f64,
 }
 
-/// A sample: the row in which it stands, its number and its stamp.
+/// A sample: its row, number and stamp.
 #[derive(Clone, Copy)]
 struct Point {
     row: usize,
@@ -69,7 +69,7 @@ struct Point {
 }
 
 impl Line {
-    /// Least squares about the mean, so that nothing cancels.
+    /// Least squares about the mean, to avoid cancellation.
     fn fit(points: &[Point]) -> Self {
         let n = points.len() as f64;
         let first = points[0].time_s;
@@ -88,19 +88,18 @@ impl Line {
         ((point.time_s - self.start_s) / self.step_s - point.place).abs()
     }
 
-    /// The line with a round sample time or rate about the same middle, if the data cannot tell, and how many digits that has. At the ends of
-    /// the recording it may be off by `freedom_s`.
-    fn round(self, last: f64, freedom_s: f64) -> Option<(Self, usize)> {
-        let freedom_s = freedom_s.max(1e-6 * self.step_s);
-        // Rounding by decimal text gives the number nearest to what people write.
+    /// The line with a round sample time or rate about the same midpoint, if it is within `tolerance_s` at the ends of the recording, and the
+    /// number of its digits.
+    fn round(self, last: f64, tolerance_s: f64) -> Option<(Self, usize)> {
+        let tolerance_s = tolerance_s.max(1e-6 * self.step_s);
+        // Rounding as decimal text gives the number nearest to what people write.
         let round = |value: f64, digits: usize| format!("{value:.*e}", digits - 1).parse::<f64>().unwrap_or(value);
         (1..=6).find_map(|digits| {
             let steps = [round(self.step_s, digits), 1.0 / round(1.0 / self.step_s, digits)];
-            let near = |step_s: &f64| (step_s - self.step_s).abs() * (last / 2.0).max(1.0) <= freedom_s;
+            let near = |step_s: &f64| (step_s - self.step_s).abs() * (last / 2.0).max(1.0) <= tolerance_s;
             let step_s = steps.into_iter().find(near)?;
             let start_s = self.start_s + (self.step_s - step_s) * last / 2.0;
-            // So is the beginning.
-            let start_s = if start_s.abs() < 2.0 * freedom_s { 0.0 } else { start_s };
+            let start_s = if start_s.abs() < 2.0 * tolerance_s { 0.0 } else { start_s };
             Some((Self { start_s, step_s }, digits))
         })
     }
@@ -110,7 +109,7 @@ impl Times {
     /// Finds the pace.
     ///
     /// # Errors
-    /// Contradictions to an even pace.
+    /// How the stamps contradict an even pace.
     pub(super) fn pace(&self) -> Result<Pace, String> {
         let time = &self.time_s;
         if time.windows(2).all(|pair| pair[1] <= pair[0]) {
@@ -125,7 +124,7 @@ impl Times {
             return Err(self.out_of_order(&self.pairs(|step| step <= 0.0)));
         }
         let mut straight = self.follow(&mut points)?;
-        // Stamps far off the line are wrong; without them it is fitted once more.
+        // Stamps far off the line are wrong; fit again without them.
         points.retain(|point| straight.miss(point) <= WRONG);
         if points.len() < 2 || time.len() - points.len() > allowed {
             return Err(self.uneven(straight));
@@ -139,19 +138,19 @@ impl Times {
         straight.start_s += first * straight.step_s;
         points.iter_mut().for_each(|point| point.place -= first);
         let (place, mut notes) = self.numbered(&points)?;
-        let freedom_s = 2.0 * scatter * straight.step_s / (points.len() as f64).sqrt();
-        let Line { start_s, step_s } = straight.round(last - first, freedom_s).map_or(straight, |(line, _)| line);
+        let tolerance_s = 2.0 * scatter * straight.step_s / (points.len() as f64).sqrt();
+        let Line { start_s, step_s } = straight.round(last - first, tolerance_s).map_or(straight, |(line, _)| line);
         if scatter > 1e-4 {
             let scatter = rounded_time(scatter * step_s, 2);
             notes.push(format!(
                 "The time stamps scatter by {scatter} (rms) about the straight line; the samples are taken to be on it."
             ));
         }
-        Ok(Pace { start_s, step_s, place, vague: None, notes })
+        Ok(Pace { start_s, step_s, place, uncertain: None, notes })
     }
 
-    /// Stamps that are rounded about as coarsely as the samples follow each other, or more coarsely: the rows themselves are
-    /// counted then, if a straight line over them explains every stamp.
+    /// The pace of stamps that are rounded to about a sample time or more: their rows are counted, if a straight line over
+    /// them explains every stamp.
     fn rounded(&self) -> Option<Pace> {
         let (steps, count) = (self.steps(), self.time_s.len() as f64);
         let rounding_s = steps.iter().copied().filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
@@ -167,8 +166,8 @@ impl Times {
         }
         let point = |(row, time_s): (usize, &f64)| Point { row, place: row as f64, time_s: *time_s };
         let points: Vec<Point> = self.time_s.iter().enumerate().map(point).collect();
-        // Where the stamps are rounded to many samples and few of them differ, the rows at which they change tell the pace, each to half a
-        // sample: the error of a staircase does not shrink with its rows. At worst those of one half are early, those of the other late.
+        // If the stamps are rounded to many samples and few of them differ, the rows at which they change determine the pace, each to half a
+        // sample: the error of a staircase does not shrink with its rows. At worst, those of one half are early and those of the other late.
         let duration_s = self.time_s[self.time_s.len() - 1] - self.time_s[0];
         let is_stairs = 2 * equal > steps.len() && rounding_s > CLOCKS * duration_s;
         let changed = points.windows(2).filter(|pair| pair[0].time_s < pair[1].time_s);
@@ -178,50 +177,50 @@ impl Times {
         };
         let changes: Vec<Point> = if is_stairs { changed.map(change).collect() } else { Vec::new() };
         let (mut line, mut known) = (Line::fit(&points), rounding_s / (duration_s + rounding_s));
-        let mut freedom_s = rounding_s / count.sqrt();
+        let mut tolerance_s = rounding_s / count.sqrt();
         if changes.len() >= LEAST_CHANGES {
             line = Line::fit(&changes);
             let off = changes.iter().map(|point| line.miss(point)).fold(0.5, f64::max);
             known = 3.0 * off / (changes[changes.len() - 1].place - changes[0].place);
-            freedom_s = 1.5 * off * line.step_s;
+            tolerance_s = 1.5 * off * line.step_s;
         }
-        let is_vague = is_stairs && known > CLOCKS;
-        // Half the rounding, and what least squares may be off from the line that halves the band.
+        let is_uncertain = is_stairs && known > CLOCKS;
+        // Half the rounding, plus the distance that the fitted line may have from the centre line of the band.
         let most_s = 0.55 * rounding_s + 0.05 * line.step_s;
-        if !is_vague && points.iter().any(|point| line.miss(point) * line.step_s > most_s) {
+        if !is_uncertain && points.iter().any(|point| line.miss(point) * line.step_s > most_s) {
             return None;
         }
-        // A row that a logger drops regularly looks like rounding as well; a round pace speaks for rounding, and so does rounding
-        // so coarse that too many rows would have been dropped.
+        // Rows that a logger drops regularly look like rounding as well. A round pace indicates rounding, and so does rounding so
+        // coarse that too many rows would have been dropped.
         let is_coarse = equal + usual > steps.len() / 5;
-        let round = line.round(count - 1.0, freedom_s);
+        let round = line.round(count - 1.0, tolerance_s);
         if !is_coarse && round.is_none_or(|(_, digits)| digits > 3) {
             return None;
         }
-        let Line { start_s, step_s } = round.filter(|_| !is_vague).map_or(line, |(line, _)| line);
+        let Line { start_s, step_s } = round.filter(|_| !is_uncertain).map_or(line, |(line, _)| line);
         let rounding = shown(rounding_s);
-        let vague = is_vague.then(|| {
+        let uncertain = is_uncertain.then(|| {
             let over = rounded_time(duration_s + rounding_s, 2);
             (known, format!("the time stamps are rounded to {rounding} in a recording of about {over}"))
         });
         let through = if changes.is_empty() { "all rows" } else { "the rows at which they change" };
         let slope = format!("the slope of the straight line through {through}");
-        let pace = if is_vague { "that stated" } else { &slope };
+        let pace = if is_uncertain { "that stated" } else { &slope };
         let notes = vec![format!("The time stamps are rounded to {rounding}; the pace is {pace}.")];
-        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), vague, notes })
+        Some(Pace { start_s, step_s, place: points.iter().map(|point| point.place).collect(), uncertain, notes })
     }
 
     /// Numbers the samples, and finds the straight line over the numbers.
     fn follow(&self, points: &mut [Point]) -> Result<Line, String> {
         let last = points.len() - 1;
         let mut step_s = median(points.windows(2).map(|pair| pair[1].time_s - pair[0].time_s));
-        // The first pass trusts every step, those that follow trust the line more than a stamp.
+        // The first pass trusts every step, later ones trust the line more than a stamp.
         for gain in [1.0, 0.1, 0.1] {
             number(points, step_s, gain);
             if points[last].place > SPARSE * self.time_s.len() as f64 + 1000.0 {
                 return Err(self.hole(points, step_s));
             }
-            // Slopes over a few rows are not bent by a hole over which the samples were not counted right at first.
+            // Slopes over a few rows are not biased by a hole whose samples were miscounted at first.
             let slope = |few: &[Point]| {
                 let [from, to] = [few[0], few[few.len() - 1]];
                 (to.time_s - from.time_s) / (to.place - from.place)
@@ -235,12 +234,11 @@ impl Times {
         Ok(Line::fit(points))
     }
 
-    /// The number of the sample that each row is, and notes. Rows with a wrong stamp get the places between their neighbours if these are as many as
-    /// the rows.
+    /// The sample number of each row, and notes. Rows with a wrong stamp get the numbers between their neighbours if there are as many as rows.
     fn numbered(&self, points: &[Point]) -> Result<(Vec<f64>, Vec<String>), String> {
         let mut place = vec![f64::NAN; self.time_s.len()];
         points.iter().for_each(|point| place[point.row] = point.place);
-        // Stamps before the first and behind the last good one have no neighbours to go by.
+        // Rows before the first or after the last good stamp lack a neighbour.
         let (first, last) = (points[0].row, points[points.len() - 1].row);
         let mut discarded = [&self.lines[..first], &self.lines[last + 1..]].concat();
         let (mut surplus, mut corrected, mut holes, mut lost) = (Vec::new(), Vec::new(), Vec::new(), 0);
@@ -276,13 +274,13 @@ impl Times {
         Ok((place, notes))
     }
 
-    /// Refuses times that go back.
+    /// Refuses decreasing times.
     pub(super) fn check_rising(&self) -> Result<(), String> {
         let back = self.pairs(|step| step < 0.0);
         if back.is_empty() { Ok(()) } else { Err(self.out_of_order(&back)) }
     }
 
-    /// Rows with the one before whose steps are such ones.
+    /// Pairs of successive rows whose step satisfies `is_such`.
     fn pairs(&self, is_such: fn(f64) -> bool) -> Vec<(usize, usize)> {
         let steps = self.steps();
         (0..steps.len()).filter(|row| is_such(steps[*row])).map(|row| (row, row + 1)).collect()
@@ -292,7 +290,7 @@ impl Times {
         self.time_s.windows(2).map(|pair| pair[1] - pair[0]).collect()
     }
 
-    /// The finding on rows for which there is no place behind an earlier one.
+    /// The finding for rows that have no place after an earlier one.
     fn out_of_order(&self, pairs: &[(usize, usize)]) -> String {
         let lines: Vec<u32> = pairs.iter().map(|(_, row)| self.lines[*row]).collect();
         let (lines, (before, row)) = (listed(&lines), pairs[0]);
@@ -303,7 +301,7 @@ impl Times {
         )
     }
 
-    /// The finding on a recording that lasts far longer than its rows.
+    /// The finding for a recording that lasts far longer than its rows.
     fn hole(&self, points: &[Point], step_s: f64) -> String {
         let length = |pair: &[Point]| pair[1].time_s - pair[0].time_s;
         let longest = points.windows(2).max_by(|a, b| length(a).total_cmp(&length(b))).unwrap_or(points);
@@ -313,7 +311,7 @@ impl Times {
         format!("time jumps from {from} to {to}, where the rows before are {step} apart")
     }
 
-    /// The finding on stamps that no straight line explains: what they look like, without a proposal.
+    /// The finding for stamps that no straight line explains: their properties, without a proposal.
     fn uneven(&self, straight: Line) -> String {
         let steps = self.steps();
         let tenth = (steps.len() / 10).max(1);
@@ -344,7 +342,7 @@ fn rising(time: &[f64]) -> Vec<Point> {
         if length == ends.len() {
             ends.push(row);
         } else if time[row] < time[ends[length]] {
-            // Of equal stamps the first one counts.
+            // Of equal stamps, the first counts.
             ends[length] = row;
         }
     }
@@ -354,8 +352,8 @@ fn rising(time: &[f64]) -> Vec<Point> {
     points
 }
 
-/// Numbers the samples from row to row: how many steps have gone by since the sample before. That sample's instant is the
-/// predicted one, corrected by a part (`gain`) of its stamp's error, so that scatter does not pass for missing rows.
+/// Numbers the samples from row to row by the number of steps since the previous sample. That sample's instant is the
+/// prediction, corrected by a fraction (`gain`) of its stamp's error, so that scatter is not mistaken for missing rows.
 fn number(points: &mut [Point], step_s: f64, gain: f64) {
     let (mut place, mut instant_s) = (0.0, points[0].time_s);
     for point in points.iter_mut().skip(1) {

@@ -1,4 +1,4 @@
-//! Time stamps as they are written: numbers in a unit, Unix epochs, ISO 8601.
+//! Formats of time stamps: numbers with a unit, Unix times, ISO 8601.
 
 use super::text;
 use crate::studies::identify::units::{TIME, in_si};
@@ -6,27 +6,27 @@ use crate::studies::identify::units::{TIME, in_si};
 /// Unix times from 2000 to 2100, in seconds.
 const EPOCH_S: std::ops::Range<f64> = 946_684_800.0..4_102_444_800.0;
 
-/// How the time stamps of a recording are written.
+/// Format of the time stamps of a recording.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stamps {
-    /// Numbers in a unit, by its name and what one of it is in s; civil or absolute times otherwise.
+    /// Unit of numbers: its name and its size in s; `None` for civil or absolute times.
     pub unit: Option<(&'static str, f64)>,
-    /// Large numbers count from this one, and times from this one in ns, so that nanoseconds survive.
+    /// Origin of large numbers, in their unit, and of times, in ns, so that nanoseconds survive.
     origin: i128,
 }
 
-/// A stamp in plain decimal notation as whole units and the rest; others as a rest alone.
+/// Integer and fractional part of a stamp in plain decimal notation; 0 and the value of any other number.
 fn parts(cell: &str, separator: char) -> Option<(i64, f64)> {
     let is_point = |c: char| c == '.' || (c == ',' && separator != ',');
-    let (whole, rest) = cell.split_at(cell.find(is_point).unwrap_or(cell.len()));
+    let (whole, fraction) = cell.split_at(cell.find(is_point).unwrap_or(cell.len()));
     let is_plain = cell.chars().all(|c| c.is_ascii_digit() || is_point(c));
     match whole.parse() {
-        Ok(whole) if is_plain => Some((whole, text::number(&format!("0{rest}"), separator)?)),
+        Ok(whole) if is_plain => Some((whole, text::number(&format!("0{fraction}"), separator)?)),
         _ => text::number(cell, separator).map(|value| (0, value)),
     }
 }
 
-/// ISO 8601 as nanoseconds from some instant: with an offset, without one, or the time of day alone.
+/// ISO 8601 as nanoseconds from a fixed instant: with an offset, without one, or the time of day alone.
 fn iso_ns(cell: &str) -> Option<i128> {
     let day = jiff::civil::date(1970, 1, 1);
     let civil = || cell.parse().or_else(|_| cell.parse().map(|time| day.to_datetime(time))).ok();
@@ -35,21 +35,21 @@ fn iso_ns(cell: &str) -> Option<i128> {
 }
 
 impl Stamps {
-    /// How the stamps are written, by the first of them; the unit is that of the header or given, if any. Beside it a remark, if any.
+    /// The format of the stamps by the first of them and the stated unit, if any; with a remark, if any.
     ///
     /// # Errors
-    /// A contradiction to the unit.
+    /// The stamp is not a time, or contradicts the unit.
     pub(super) fn of(
         first: &str,
         separator: char,
         unit: Option<(&'static str, f64)>,
     ) -> Result<(Self, Option<String>), String> {
-        let Some((whole, rest)) = parts(first, separator) else {
+        let Some((whole, fraction)) = parts(first, separator) else {
             let origin = iso_ns(first)
                 .ok_or_else(|| format!("{first:?} is no time: a number or an ISO 8601 stamp is wanted"))?;
             return Ok((Self { unit: None, origin }, Some(format!("Time counts from {first}."))));
         };
-        let value = whole as f64 + rest;
+        let value = whole as f64 + fraction;
         let Some((names, factor)) = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor))) else {
             let note = unit.is_none().then(|| "time has no unit; it is taken to be in s.".to_owned());
             return Ok((Self { unit: unit.or(Some(("s", 1.0))), origin: 0 }, note));
@@ -67,12 +67,12 @@ impl Stamps {
         self.origin * self.unit.map_or(1, |(_, factor)| (factor * 1e9).round() as i128)
     }
 
-    /// A stamp in seconds; NaN if it is missing, `None` if it is none.
+    /// A stamp in seconds; NaN if it is missing, `None` if it is not a time.
     pub(super) fn seconds(&self, cell: &str, separator: char) -> Option<f64> {
         match self.unit {
             Some((_, factor)) => {
-                let (whole, rest) = parts(cell, separator)?;
-                Some(in_si(whole.wrapping_sub(self.origin as i64) as f64 + rest, factor))
+                let (whole, fraction) = parts(cell, separator)?;
+                Some(in_si(whole.wrapping_sub(self.origin as i64) as f64 + fraction, factor))
             }
             None if text::missing(cell) => Some(f64::NAN),
             None => Some((iso_ns(cell)? - self.origin) as f64 * 1e-9),

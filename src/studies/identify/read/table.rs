@@ -12,23 +12,23 @@ use super::{Reading, Unusable, text};
 const NO_HEADER: &str =
     "no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab";
 
-/// So many cells that are no numbers are listed.
+/// Reading stops after this many findings.
 const SHOWN: usize = 5;
 
 /// The columns of a recording, in SI units.
 pub(super) struct Table {
     pub signals: Signals,
-    /// In the order of the signals; empty where there is none.
+    /// In the order of the signals; empty for a signal without a column.
     pub columns: Vec<Vec<f64>>,
-    /// The line of the file in which each row stands.
+    /// Line of each row in the file.
     pub lines: Vec<u32>,
-    /// In which unit each signal was taken to be.
+    /// Unit assumed for each signal.
     pub units: Vec<Option<&'static str>>,
-    /// How the time stamps are written; none if there are none.
+    /// Format of the time stamps, if there are any.
     pub stamps: Option<Stamps>,
     /// Findings, in sentences.
     pub notes: Vec<String>,
-    /// Where the signals stand in a row.
+    /// Columns and units of the signals.
     places: Vec<Option<Place>>,
     separator: char,
 }
@@ -37,7 +37,7 @@ impl Table {
     /// Reads the signals that are `wanted`.
     ///
     /// # Errors
-    /// All that is wrong with the header, or with the rows.
+    /// All errors in the header, or else in the rows.
     pub(super) fn read(
         from: &mut dyn Read,
         reading: &Reading,
@@ -66,22 +66,22 @@ impl Table {
         let mut table = Self { signals, columns: data, lines, units, stamps: None, notes, places, separator };
         let line = |row: &StringRecord| line - 1 + row.position().map_or(1, csv::Position::line) as u32;
         if let Some(first) = &first
-            && let Err(why) = table.take_stamps(first)
+            && let Err(why) = table.find_stamps(first)
         {
             findings.push(format!("time, line {}: {why}", line(first)));
         }
         if !findings.is_empty() {
             return Err(Unusable(findings));
         }
-        table.take_units();
+        table.set_units();
         let rows = first.map(Ok).into_iter().chain(std::iter::from_fn(|| next().transpose()));
-        table.take_rows(rows.map(|row| row.map(|row| (line(&row), row))), columns.len())?;
+        table.add_rows(rows.map(|row| row.map(|row| (line(&row), row))), columns.len())?;
         table.leave_out_repeated();
         Ok(table)
     }
 
-    /// Finds out from the first row how the time stamps are written.
-    fn take_stamps(&mut self, first: &StringRecord) -> Result<(), String> {
+    /// Determines the format of the time stamps from the first row.
+    fn find_stamps(&mut self, first: &StringRecord) -> Result<(), String> {
         let Some(Place { column, unit }) = self.places[TIME_AT] else { return Ok(()) };
         let (stamps, note) = Stamps::of(cell(first, column), self.separator, unit)?;
         self.units[TIME_AT] = stamps.unit.map(|(name, _)| name);
@@ -90,8 +90,8 @@ impl Table {
         Ok(())
     }
 
-    /// Takes the units over, SI units where nobody said.
-    fn take_units(&mut self) {
+    /// Sets the units; SI where none is stated.
+    fn set_units(&mut self) {
         for (at, place) in self.places.iter().enumerate().skip(TIME_AT + 1) {
             let Some(Place { unit, .. }) = place else { continue };
             let (name, si) = (&self.signals.list[at].name, self.signals.list[at].quantity[0].0[0]);
@@ -102,8 +102,8 @@ impl Table {
         }
     }
 
-    /// Takes the rows over, which come with their lines.
-    fn take_rows(
+    /// Adds rows, given with their lines.
+    fn add_rows(
         &mut self,
         mut rows: impl Iterator<Item = io::Result<(u32, StringRecord)>>,
         width: usize,
@@ -126,7 +126,7 @@ impl Table {
             && rows.next().is_none()
             && let Some(line) = self.lines.pop()
         {
-            // It may not have been written to its end.
+            // It may have been written only in part.
             short -= 1;
             findings.truncate(before);
             self.columns.iter_mut().for_each(|column| column.truncate(self.lines.len()));
@@ -141,7 +141,7 @@ impl Table {
         if findings.is_empty() { Ok(()) } else { Err(Unusable(findings)) }
     }
 
-    /// Leaves out rows that repeat the one before with its stamp, if they are few and no other stamps are equal, as rounded ones are.
+    /// Leaves out rows that repeat the one before, including its stamp, if they are few and no other stamps are equal, as rounded ones would be.
     fn leave_out_repeated(&mut self) {
         let time_s = &self.columns[TIME_AT];
         let equal: Vec<usize> = (1..time_s.len()).filter(|row| time_s[*row] == time_s[*row - 1]).collect();
@@ -161,7 +161,7 @@ impl Table {
         self.notes.push(format!("Rows left out because they repeat the one before with its time: {}.", listed(&lines)));
     }
 
-    /// Takes a row over; what is wrong with it goes to the findings.
+    /// Adds a row; its errors go to the findings.
     fn push(&mut self, record: &StringRecord, line: u32, width: usize, findings: &mut Vec<String>) {
         if record.iter().skip(width).any(|cell| !cell.trim().is_empty()) {
             let commas = if self.separator == ',' { "; decimal commas need another separator" } else { "" };
@@ -195,7 +195,7 @@ impl Table {
         Times { time_s, lines: rows.iter().map(|row| self.lines[*row]).collect() }
     }
 
-    /// Numbers of the rows in which all of these signals are known.
+    /// Rows in which all of these signals are known.
     pub(super) fn known(&self, signals: impl IntoIterator<Item = usize> + Clone) -> Vec<usize> {
         let known = |row: &usize| {
             signals.clone().into_iter().all(|at| self.columns[at].get(*row).is_some_and(|value| value.is_finite()))

@@ -6,10 +6,10 @@ use encoding_rs::{Encoding, UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
 use encoding_rs_io::DecodeReaderBytesBuilder;
 use flate2::read::MultiGzDecoder;
 
-/// The header must lie within so many bytes of the beginning, in UTF-8.
+/// Size of the beginning that must contain the header, in bytes of UTF-8.
 const HEAD: u64 = 64 * 1024;
 
-/// The beginning of a recording and the whole of it, as UTF-8: from UTF-8, UTF-16 or Windows-1252 (of which Latin-1 is a part), with or without
+/// The beginning of a recording and the whole of it, as UTF-8: from UTF-8, UTF-16 or Windows-1252 (which includes Latin-1), with or without
 /// byte-order mark, plain or compressed by gzip.
 pub(super) fn open(from: &mut dyn Read) -> io::Result<(String, impl Read)> {
     let (start, from) = peek(from)?;
@@ -22,14 +22,14 @@ pub(super) fn open(from: &mut dyn Read) -> io::Result<(String, impl Read)> {
     Ok((String::from_utf8_lossy(&head).into_owned(), text))
 }
 
-/// The first bytes, and all of them.
+/// The first bytes, and a reader of all bytes.
 fn peek(mut from: impl Read) -> io::Result<(Vec<u8>, impl Read)> {
     let mut start = Vec::new();
     from.by_ref().take(HEAD).read_to_end(&mut start)?;
     Ok((start.clone(), Cursor::new(start).chain(from)))
 }
 
-/// The encoding that the first bytes show where no byte-order mark does.
+/// The encoding by the first bytes, if there is no byte-order mark.
 fn encoding(start: &[u8]) -> &'static Encoding {
     // ASCII in UTF-16 has a zero in every pair of bytes.
     let has_zeros =
@@ -43,19 +43,19 @@ fn encoding(start: &[u8]) -> &'static Encoding {
     }
 }
 
-/// The separator that a header has most of.
+/// The most frequent separator of a header.
 pub(super) fn separator(header: &str) -> Option<char> {
     let count = |separator: &char| header.matches(*separator).count();
     [',', '\t', ';'].into_iter().max_by_key(count).filter(|separator| count(separator) > 0)
 }
 
-/// A cell that stands for a missing value.
+/// Whether a cell stands for a missing value.
 pub(super) fn missing(cell: &str) -> bool {
     ["", "-", "nan", "na", "n/a", "null"].iter().any(|word| cell.eq_ignore_ascii_case(word))
 }
 
-/// A cell as a number; `None` for what is none, NaN for what is missing. A decimal comma is understood where the comma does
-/// not separate the cells.
+/// A cell as a number; `None` if it is not one, NaN if it is missing. Decimal commas are accepted unless commas separate the
+/// cells.
 pub(super) fn number(cell: &str, separator: char) -> Option<f64> {
     let value = match cell.parse::<f64>() {
         Err(_) if missing(cell) => f64::NAN,
