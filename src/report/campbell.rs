@@ -12,7 +12,7 @@ use crate::table::Table;
 /// Points along each line.
 const POINTS: usize = 240;
 
-/// The page, made by that command: whirl frequencies and unbalance response up to a speed in rpm, and the table.
+/// The page of `command`: whirl frequencies and unbalance response up to `greatest_rpm`, and the table.
 pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> String {
     let rpm: Vec<f64> = (0..=POINTS).map(|n| greatest_rpm * n as f64 / POINTS as f64).collect();
     let omega = |rpm: &f64| rpm * std::f64::consts::PI / 30.0;
@@ -20,16 +20,16 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
     let hertz = PlotUnit { name: "Hz", factor: 1.0 };
 
     let speeds = [0.0, greatest_rpm];
-    let mut frequencies = Plot::new(speed, ("natural frequency", hertz)).range(0, speeds).height(420.0);
     let all: Vec<[[f64; 2]; 2]> = rpm.iter().map(|rpm| whirl.modes_hz(omega(rpm))).collect();
+    let highest = all.iter().flatten().flatten().copied().fold(0.0, f64::max);
+    let frequencies = Plot::new(speed, ("natural frequency", hertz)).range(0, speeds).range(1, [0.0, 1.2 * highest]);
+    let mut frequencies = frequencies.height(420.0);
     for mode in 0..2 {
         let line = |name: &str| Line::new(&format!("mode {} {name}", mode + 1), colour::MAGNETS[mode]).width(2.0);
         let of = |direction: usize| all.iter().map(|one| one[mode][direction]).collect::<Vec<_>>();
         frequencies.line(line("backward").dotted(), &rpm, &of(0));
         frequencies.line(line("forward"), &rpm, &of(1));
     }
-    let highest = all.iter().flatten().flatten().copied().fold(0.0, f64::max);
-    frequencies = frequencies.range(1, [0.0, 1.2 * highest]);
     let synchronous: Vec<f64> = rpm.iter().map(|rpm| rpm / 60.0).collect();
     frequencies.line(Line::new("speed (1×)", colour::INK).dashed().width(1.0), &rpm, &synchronous);
     for (mode, rpm) in whirl.critical_rpm(greatest_rpm) {

@@ -1,5 +1,5 @@
-//! The figures of a run that matter to a bearing engineer: displacement and clearance, harmonics of the speed, currents,
-//! voltages, loads, sensitivity.
+//! Key figures of a run for bearing engineers: displacement and clearance, harmonics of the speed, currents, voltages, loads,
+//! sensitivity.
 
 use std::f64::consts::TAU;
 
@@ -13,12 +13,13 @@ use crate::studies::sensitivity::{Sensitivity, peak, zone};
 use crate::studies::statistics::{mean, range, rms};
 use crate::table::Table;
 
-/// Revolutions over which the figures are taken, and positions are drawn beside their predictions; and the same time in s where the rotor
-/// hardly turns.
+/// Revolutions over which the figures are evaluated, and positions are drawn beside their predictions.
 pub(super) const REVOLUTIONS: f64 = 2.0;
+/// The length of this interval in s if the rotor hardly turns.
 pub(super) const WITHOUT_TURNING_S: f64 = 0.05;
 /// Figures of two intervals are compared only if their speeds differ by no more than this fraction.
 const SAME_SPEED: f64 = 0.01;
+
 /// An interval of the run, by sample index.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stretch {
@@ -40,7 +41,7 @@ impl Stretch {
         }
     }
 
-    /// The part of a signal within it.
+    /// The part of a signal in the interval.
     pub(super) fn of<'v>(&self, values: &'v [f64]) -> &'v [f64] {
         &values[self.from..self.to]
     }
@@ -68,12 +69,12 @@ pub(super) fn errors(machine: &Machine, recording: &Recording) -> Option<Vec<Vec
     let of_reading = |(position, reference): (String, String)| {
         let position = recording.get(&format!("plant.{position}"))?;
         let reference = recording.get(&format!("controller.{reference}"))?;
-        Some(position.iter().zip(reference).map(|(is, ought)| is - ought).collect())
+        Some(position.iter().zip(reference).map(|(position, reference)| position - reference).collect())
     };
     machine.positions().into_iter().zip(machine.of_references()).map(of_reading).collect()
 }
 
-/// The first sample at which the controller's output shows that it uses an estimate, if any: since the sample before.
+/// The first sample that shows an estimate in use by the controller, if any; it is in use since the sample before.
 pub fn update(recording: &Recording) -> Option<usize> {
     let used = recording
         .columns
@@ -83,8 +84,8 @@ pub fn update(recording: &Recording) -> Option<usize> {
     changed.min().filter(|update| *update > 1)
 }
 
-/// The last whole revolutions before the update and those of the run; only the latter if there was no update, or if the final
-/// speed differs, which leaves nothing to compare.
+/// The last whole revolutions before the update and of the run; only the latter if there was no update, or if the final speed
+/// differs too much for a comparison.
 pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     let time_s = &recording.time_s;
     let end = time_s.len();
@@ -102,11 +103,11 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     };
     let after = Stretch { name: "after", from: begin(end), to: end };
     let before = update(recording).map(|update| Stretch { name: "before", from: begin(update), to: update });
-    let alike = |before: &Stretch| {
+    let comparable = |before: &Stretch| {
         let speeds = [speed(before), speed(&after)];
         before.to <= after.from && (speeds[0] - speeds[1]).abs() <= SAME_SPEED * speeds[0].abs()
     };
-    match before.filter(alike) {
+    match before.filter(comparable) {
         Some(before) => vec![before, after],
         None => vec![Stretch { name: "end of the run", ..after }],
     }
@@ -115,9 +116,10 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
 /// The length of each of the [`stretches`] in words.
 pub(super) fn interval(recording: &Recording, stretches: &[Stretch]) -> String {
     let turns = recording.get("plant.theta").zip(stretches.last());
-    match turns.is_some_and(|(theta, last)| (theta[last.to - 1] - theta[last.from]).abs() > TAU) {
-        true => format!("{REVOLUTIONS} revolutions"),
-        false => format!("{:.0} ms", 1e3 * WITHOUT_TURNING_S),
+    if turns.is_some_and(|(theta, last)| (theta[last.to - 1] - theta[last.from]).abs() > TAU) {
+        format!("{REVOLUTIONS} revolutions")
+    } else {
+        format!("{:.0} ms", 1e3 * WITHOUT_TURNING_S)
     }
 }
 
@@ -162,7 +164,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
             row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
                 format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current).iter().copied()))
             });
-            // A controller of currents commands no voltage.
+            // A current controller commands no voltage.
             let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);
             if let (Some(voltage), Some(limit_v)) = (voltage, limit_v) {
                 row(format!("voltage of amplifier {k}{at}, peak / headroom"), "V / %", &|s| {
@@ -191,10 +193,10 @@ pub(super) fn clearance_m(scenario: &Scenario, bearing: &Bearing) -> Option<f64>
     scenario.real(&format!("{}touchdown.clearance", bearing.prefix))
 }
 
-/// Sensitivity functions of the loop in each stretch, by its name: `[ω, |S|]` of each reading, ω in rad/s, or why there is none.
+/// Sensitivity functions of the loop in each stretch, by its name: `[ω, |S|]` of each reading, ω in rad/s, or why they are missing.
 pub type Sensitivities = Vec<(&'static str, Result<Vec<Vec<[f64; 2]>>, String>)>;
 
-/// The sensitivity functions with the λ that the controller uses before and after the update, or at the end.
+/// The sensitivity functions with the λ of the controller before and after the update, or at the end.
 pub fn sensitivities(scenario: &Scenario, run: &Run) -> Sensitivities {
     let one = |stretch: &Stretch| {
         let used = |name: &String| run.recording.get(&format!("controller.{name}"))?.get(stretch.to - 1).copied();
@@ -205,7 +207,7 @@ pub fn sensitivities(scenario: &Scenario, run: &Run) -> Sensitivities {
     stretches(&run.recording).iter().filter_map(one).collect()
 }
 
-/// The peaks: a row for each axis, with a column for each set of λ after its name, and no unit.
+/// The peaks: a row for each axis with its name, a cell for each set of λ, and an empty unit.
 fn peaks(scenario: &Scenario, sensitivities: &Sensitivities) -> Vec<Vec<String>> {
     let row = |(n, reading): (usize, &Reading)| {
         let cells = sensitivities.iter().map(|(_, curves)| match curves.as_ref().ok().and_then(|all| peak(&all[n])) {

@@ -16,10 +16,10 @@ use fmu_export::variable::{Type, Value, Variable};
 
 /// Estimates in the paper: figure 2, simulation, after less than 0.1 s.
 pub(super) const PAPER_LAMBDA: [f64; 3] = [1.786e-6, 2.072e-6, 2.199e-6];
-/// Lengths from here on, in m, are shown in mm: dimensions of a machine, not displacements.
+/// Lengths of at least this, in m, are shown in mm: they are dimensions of a machine, not displacements.
 const LONG_M: f64 = 1e-3;
 
-/// The sections of the paper that a run may repeat.
+/// Sections of the paper that a run may reproduce.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Paper {
     /// Section IV.A.
@@ -28,7 +28,7 @@ pub(super) enum Paper {
     Experiment,
 }
 
-/// The section of the paper that a scenario repeats, so that its numbers and figures can be compared with ours.
+/// The section of the paper that a scenario reproduces, so that its results can be compared with ours.
 fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
     match name.to_str()? {
         _ if !scenario.changes.is_empty() => None,
@@ -38,8 +38,8 @@ fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
     }
 }
 
-/// The estimators of a scenario, those beside the loop or that of the loop if there are none: the element whose columns are
-/// `element.lambdaHat[1]`, …, and its label in legends.
+/// The estimators of a scenario: those beside the loop, or that of the loop if there are none. Each is the element whose
+/// columns are `element.lambdaHat[1]`, …, and its label in legends.
 pub(super) fn methods(scenario: &Scenario) -> Vec<[String; 2]> {
     match scenario.observers() {
         [] => vec![["estimator", scenario.method("estimator").unwrap_or("estimator")].map(String::from)],
@@ -52,17 +52,16 @@ pub fn tables(name: &Path, scenario: &Scenario, run: &Run) -> Vec<Table> {
     tables::all(scenario, run, paper(name, scenario) == Some(Paper::Simulation))
 }
 
-/// The error that a harmonic perturbation in phase with the reference trajectory causes in any estimator that does not model
-/// it.
+/// The error that a harmonic perturbation in phase with the reference trajectory causes in an estimator that does not model it.
 pub(super) fn coherence_note(scenario: &Scenario, run: &Run) -> String {
     let of = |element: &str, name: &str| scenario.number(element, name);
     let force_n = scenario.real("perturbation.amplitudeZ").unwrap_or_default();
     let omega = of("plant", "perturbation.omega");
-    // The two come from different conversions of the same speed.
-    let alike = (omega / of("controller", "reference.omega") - 1.0).abs() <= 1e-9;
+    // Both are converted from the same speed, with different rounding.
+    let synchronous = (omega / of("controller", "reference.omega") - 1.0).abs() <= 1e-9;
     let turned = (of("plant", "perturbation.phaseZ") - of("plant", "theta0")) / TAU;
     let in_phase = (turned - turned.round()).abs() <= 1e-9;
-    if force_n == 0.0 || !alike || !in_phase || run.recording.time_s.len() < 2 {
+    if force_n == 0.0 || !synchronous || !in_phase || run.recording.time_s.len() < 2 {
         return String::new();
     }
     let inertia_n = of("plant", "m") * omega * omega * of("controller", "reference.rZ");
@@ -74,7 +73,7 @@ pub(super) fn coherence_note(scenario: &Scenario, run: &Run) -> String {
     )
 }
 
-/// The best final answer, and that of the estimator which the controller uses if it is another, each with its element.
+/// The final answers, each with its element: the best, and that of the controller's estimator if it is another one.
 fn answers(scenario: &Scenario, run: &Run) -> Vec<(&'static str, Markup)> {
     const BEST: &str = "predictionError";
     const USED: &str = "estimator";
@@ -96,15 +95,15 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
     };
     let lambda = names.map(of_magnet).collect::<Option<Vec<_>>>()?;
     let valid = *column("valid")?.last()? == 1.0;
-    // That of the part of the motion whose tests fail, if one fails.
+    // The verdict on the part of the motion whose tests fail, if any.
     let verdicts = machine.of_parts("verdict").into_iter().filter_map(|name| column(&name));
     let passed = f64::from(Verdict::Valid.number());
     let verdicts = verdicts.max_by_key(|verdicts| verdicts.last().is_some_and(|last| *last != passed))?;
     let verdict = *verdicts.last()?;
     let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
     let since_s = instant(run.recording.time_s[since]);
-    let words = Verdict::of_number(verdict as i32).map_or("", Verdict::description);
-    let mut verdict = format!("since {since_s}: {}.", after_colon(words));
+    let description = Verdict::of_number(verdict as i32).map_or("", Verdict::description);
+    let mut verdict = format!("since {since_s}: {}.", after_colon(description));
     if !valid {
         verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
             Some(at) => {
@@ -146,7 +145,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
     })
 }
 
-/// Events to mark in the plots, with their times in s: updates, coils that open and close, changes of λ, touchdown.
+/// Events to mark in the plots, with their times in s.
 fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
     let mut events = Vec::new();
     let time_s = &run.recording.time_s;
@@ -189,7 +188,7 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
     events
 }
 
-/// The report page of a run of a scenario, made by that command. A figure whose signals are missing is replaced by a sentence.
+/// The report page of a run, made by `command`. A sentence replaces each figure whose signals are missing.
 pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
@@ -266,7 +265,7 @@ fn shown(variable: &Variable, value: Value) -> String {
     }
 }
 
-/// A number without the digits that a unit conversion adds.
+/// A number without the rounding errors of a unit conversion.
 fn rounded(value: f64) -> String {
     let rounded: f64 = format!("{value:.11e}").parse().unwrap_or(value);
     rounded.to_string()

@@ -1,4 +1,4 @@
-//! The figures of the report, each from the columns it needs.
+//! The figures of the report, each drawn from the columns that it needs.
 
 use std::f64::consts::TAU;
 
@@ -14,11 +14,11 @@ use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::studies::sensitivity::ZONES;
 
-/// Maximum number of animation frames; a revolution of the paper's run has 200 of its 4000.
+/// Maximum number of animation frames; the paper's run has 4000, 200 per revolution.
 const FRAMES: usize = 6000;
-/// Tracking errors that industry requires, in metres: for circular and for non-circular paths (introduction of the paper).
-const ASKED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, for other paths")];
-/// Runs up to this length, in s, have their time axis in milliseconds.
+/// Tracking errors that industry requires, in m, on circular and other trajectories (introduction of the paper).
+const REQUIRED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, for other paths")];
+/// Runs up to this length, in s, have a time axis in milliseconds.
 const SHORT_S: f64 = 2.0;
 /// Subscripts of the magnets.
 const INDEX: [&str; 4] = ["₁", "₂", "₃", "₄"];
@@ -29,7 +29,7 @@ pub(super) struct Figure {
     pub(super) id: &'static str,
     /// Heading.
     pub(super) title: String,
-    /// Figures of the paper that show the same.
+    /// The corresponding figures of the paper.
     paper: Option<&'static str>,
     /// Plots side by side, each with its title.
     plots: Vec<(String, Plot)>,
@@ -38,7 +38,7 @@ pub(super) struct Figure {
 }
 
 impl Figure {
-    /// A figure with an anchor, a heading, plots with a title each, and a caption; empty plots are left out.
+    /// A figure from its anchor, heading, titled plots and caption; empty plots are left out.
     pub(super) fn new(id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: String) -> Figure {
         let plots = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
         Figure { id, title: title.into(), paper: None, plots, caption }
@@ -67,7 +67,7 @@ impl Figure {
     }
 }
 
-/// The figures of the report that are in the paper as well: of its simulation, and of its experiment.
+/// Figures with a counterpart in the paper: in its simulation, and in its experiment.
 const IN_PAPER: [(&str, [&str; 2]); 4] = [
     ("methods", ["the paper’s Fig. 2", "the paper’s Fig. 6"]),
     ("tracking", ["the paper’s Fig. 3; Figs. 7 to 10 are of its experiment", "the paper’s Figs. 7 to 10"]),
@@ -75,23 +75,23 @@ const IN_PAPER: [(&str, [&str; 2]); 4] = [
     ("orbit", ["as Figs. 11 and 12 of the paper’s experiment", "the paper’s Figs. 11 and 12"]),
 ];
 
-/// A run, and what its figures show beside its signals.
+/// A run, with all data that its figures show.
 pub(super) struct Signals<'r> {
     pub scenario: &'r Scenario,
     pub recording: &'r Recording,
     /// The estimators to compare: each by its element and its label.
     pub methods: Vec<[String; 2]>,
-    /// The best of them.
+    /// The element of the best one.
     pub best: &'r str,
     /// The true λ of all magnets, in N·m²/A².
     pub truth: Vec<f64>,
-    /// Before and after the update, or the end of the run only.
+    /// Before and after the update, or only the end of the run.
     pub stretches: Vec<Stretch>,
     /// Events to mark, with their times in s.
     pub events: Vec<(f64, String)>,
     /// Sensitivity functions of the loop in the stretches.
     pub sensitivities: &'r Sensitivities,
-    /// Which section of the paper the run repeats, so that captions name the paper's figures.
+    /// The section of the paper that the run reproduces; captions then name the paper's figures.
     pub paper: Option<Paper>,
 }
 
@@ -101,7 +101,7 @@ impl<'r> Signals<'r> {
         self.recording.get(name)
     }
 
-    /// Columns of `element` that are only useful together.
+    /// Columns of `element`; `None` if any is missing.
     fn all<N: AsRef<str>>(&self, element: &str, names: &[N]) -> Option<Vec<&'r [f64]>> {
         names.iter().map(|name| self.get(&format!("{element}.{}", name.as_ref()))).collect()
     }
@@ -112,7 +112,7 @@ impl<'r> Signals<'r> {
         self.all(element, &names)
     }
 
-    /// A plot of each method and bearing, with the name of what distinguishes it.
+    /// A plot for each method and bearing, with a title that tells it apart.
     fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<(String, Plot)> {
         let bearings = self.scenario.machine.bearings;
         let of_method = |[element, label]: &[String; 2]| {
@@ -146,7 +146,7 @@ impl<'r> Signals<'r> {
     /// A plot over time with the events of the run.
     fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
         let mut plot = Plot::over_time(self.time_unit(), (quantity, unit)).range(0, self.ends_s());
-        // Marks close together share a label, since two would overlap.
+        // Marks close together share a label, as two would overlap.
         let near_s = 0.03 * self.ends_s()[1];
         let mut events = self.events.clone();
         events.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -163,20 +163,20 @@ impl<'r> Signals<'r> {
         plot.line(line, self.time_s(), values);
     }
 
-    /// Adds the line of a column if there is one.
+    /// Adds the line of a column, if it exists.
     fn column(&self, plot: &mut Plot, line: Line, name: &str) {
         if let Some(values) = self.get(name) {
             self.line(plot, line, values);
         }
     }
 
-    /// Values at the equidistant instants of an animation.
+    /// Values at the equidistant frames of an animation.
     fn frames(&self, values: &[f64], factor: f64) -> Json {
         let every = self.time_s().len().div_ceil(FRAMES).max(1);
         plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
     }
 
-    /// A figure, or a sentence in its place if a plot is empty.
+    /// A figure, or a sentence instead if all plots are empty.
     fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
         let mut figure = Figure::new(id, title, plots, caption.into());
         if figure.plots.is_empty() {
@@ -187,7 +187,7 @@ impl<'r> Signals<'r> {
     }
 }
 
-/// The unit of the time axis of a run that ends at this instant in s.
+/// The unit of the time axis of a run that ends at `end_s`.
 pub(super) fn time_unit(end_s: f64) -> PlotUnit {
     if end_s <= SHORT_S { PlotUnit::MILLISECOND } else { PlotUnit::SECOND }
 }
@@ -197,7 +197,7 @@ pub(super) fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f
     values.iter().enumerate().map(|(at, value)| if show(at) { *value } else { f64::NAN }).collect()
 }
 
-/// λ̂ of an element at the bearing of that index, with its band of two standard deviations; dotted where it is not valid.
+/// λ̂ of an element at a bearing, by its index, with a band of two standard deviations; dotted where it is not valid.
 fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> Plot {
     let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
     let machine = run.scenario.machine;
@@ -206,8 +206,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     let truth = &run.truth[magnets.clone()];
     let of_magnets = |name: &str| run.of_magnets(element, bearing, name);
     let Some(lambda) = of_magnets("lambdaHat") else { return plot };
-    // From zero past the true values and the first guesses: anything beyond has diverged, or has a very large standard
-    // deviation.
+    // From zero to above true values and first guesses: estimates beyond have diverged, or have a very large standard deviation.
     let ends = lambda.iter().zip(truth).enumerate().filter(|(k, _)| is_used(*k));
     let ends = ends.flat_map(|(_, (values, truth))| [values[0], *truth]);
     let most = ends.filter(|value| value.is_finite()).fold(0.0, f64::max);
@@ -216,7 +215,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     let is_valid = |at: usize| valid[at] > 0.5;
     let rows: Vec<usize> = (0..run.time_s().len()).collect();
     for stretch in rows.chunk_by(|one, next| is_valid(*one) == is_valid(*next)).filter(|rows| !is_valid(rows[0])) {
-        // Until the next sample is valid.
+        // Up to the next valid sample.
         plot.shade(run.time_s()[stretch[0]], run.time_s()[(stretch[0] + stretch.len()).min(rows.len() - 1)]);
     }
     let std = of_magnets("lambdaStdTotal").unwrap_or_default();
@@ -227,7 +226,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
             plot.band(&group, colour::BANDS[k], run.time_s(), &shown, std);
         }
         let name = format!("λ̂{}", INDEX[k]);
-        // Both lines extend to where they meet.
+        // The dotted line extends to the first valid sample, where the solid one begins.
         let not_valid = |at: usize| !is_valid(at) || at > 0 && !is_valid(at - 1);
         let dotted = Line::new(&format!("{name} not valid"), colour::MAGNETS[k]).dotted().unlisted().group(&group);
         run.line(&mut plot, dotted, &where_shown(lambda, not_valid));
@@ -238,7 +237,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     plot
 }
 
-/// The animation beside λ̂ of the best estimator, of the first bearing.
+/// The animation, beside λ̂ of the best estimator at the first bearing.
 pub(super) fn first(run: &Signals) -> Markup {
     let plot = lambda_plot(run, run.best, 0, 460.0);
     let animation = animation(run, run.best);
@@ -299,7 +298,7 @@ fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
     Some((id, data))
 }
 
-/// Buttons for interesting intervals; all plots over time follow.
+/// Buttons that show the run or a stretch of it in all plots over time.
 pub(super) fn views(run: &Signals) -> Markup {
     let of = |[from, to]: [f64; 2]| [from, to].map(|end| end * run.time_unit().factor);
     let stretch = |stretch: &Stretch| (stretch.title(), of([stretch.from, stretch.to - 1].map(|at| run.time_s()[at])));
@@ -347,7 +346,7 @@ fn estimates(run: &Signals) -> Figure {
 
 fn errors(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
-    // A function of the ratio to the true λ, for each magnet of a bearing; those of magnets that are not used are left out.
+    // A function of the ratio of a column to the true λ, for each magnet of a bearing that is in use.
     let of_ratios = |element: &str, b: usize, name: &str, of: fn(f64) -> f64| -> Vec<(usize, Vec<f64>)> {
         let columns = run.of_magnets(element, &machine.bearings[b], name).unwrap_or_default();
         let magnets = columns.into_iter().zip(machine.magnets_of(b)).enumerate();
@@ -356,7 +355,7 @@ fn errors(run: &Signals) -> Figure {
             .collect()
     };
     let lambda = |element: &str, b: usize| of_ratios(element, b, "lambdaHat", |ratio| (ratio - 1.0).abs());
-    // Down to typical errors: an error that changes its sign is small for an instant.
+    // The axis ends at typical errors: an error that changes its sign is briefly near 0.
     let of_method = |[element, _]: &[String; 2]| {
         (0..machine.bearings.len()).flat_map(|b| lambda(element, b)).flat_map(|(_, errors)| errors).collect::<Vec<_>>()
     };
@@ -475,7 +474,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
             path.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
         }
         if run.paper.is_some() {
-            for (radius, name) in ASKED_M {
+            for (radius, name) in REQUIRED_M {
                 let circle =
                     |of: fn(f64) -> f64| (0..=120).map(|i| radius * of(TAU * f64::from(i) / 120.0)).collect::<Vec<_>>();
                 errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
@@ -492,7 +491,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
     (!plots.is_empty()).then(|| run.figure("orbit", "Orbit of the rotor", plots, &caption))
 }
 
-/// Distance of the rotor from the centre of each bearing, with the clearance of the backup bearing.
+/// Distance of the rotor from the centre of each bearing, beside the clearance of the backup bearing.
 fn clearance(run: &Signals) -> Option<Figure> {
     let machine = run.scenario.machine;
     let positions = machine.positions();
@@ -519,7 +518,7 @@ fn clearance(run: &Signals) -> Option<Figure> {
     }
     let caption =
         if touched { "The rotor touches the backup bearing." } else { "The backup bearing is never touched." };
-    (!plots.is_empty()).then(|| run.figure("clearance", "Clearance", plots, caption))
+    Some(run.figure("clearance", "Clearance", plots, caption))
 }
 
 /// The identified unbalance beside the true one.
@@ -531,9 +530,8 @@ fn unbalance(run: &Signals) -> Option<Figure> {
         run.column(&mut plot, line, &format!("{}.{name}", run.best));
         plot.level(run.scenario.real(name)?, "");
     }
-    let plots = vec![("Magnitude".to_owned(), plot)];
-    let shown = !plots[0].1.is_empty();
-    shown.then(|| run.figure("unbalance", "Unbalance", plots, "Identified unbalance; dashed: the truth."))
+    let caption = "Identified unbalance; dashed: the truth.";
+    (!plot.is_empty()).then(|| run.figure("unbalance", "Unbalance", vec![("Magnitude".to_owned(), plot)], caption))
 }
 
 /// The sensitivity functions of all axes, before and after the update.
@@ -552,7 +550,7 @@ fn sensitivity(run: &Signals) -> Option<Figure> {
         let peak = axes.iter().flatten().map(|point| point[1]).fold(0.0, f64::max);
         let mut plot =
             Plot::new(("frequency", hertz), ("|S|", PlotUnit::ONE)).decades(0).range(1, [0.0, 5.5f64.max(1.1 * peak)]);
-        // Axes are often alike: the narrow line remains visible on the broad one.
+        // Curves of different axes often coincide: a narrow line stays visible on a wide one.
         for (n, (reading, curve)) in run.scenario.machine.readings.iter().zip(axes).enumerate() {
             let line = Line::new(reading.axis, colour::MAGNETS[n % colour::MAGNETS.len()]);
             let line = if n % 2 == 0 { line.width(4.0) } else { line.dashed().width(2.0) };

@@ -1,4 +1,4 @@
-//! The report page of an identification: the maximum likelihood answer first, the on-line estimate beside it.
+//! The report page of an identification: the maximum likelihood answer first, then the on-line estimate.
 
 use std::ops::Range;
 
@@ -25,15 +25,15 @@ const AXES: [&str; 5] = [colour::MAGNETS[0], colour::MAGNETS[1], colour::MAGNETS
 pub struct Results {
     /// The recordings.
     pub recordings: Vec<Samples>,
-    /// Estimators on line.
+    /// On-line estimators.
     pub tracks: Vec<Track>,
     /// The answer from all recordings together.
     pub answer: Option<Answer>,
-    /// The answers of an axis, from each recording.
+    /// Answers for an axis, one from each recording.
     pub axes: Vec<axial::Answer>,
-    /// The remarks on all recordings, or on each.
+    /// Statements on all recordings together, or on each.
     pub said: Vec<Said>,
-    /// Remarks on several together.
+    /// Statements on several of them together.
     pub summary: Vec<String>,
     /// The same as JSON.
     pub document: Json,
@@ -45,7 +45,7 @@ impl Results {
     /// The twin of the bench.
     ///
     /// # Errors
-    /// There is no valid answer, or all values that a model refuses.
+    /// If there is no valid answer; all values that a model refuses.
     pub fn twin(&self, base: &Scenario) -> std::result::Result<Twin, Vec<String>> {
         match (&self.answer, self.axes.first()) {
             (Some(answer), _) => answer.twin(base, &self.recordings[0]),
@@ -55,7 +55,7 @@ impl Results {
     }
 }
 
-/// The report page of an identification made by that command. The figures of signals are of the first recording.
+/// The report page of an identification, made by `command`. Figures of signals show the first recording.
 #[must_use]
 pub fn page(title: &str, command: &str, results: &Results) -> String {
     let Results { recordings, tracks, answer, .. } = results;
@@ -132,15 +132,15 @@ struct Drawn<'s> {
     samples: &'s Samples,
     time_s: Vec<f64>,
     unit: PlotUnit,
-    /// Words for captions where there are several recordings.
-    of: &'static str,
+    /// Sentence for captions if there are several recordings.
+    which: &'static str,
 }
 
 impl<'s> Drawn<'s> {
     fn new(samples: &'s Samples, recordings: usize) -> Self {
         let time_s: Vec<f64> = (0..samples.len()).map(|j| samples.start_s + j as f64 * samples.step_s).collect();
         let unit = time_unit(samples.len() as f64 * samples.step_s);
-        Self { samples, time_s, unit, of: if recordings > 1 { " Of the first recording." } else { "" } }
+        Self { samples, time_s, unit, which: if recordings > 1 { " Of the first recording." } else { "" } }
     }
 
     fn over_time(&self, quantity: &str, unit: PlotUnit) -> Plot {
@@ -151,17 +151,17 @@ impl<'s> Drawn<'s> {
         }
     }
 
-    /// λ over the recording: the answer with its parts, and the on-line estimate beside it.
+    /// λ over the recording: the answer with its parts, and the on-line estimate for comparison.
     fn constants(&self, found: &Identification, track: Option<&Track>) -> Figure {
         let mut on_line = track.map(|track| self.bands(track)).unwrap_or_default();
         on_line.retain(|(_, plot)| !plot.is_empty());
-        let is_known = !on_line.is_empty();
+        let has_on_line = !on_line.is_empty();
         let mut plots = Vec::new();
         for (bearing, magnets) in self.samples.machine.magnets_of_bearings() {
             let bearing = bearing.name();
             let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
             for (number, k) in magnets.clone().enumerate() {
-                // A gap at the end of each part.
+                // NaN leaves a gap after each part.
                 let corners = |(from, to, estimate): (f64, f64, Estimate)| {
                     let std = estimate.total_std.max(estimate.noise_std);
                     [(from, estimate.value), (to, estimate.value), (to, f64::NAN)].map(|(x, value)| [x, value, std])
@@ -191,15 +191,15 @@ impl<'s> Drawn<'s> {
         let mut caption = String::from(
             "The answer from all samples, with a band of two standard deviations; parts in which λ or the load is another are shaded. ",
         );
-        caption += if is_known {
+        caption += if has_on_line {
             "For comparison the on-line estimator, which knows at each instant only the samples before it, beside the answer (dashed)."
         } else {
             "The on-line estimator, which knows at each instant only the samples before it, gives no valid estimate of this recording."
         };
-        Figure::new("constants", "Force constants", plots, caption + self.of)
+        Figure::new("constants", "Force constants", plots, caption + self.which)
     }
 
-    /// Begin and end in s of the parts of the recording with the values of λ of one magnet there.
+    /// The parts of the recording: begin and end in s, and λ of one magnet there.
     fn parts(&self, found: &Identification, k: usize) -> Vec<(f64, f64, Estimate)> {
         let mut changes: Vec<_> = found
             .contradictions
@@ -225,12 +225,12 @@ impl<'s> Drawn<'s> {
         parts.into_iter().map(|(from, to, estimate)| (self.instant(from), self.instant(to), estimate)).collect()
     }
 
-    /// The instant of a row in s; that after the last one is the end.
+    /// The instant of a row in s; rows past the end have the last one.
     fn instant(&self, row: usize) -> f64 {
         self.time_s.get(row).or(self.time_s.last()).copied().unwrap_or(0.0)
     }
 
-    /// Measured positions beside predicted ones over the last revolutions.
+    /// Measured and predicted positions over the last revolutions.
     fn positions(&self, found: &Identification) -> Figure {
         let errors = &found.conditions[0].prediction_errors_m;
         let end = errors[0].iter().rposition(|error| error.is_finite()).map_or(0, |last| last + 1);
@@ -249,7 +249,7 @@ impl<'s> Drawn<'s> {
             ((*name).to_owned(), plot)
         });
         let caption = "The end of the recording: measured positions beside those that the identified model predicts from the samples before.";
-        Figure::new("positions", "Measured and predicted positions", plots.collect(), caption.to_owned() + self.of)
+        Figure::new("positions", "Measured and predicted positions", plots.collect(), caption.to_owned() + self.which)
     }
 
     /// Prediction errors over time, and their harmonics.
@@ -266,7 +266,7 @@ impl<'s> Drawn<'s> {
                        multiples of the rotor's speed, relative to the noise of one sample; those well above zero are run-out or forces that the \
                        model does not have.";
         let plots = vec![("Over time".into(), over_time), ("Harmonics of the speed".into(), harmonics)];
-        Figure::new("residuals", "Residuals", plots, caption.to_owned() + self.of)
+        Figure::new("residuals", "Residuals", plots, caption.to_owned() + self.which)
     }
 
     fn currents(&self) -> Figure {
@@ -279,10 +279,10 @@ impl<'s> Drawn<'s> {
             (bearing.name().to_owned(), plot)
         };
         let plots = self.samples.machine.bearings.iter().map(of_bearing).collect();
-        Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.of))
+        Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.which))
     }
 
-    /// Recording of an axis, and what the law leaves of it.
+    /// The recording of an axis, and the remainder that the force law does not explain.
     fn axis(&self, answer: &axial::Answer) -> [Figure; 2] {
         let traces = answer.traces();
         let shaded = |mut plot: Plot| {
@@ -306,11 +306,11 @@ impl<'s> Drawn<'s> {
         let recorded = [("Position", position), ("Currents", current)];
         let left = [("Slow force", slow), ("Prediction errors", errors)];
         let [recorded, left] = [recorded, left].map(|of| of.map(|(name, plot)| (name.to_owned(), shaded(plot))).into());
-        let caption = format!("What is shaded was left out.{}", self.of);
+        let caption = format!("What is shaded was left out.{}", self.which);
         let of_force = "The force that the law does not explain, with a band of two standard deviations, and the errors of predictions.";
         [
             Figure::new("recorded", "Recording", recorded, caption),
-            Figure::new("slow", "What the law leaves", left, of_force.to_owned() + self.of),
+            Figure::new("slow", "What the law leaves", left, of_force.to_owned() + self.which),
         ]
     }
 
@@ -373,7 +373,7 @@ impl<'s> Drawn<'s> {
     }
 }
 
-/// Adds a signal of a track, with gaps where it is not shown.
+/// Adds a signal of a track, with gaps where it is not to be shown.
 fn line(plot: &mut Plot, track: &Track, name: &str, line: Line, show: impl Fn(usize) -> bool) {
     let verdicts = track.verdicts();
     let shown = where_shown(track.of(name), |j| show(j) && verdicts[j] != Verdict::Collecting);

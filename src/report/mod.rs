@@ -17,7 +17,7 @@ mod tables;
 
 use figures::Figure;
 
-/// Content of a page besides its answer and figures.
+/// Content of a page other than its answer and figures.
 #[derive(Default)]
 struct Report<'a> {
     /// Heading.
@@ -28,9 +28,9 @@ struct Report<'a> {
     command: &'a str,
     /// Why the run ended early, if it did.
     message: Option<&'a str>,
-    /// The instants of the recording, in s, if the page is about one.
+    /// Instants of the recording, in s, if there is one.
     time_s: Option<&'a [f64]>,
-    /// Buttons that choose what time the plots show.
+    /// Buttons that choose the interval shown in the plots.
     views: Markup,
     /// Tables of results.
     tables: Vec<Table>,
@@ -49,7 +49,7 @@ impl Report<'_> {
                 @for paragraph in self.description.split("\n\n").filter(|text| !text.trim().is_empty()) {
                     p { (prose(paragraph.trim())) }
                 }
-                @if let Some(time_s) = self.time_s { p.soft { (run_of(time_s)) } }
+                @if let Some(time_s) = self.time_s { p.soft { (summary_of(time_s)) } }
                 @if !self.command.is_empty() {
                     p.soft { "This page is made by" }
                     pre { code { (self.command) } }
@@ -87,13 +87,13 @@ impl Report<'_> {
     }
 }
 
-/// The words of a verdict after a colon.
-pub(super) fn after_colon(words: &str) -> String {
-    let mut letters = words.chars();
+/// A sentence with its first letter in lower case, to follow a colon.
+pub(super) fn after_colon(sentence: &str) -> String {
+    let mut letters = sentence.chars();
     letters.next().map_or_else(String::new, |first| first.to_lowercase().chain(letters).collect())
 }
 
-/// A text with the names between backticks as code.
+/// Text, with code between backticks.
 fn prose(text: &str) -> Markup {
     html! {
         @for (at, part) in text.split('`').enumerate() {
@@ -102,13 +102,13 @@ fn prose(text: &str) -> Markup {
     }
 }
 
-/// The length of the recording, and how much of it is drawn.
-fn run_of(time_s: &[f64]) -> String {
+/// The length of the recording, and whether all of it is drawn.
+fn summary_of(time_s: &[f64]) -> String {
     let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
         return "The recording is empty.".into();
     };
     let samples = time_s.len();
-    let thinned = if samples <= plot::WHOLE {
+    let thinned = if samples <= plot::MAX_UNTHINNED {
         "each of them is drawn"
     } else {
         "of which the plots show the smallest and the largest value of short intervals"
@@ -123,7 +123,7 @@ pub(super) fn instant(at_s: f64) -> String {
 
 /// λ̂ of the magnets in use with their standard deviations, in 10⁻⁶ N·m²/A², beside the true values if known.
 pub(super) fn cards(machine: &Machine, estimates: &[Option<[f64; 2]>], truth: Option<&[f64]>) -> Markup {
-    // Two significant digits of the deviation, and as many decimals of the estimate.
+    // Two significant digits of the standard deviation, and as many decimals of the estimate.
     let places = |std: f64| (2.0 - (1e6 * std).log10().floor() - 1.0).clamp(3.0, 7.0) as usize;
     let number_of = |value: f64, std: f64| format!("{:.*}", places(std), value * 1e6);
     html! {
@@ -152,7 +152,7 @@ fn titled(title: &str, bearing: &Bearing) -> String {
     if bearing.prefix.is_empty() { title.to_owned() } else { format!("{title}, bearing {}", bearing.name()) }
 }
 
-/// `Bearing A`, or `Bearing` where there is but one.
+/// `Bearing A`, or `Bearing` if there is only one.
 fn title_of(bearing: &Bearing) -> String {
     format!("Bearing {}", bearing.name()).trim_end().to_owned()
 }
@@ -219,7 +219,7 @@ fn looks_numeric(cell: &str) -> bool {
     cell == "–" || cell == "—" || (start.starts_with(|c: char| c.is_ascii_digit()) && letters <= 8)
 }
 
-/// All parameters by element, folded.
+/// All parameters by element, collapsed.
 fn parameters_of(parameters: &[(&str, Vec<[String; 3]>)]) -> Markup {
     html! {
         section id="parameters" {

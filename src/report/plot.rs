@@ -1,7 +1,7 @@
 //! Interactive plots, drawn by plotly.js.
 //!
-//! A page holds the script once ([`scripts`]) and every plot as data. Colours are names of the page's style, so that the
-//! reader's browser chooses between light and dark.
+//! A page holds the script once ([`scripts`]) and every plot as data. Colours are names from the page's style, so that the
+//! browser chooses between light and dark.
 
 use std::io::Write;
 use std::sync::LazyLock;
@@ -11,16 +11,16 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use maud::{Markup, PreEscaped, html};
 use serde_json::{Value as Json, json};
 
-/// Signals up to this many samples are drawn completely: the paper's run is.
-pub(super) const WHOLE: usize = 5000;
-/// Longer signals are drawn by the smallest and the largest value of this many intervals, more than a screen has columns.
-const STRETCHES: usize = 1200;
+/// Signals of up to this many samples are drawn completely, among them those of the paper's run.
+pub(super) const MAX_UNTHINNED: usize = 5000;
+/// Of longer signals, the minimum and maximum in each of this many intervals are drawn; a screen has fewer columns.
+const INTERVALS: usize = 1200;
 /// Points along each edge of a band, which is smooth.
-const EDGE: usize = 300;
+const BAND_POINTS: usize = 300;
 
 /// Colours by their names in the style of the page.
 pub mod colour {
-    /// The magnets of a bearing, four at most, distinct to colour-blind eyes as well.
+    /// Magnets of a bearing, at most four; safe for colour-blind readers.
     pub const MAGNETS: [&str; 4] = ["--magnet1", "--magnet2", "--magnet3", "--magnet4"];
     /// The bands of their standard deviations.
     pub const BANDS: [&str; 4] = ["--band1", "--band2", "--band3", "--band4"];
@@ -62,7 +62,7 @@ impl PlotUnit {
     pub const VOLT: PlotUnit = PlotUnit { name: "V", factor: 1.0 };
 }
 
-/// How a line is drawn: what plotly.js is told besides its points.
+/// Style of a line: its trace for plotly.js without the points.
 #[derive(Clone, Debug)]
 pub struct Line(Json);
 
@@ -93,7 +93,7 @@ impl Line {
         self
     }
 
-    /// Switched together with the other lines of that group.
+    /// Shown and hidden together with the other lines of that group.
     pub fn group(mut self, name: &str) -> Line {
         self.0["legendgroup"] = json!(name);
         self
@@ -119,14 +119,14 @@ pub struct Plot {
 }
 
 impl Plot {
-    /// An empty plot of one quantity over another, with units.
+    /// An empty plot of `y` over `x`, each a quantity and its unit.
     pub fn new(x: (&str, PlotUnit), y: (&str, PlotUnit)) -> Plot {
         let title = |(quantity, unit): (&str, PlotUnit)| match unit.name {
             "" => json!({"title": {"text": quantity}}),
             name => json!({"title": {"text": format!("{quantity} [{name}]")}}),
         };
         let mut axes = [title(x), title(y)];
-        // The pointer shows the unit, and so does the last number of the axis.
+        // The unit appears at the pointer and at the last number of the axis.
         axes[0]["ticksuffix"] = json!(format!(" {}", x.1.name));
         axes[0]["showticksuffix"] = json!("last");
         Plot {
@@ -157,7 +157,7 @@ impl Plot {
         self
     }
 
-    /// With an initial range of an axis (0 for x) in SI values; NaN leaves an end to the data.
+    /// With an initial range of an axis (0 for x) in SI values; a range that is not finite or empty is ignored.
     pub fn range(mut self, axis: usize, ends: [f64; 2]) -> Plot {
         let log = self.axes[axis]["type"] == "log";
         let ends = ends.map(|end| end * self.units[axis].factor).map(|end| if log { end.log10() } else { end });
@@ -173,7 +173,7 @@ impl Plot {
         self
     }
 
-    /// Adds a line; values that are not finite leave a gap. A line without points is left out.
+    /// Adds a line; non-finite values leave gaps. A line without finite values is left out.
     pub fn line(&mut self, line: Line, x: &[f64], y: &[f64]) {
         let (x, y) = self.shown(x, y);
         if !y.iter().any(|y| y.is_finite()) {
@@ -187,22 +187,19 @@ impl Plot {
         self.trace(trace, &thinned(&x, &y));
     }
 
-    /// Adds the area within two standard deviations of values, where both are finite; it is switched with its group.
+    /// Adds a band of two standard deviations where value and band are finite; it is shown and hidden with its group.
     pub fn band(&mut self, group: &str, fill: &str, x: &[f64], values: &[f64], std: &[f64]) {
-        let every = (x.len() / EDGE).max(1);
-        let (mut xs, mut ys) = (Vec::new(), Vec::new());
+        let every = (x.len() / BAND_POINTS).max(1);
+        let mut outline = (Vec::new(), Vec::new());
         let edge = |at: usize, stds: f64| values[at] + stds * std[at];
         let rows: Vec<usize> = (0..x.len()).step_by(every).collect();
         for stretch in rows.split(|at| !edge(*at, 2.0).is_finite()).filter(|stretch| stretch.len() > 1) {
             let above = stretch.iter().map(|at| (x[*at], edge(*at, 2.0)));
             let below = stretch.iter().rev().map(|at| (x[*at], edge(*at, -2.0)));
-            for (x, y) in above.chain(below).chain([(f64::NAN, f64::NAN)]) {
-                xs.push(x);
-                ys.push(y);
-            }
+            outline.extend(above.chain(below).chain([(f64::NAN, f64::NAN)]));
         }
-        if !xs.is_empty() {
-            let shown = self.shown(&xs, &ys);
+        if !outline.0.is_empty() {
+            let shown = self.shown(&outline.0, &outline.1);
             let trace = json!({
                 "type": "scatter", "mode": "none", "fill": "toself", "fillcolor": fill, "legendgroup": group,
                 "showlegend": false, "hoverinfo": "skip",
@@ -211,17 +208,17 @@ impl Plot {
         }
     }
 
-    /// Adds a row of bars with a name each, upright over the names or, if `lying`, from the names to the right.
-    pub fn bars(&mut self, name: &str, colour: &str, names: &[String], values: &[f64], lying: bool) {
-        let (value, unit) = if lying { ("x", self.units[0]) } else { ("y", self.units[1]) };
+    /// Adds a series of named bars, vertical or horizontal.
+    pub fn bars(&mut self, name: &str, colour: &str, names: &[String], values: &[f64], horizontal: bool) {
+        let (value, unit) = if horizontal { ("x", self.units[0]) } else { ("y", self.units[1]) };
         let values: Vec<f64> = values.iter().map(|value| value * unit.factor).collect();
         let mut trace = json!({
-            "type": "bar", "name": name, "marker": {"color": colour}, "orientation": if lying { "h" } else { "v" },
+            "type": "bar", "name": name, "marker": {"color": colour}, "orientation": if horizontal { "h" } else { "v" },
             "hovertemplate": format!("{name} %{{{value}:.3~g}} {}<extra></extra>", unit.name),
         });
         trace[value] = packed(&values);
-        trace[if lying { "y" } else { "x" }] = json!(names);
-        if lying {
+        trace[if horizontal { "y" } else { "x" }] = json!(names);
+        if horizontal {
             // From top to bottom, as in a table.
             self.axes[1]["autorange"] = json!("reversed");
         }
@@ -240,7 +237,7 @@ impl Plot {
         }
     }
 
-    /// Adds a horizontal line.
+    /// Adds a horizontal line across the plot.
     pub fn level(&mut self, at: f64, label: &str) {
         let at = at * self.units[1].factor;
         if at.is_finite() {
@@ -313,38 +310,38 @@ pub fn data_element(data: &Json) -> Markup {
     html! { script type="application/json" { (PreEscaped(text)) } }
 }
 
-/// Numbers in single precision for plotly.js, more than a screen resolves.
+/// Numbers for plotly.js in single precision, finer than a screen resolves.
 pub fn packed(values: &[f64]) -> Json {
     let bytes: Vec<u8> = values.iter().flat_map(|value| (*value as f32).to_le_bytes()).collect();
     json!({"dtype": "f4", "bdata": BASE64.encode(bytes)})
 }
 
-/// The points drawn: all of a short signal, of a long one the smallest and the largest value of each interval, at their
-/// instants. Where most values are missing, each gap is one point.
+/// The points drawn: all of a short signal; the minimum and maximum of each interval of a long one, at their instants. If more
+/// than a quarter of the values are missing, each gap becomes one point.
 fn thinned(x: &[f64], y: &[f64]) -> (Vec<f64>, Vec<f64>) {
     let missing = y.iter().filter(|y| !y.is_finite()).count();
     let mut rows: Vec<usize> = (0..y.len()).collect();
     if 4 * missing > y.len() {
         rows.retain(|at| y[*at].is_finite() || *at > 0 && y[*at - 1].is_finite());
     }
-    if rows.len() > WHOLE {
-        let size = rows.len().div_ceil(STRETCHES);
-        let ends = |stretch: &[usize]| {
-            let finite = || stretch.iter().copied().filter(|at| y[*at].is_finite());
+    if rows.len() > MAX_UNTHINNED {
+        let size = rows.len().div_ceil(INTERVALS);
+        let extremes = |interval: &[usize]| {
+            let finite = || interval.iter().copied().filter(|at| y[*at].is_finite());
             let least = finite().min_by(|a, b| y[*a].total_cmp(&y[*b]));
             let greatest = finite().max_by(|a, b| y[*a].total_cmp(&y[*b]));
             match (least, greatest) {
                 (Some(least), Some(greatest)) => vec![least.min(greatest), least.max(greatest)],
-                _ => vec![stretch[0]],
+                _ => vec![interval[0]],
             }
         };
-        rows = rows.chunks(size).flat_map(ends).collect();
+        rows = rows.chunks(size).flat_map(extremes).collect();
     }
     rows.into_iter().map(|at| (x[at], y[at])).unzip()
 }
 
-/// plotly.js, compressed: 0.5 MB instead of 1.0, so that a page can be mailed as one file. `plotly/` holds the distribution `basic`, which draws lines,
-/// bars and pies, as the package plotly.js-basic-dist-min 3.0.1 of npm has it, with its licence.
+/// plotly.js, compressed from 1.0 to 0.5 MB so that a page can be mailed. `plotly/` holds the distribution `basic` (lines, bars and pies) of the
+/// npm package plotly.js-basic-dist-min 3.0.1, with its licence.
 static PLOTLY: LazyLock<String> = LazyLock::new(|| {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
     let written = encoder.write_all(include_bytes!("frame/plotly/plotly-basic.min.js")).and_then(|()| encoder.finish());
@@ -361,7 +358,7 @@ pub fn notice() -> Markup {
     }
 }
 
-/// The scripts that draw the plots and the animation, for the end of the page.
+/// The scripts that draw plots and animation, for the end of the page.
 pub fn scripts() -> Markup {
     html! {
         script type="text/plain" id="plotly" { (PreEscaped(PLOTLY.as_str())) }

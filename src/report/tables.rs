@@ -13,7 +13,7 @@ const PAPER_RATIO: &str = "at least 3";
 /// Instants at which estimates of several methods are compared.
 const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 
-/// All tables; `paper` if the scenario is the paper's, so that its numbers can be compared with ours.
+/// All tables; with `paper` the scenario is the paper's, and its numbers are added for comparison.
 pub fn all(scenario: &Scenario, run: &Run, paper: bool) -> Vec<Table> {
     let compared = scenario.observers().len() > 1;
     let mut tables = vec![if compared { comparison(scenario, run, paper) } else { constants(scenario, run) }];
@@ -54,7 +54,7 @@ fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     Table::new("Estimated force constants, 10⁻⁶ N·m²/A², and their errors", note, head.concat(), rows)
 }
 
-/// How large the estimates of the literal P(20) become, if it was run.
+/// The greatest error of P(20) taken literally, if it was run.
 fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64]) -> String {
     if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
         return String::new();
@@ -84,7 +84,7 @@ fn short_percent(value: f64) -> String {
     }
 }
 
-/// The final estimates with ± and what follows from them.
+/// The final estimates with ±, and the k_i and k_s that follow from them.
 fn constants(scenario: &Scenario, run: &Run) -> Table {
     let machine = scenario.machine;
     let symbols = machine.symbols("λ");
@@ -143,7 +143,7 @@ fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
     (!rows.is_empty()).then(|| Table::new(title, note, ["", "truth", "estimate", "angle", "estimate"], rows))
 }
 
-/// Forces before and after correction masses.
+/// Synchronous forces before and after the correction masses.
 pub fn balance(scenario: &Scenario, run: &Run) -> Option<Table> {
     let (balance_s, end_s) = (scenario.balance_s?, *run.recording.time_s.last()?);
     if end_s - balance_s < INTERVAL_S - 1e-9 {

@@ -1,7 +1,6 @@
-//! Choosing the excitation: how precisely λ is known after which time, with the reference trajectory alone and with the
-//! smallest force modulated.
+//! Choice of the excitation: precision of λ over time, with the reference trajectory alone and with the smallest force modulated.
 //!
-//! The standard deviations are the Cramér–Rao bound of a run of the scenario; the estimator is within 10 % of it.
+//! Standard deviations are the Cramér–Rao bound of a run of the scenario; the estimator is within 10 % of it.
 
 use crate::estimation::STD_LIMIT;
 use crate::simulation::scenario::Scenario;
@@ -13,8 +12,8 @@ use crate::table::Table;
 /// Instants to compare, in s.
 pub const INSTANTS_S: [f64; 6] = [0.05, 0.1, 0.2, 0.5, 1.0, 2.0];
 
-/// Modulation to compare: half of the smallest force, where there is one for all magnets at a frequency in Hz that is no harmonic of usual
-/// speeds. Where there are several, each keeps the frequency of the scenario.
+/// Modulation to compare: half of the smallest force, at a frequency in Hz that is no harmonic of usual speeds. If groups of magnets have
+/// separate smallest forces, each keeps the frequency of the scenario.
 pub const MODULATION: (f64, f64) = (0.5, 110.0);
 
 /// Modulation is recommended if it improves the worst λ by this factor at the requested instant.
@@ -23,26 +22,25 @@ const WORTH: f64 = 1.25;
 /// Parameters of the comparison.
 #[derive(Clone, Debug)]
 pub struct Conditions {
-    /// Speed of the rotor, in revolutions per minute; 0 is a rotor at rest in the centre.
+    /// Speed of the rotor, in rpm; 0 is a rotor at rest in the centre.
     pub rpm: f64,
-    /// Sample time, in seconds; `None` takes that of the scenario.
+    /// Sample time, in s; `None` is the sample time of the scenario.
     pub step_s: Option<f64>,
     /// Standard deviations of the noise, above 0, in m and A.
     pub noise: [f64; 2],
-    /// When λ must be known, in seconds.
+    /// When λ must be known, in s.
     pub instant_s: f64,
 }
 
-/// Standard deviations of one excitation, relative to λ, at [`INSTANTS_S`] and at the requested instant; those of magnets that are not used are
-/// missing.
+/// Standard deviations with one excitation, relative to λ, of the magnets in use, at [`INSTANTS_S`] and at the requested instant.
 pub type Precision = Vec<Vec<f64>>;
 
-/// The worst of some standard deviations; one that is not known is infinite.
+/// The largest standard deviation; NaN counts as infinite.
 fn worst<'s>(std: impl IntoIterator<Item = &'s f64>) -> f64 {
     std.into_iter().map(|std| if std.is_nan() { f64::INFINITY } else { *std }).fold(0.0, f64::max)
 }
 
-/// The worst λ at the requested instant.
+/// The largest standard deviation at the requested instant.
 pub fn worst_in_the_end(precision: &Precision) -> f64 {
     precision.last().map_or(f64::INFINITY, worst)
 }
@@ -55,7 +53,7 @@ fn instants_s(conditions: &Conditions) -> Vec<f64> {
 /// Results with the reference trajectory alone and with modulation, in this order.
 ///
 /// # Errors
-/// Every parameter that a model refuses, and an instant before the first sample; why a run ended early.
+/// All parameters that a model refuses; an instant before the first sample; the reason why a run ended early.
 pub fn design(scenario: &Scenario, conditions: &Conditions) -> Result<[Precision; 2], Stopped> {
     let mut scenario = montecarlo::study("", scenario, conditions.noise, true, 1).scenario;
     if let Some(step_s) = conditions.step_s {
@@ -90,7 +88,7 @@ pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
     worst_in_the_end(alone) > WORTH * worst_in_the_end(modulated)
 }
 
-/// The frequencies of the modulation: that of all magnets, or those of the scenario for several groups of magnets.
+/// Parameters and frequencies of the modulation: one for all magnets, or those of the scenario for several groups of magnets.
 fn frequencies(scenario: &Scenario) -> Vec<(String, f64)> {
     let names = scenario.machine.of_groups("F0.modulationFrequency");
     if let [name] = &names[..] {
@@ -104,8 +102,8 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
     let [alone, modulated] = precisions;
     let recommended = is_modulation_recommended(precisions);
     let best = if recommended { modulated } else { alone };
-    let is_enough = worst_in_the_end(best) < STD_LIMIT;
-    let percent = |precision: &Precision| montecarlo::known(100.0 * worst_in_the_end(precision), 2);
+    let is_sufficient = worst_in_the_end(best) < STD_LIMIT;
+    let percent = |precision: &Precision| montecarlo::or_dash(100.0 * worst_in_the_end(precision), 2);
     let first = if recommended {
         let frequencies: Vec<_> =
             frequencies(scenario).iter().map(|(name, frequency)| format!("{name} = {frequency} Hz")).collect();
@@ -120,13 +118,13 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
     } else {
         format!(
             "{}: after {} s the worst λ is known to {} %; modulation would make that {} %.",
-            if is_enough { "The reference trajectory excites enough" } else { "Modulation does not suffice" },
+            if is_sufficient { "The reference trajectory excites enough" } else { "Modulation does not suffice" },
             conditions.instant_s,
             percent(alone),
             percent(modulated)
         )
     };
-    if is_enough {
+    if is_sufficient {
         return first;
     }
     format!(
@@ -135,7 +133,7 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
     )
 }
 
-/// The results as a table: a column for each λ, or, where there are several bearings, for the worst of each.
+/// The results as a table, with a column for each λ, or, if there are several bearings, for the worst λ of each.
 pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
     let bearings = montecarlo::of_bearings(scenario);
     let several = bearings.len() > 1;
@@ -150,7 +148,7 @@ pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precisi
     let rows = instants_s(conditions).into_iter().zip(0..precisions[0].len()).map(|(instant_s, at)| {
         let std = |precision: &Precision| {
             let worst = |magnets: &[usize]| worst(magnets.iter().map(|k| &precision[at][*k]));
-            columns.iter().map(|(_, magnets)| montecarlo::known(100.0 * worst(magnets), 2)).collect::<Vec<_>>()
+            columns.iter().map(|(_, magnets)| montecarlo::or_dash(100.0 * worst(magnets), 2)).collect::<Vec<_>>()
         };
         std::iter::once(format!("{instant_s} s")).chain(precisions.iter().flat_map(std)).collect()
     });

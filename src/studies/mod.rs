@@ -1,7 +1,7 @@
-//! Studies: many runs, to judge estimator, controller and data.
+//! Studies of many runs, to assess estimator, controller and data.
 //!
-//! - [`montecarlo`]: errors over many seeds beside stated standard deviations and the Cramér–Rao bound;
-//! - [`design`]: how fast λ becomes known with which excitation;
+//! - [`montecarlo`]: errors over many seeds, stated standard deviations and the Cramér–Rao bound;
+//! - [`design`]: precision of λ over time for a choice of excitation;
 //! - [`sweep`]: a scenario with varied values, a row per case;
 //! - [`sensitivity`]: the sensitivity function of the sampled loop, after ISO 14839-3;
 //! - [`whirl`]: natural frequencies and unbalance response of a shaft over the speed;

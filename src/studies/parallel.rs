@@ -1,10 +1,10 @@
-//! Work on all processors.
+//! Parallel work on all processors.
 
 use std::sync::OnceLock;
 
 use rayon::iter::{IndexedParallelIterator, IntoParallelIterator, ParallelIterator};
 
-/// Does the work of every index on the pool of the program; the results in order.
+/// Does the work of each index in the thread pool; the results are in order.
 pub fn in_order<T: Send + Sync>(count: usize, work: &(dyn Fn(usize) -> T + Sync)) -> Vec<T> {
     let results: Vec<OnceLock<T>> = (0..count).map(|_| OnceLock::new()).collect();
     each(count, &|index| {
@@ -13,7 +13,7 @@ pub fn in_order<T: Send + Sync>(count: usize, work: &(dyn Fn(usize) -> T + Sync)
     results.into_iter().filter_map(OnceLock::into_inner).collect()
 }
 
-/// A function of its own: what the pool needs is compiled once, and not for every work.
+/// Not generic, so that the code of the pool is compiled once and not for every kind of work.
 fn each(count: usize, work: &(dyn Fn(usize) + Sync)) {
     (0..count).into_par_iter().with_max_len(1).for_each(work);
 }

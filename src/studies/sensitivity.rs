@@ -1,20 +1,21 @@
 //! The sensitivity function of the sampled loop of any machine, after ISO 14839-3: the gain from an error of a position sensor to its reading.
 //!
-//! One sensor at a time errs, the rotor stays in the centre and turns under a static load. The loop runs in time, as in any simulation; in one
-//! sample the error is a small ±n, and half the difference of the two responses over n is the impulse response h of the linearised loop, without
-//! the curvature of the forces. With the readings `y`,
+//! One sensor at a time has an error; the rotor turns in the centre under a static load. The loop is simulated in time with a small error ±n
+//! in one sample. Half the difference of the two responses, divided by n, is the impulse response h of the linearised loop; the curvature of
+//! the forces cancels. With the readings `y`,
 //!
 //! ```text
 //! h_k = (y_k(+n) − y_k(−n))/2n        S(ω) = Σ_k h_k e^{−jωkT_s}
 //! ```
 //!
-//! Sensors have no other errors and no delay, the rotor has no unbalance, and smallest forces are not modulated.
+//! Sensors have no other errors and no delay, the rotor has no unbalance, and the smallest forces are not modulated.
 
 use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField};
 
 use super::montecarlo::cases;
+use crate::machine::Reading;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate;
 use crate::table::Table;
@@ -28,19 +29,19 @@ pub fn zone(peak: f64) -> char {
     ZONES.iter().find(|(limit, _)| peak < *limit).map_or('D', |(_, zone)| *zone)
 }
 
-/// Times for the loop to settle, and for a response to decay, in s: the second pair for slow loops.
+/// Settling time of the loop and decay time of a response, in s; the second pair is for slow loops.
 const TIMES_S: [[f64; 2]; 2] = [[0.5, 0.25], [2.0, 1.0]];
 
-/// The error of a sensor, in m: of the size of small motions of the loop.
+/// The error of a sensor, in m, comparable to small motions of the loop.
 const ERROR_M: f64 = 1e-9;
 
-/// Part of the error that may be left of motion before it, and of its response in the end.
+/// Largest motion before an error, and largest response at the end, relative to the error.
 const DECAYED: f64 = 1e-6;
 
-/// Largest distance of a sensor from the centre after settling, in m.
+/// Largest reading after settling, in m.
 const CENTRED_M: f64 = 1e-7;
 
-/// Frequencies of a curve, from 1 Hz on.
+/// Number of frequencies of a curve.
 const FREQUENCIES: usize = 200;
 
 /// The responses of a loop at its operating point.
@@ -52,10 +53,10 @@ pub struct Sensitivity {
 }
 
 impl Sensitivity {
-    /// That of the loop of a scenario whose controller uses these λ, at the speed and under the load of its start.
+    /// The responses of the loop of a scenario with these λ in the controller, at the initial speed and load.
     ///
     /// # Errors
-    /// The loop does not stay at the operating point, or a parameter is refused.
+    /// If the loop does not stay at the operating point, or a parameter is refused.
     pub fn new(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Self, String> {
         let scenario = at_operating_point(scenario, lambda_nm2_a2)?;
         let [quick, slow] = TIMES_S;
@@ -72,7 +73,7 @@ impl Sensitivity {
         self.responses[reading].iter().enumerate().map(turned).sum()
     }
 
-    /// `[ω, |S|]` of a reading from 1 Hz to just below half the sampling frequency, at frequencies with the same ratio.
+    /// `[ω, |S|]` of a reading from 1 Hz to just below half the sampling frequency, at logarithmically spaced frequencies.
     pub fn curve(&self, reading: usize) -> Vec<[f64; 2]> {
         let ratio = 0.99 * PI / self.step_s / TAU;
         let at = |index: usize| TAU * libm::pow(ratio, index as f64 / (FREQUENCIES - 1) as f64);
@@ -85,7 +86,7 @@ pub fn peak(curve: &[[f64; 2]]) -> Option<[f64; 2]> {
     curve.iter().copied().max_by(|one, other| one[1].total_cmp(&other[1]))
 }
 
-/// Plant and controller alone, with the rotor in the centre and nothing that changes in time.
+/// Plant and controller alone, with the rotor in the centre and all inputs constant.
 fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scenario, String> {
     let (mut scenario, machine) = (scenario.clone(), scenario.machine);
     scenario.elements.truncate(2);
@@ -117,7 +118,7 @@ fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scen
     Ok(scenario)
 }
 
-/// The response of each reading to an error of its sensor, one after the other, with so much time to settle and for each to decay, in s.
+/// The response of each reading to an error of its sensor, one after the other, with these settling and decay times.
 fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec<Vec<f64>>, String> {
     let unsettled = |why: String| format!("the loop does not settle: {why}");
     let readings = scenario.machine.readings;
@@ -128,17 +129,19 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
     let [settling, window] = [settling_s, decay_s].map(|time_s| (time_s / scenario.step_s).ceil() as usize);
     let mut scenario = scenario.clone();
     scenario.duration_s = (settling + 2 * places.len() * window) as f64 * scenario.step_s;
-    let mut rest_m: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
+    let mut settling_m: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
     let mut read_m: Vec<Vec<f64>> = vec![Vec::new(); 2 * places.len()];
     let mut sample = 0;
     let alter = |_: f64, carried: &mut [Value]| {
-        let turn = sample.max(settling) - settling;
-        let (pulse, late) = ((turn / window).min(2 * places.len() - 1), turn % window);
+        let elapsed = sample.max(settling) - settling;
+        let (pulse, since) = ((elapsed / window).min(2 * places.len() - 1), elapsed % window);
         if sample < settling {
-            rest_m.iter_mut().zip(&places).for_each(|(rest_m, place)| rest_m.push(carried[*place].clone().as_f64()));
+            for (values_m, place) in settling_m.iter_mut().zip(&places) {
+                values_m.push(carried[*place].clone().as_f64());
+            }
         } else {
             let place = places[pulse / 2];
-            let error_m = match (late, pulse % 2) {
+            let error_m = match (since, pulse % 2) {
                 (0, 0) => ERROR_M,
                 (0, _) => -ERROR_M,
                 _ => 0.0,
@@ -149,19 +152,18 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
         }
         sample += 1;
     };
-    let run = simulate::run_altered(&scenario, |_| false, alter);
-    let run = run.map_err(|refused| refused.0.join("; "))?;
+    let run = simulate::run_altered(&scenario, |_| false, alter).map_err(|refused| refused.0.join("; "))?;
     if let Some(error) = run.error {
         return Err(unsettled(error));
     }
-    for (rest_m, reading) in rest_m.iter().zip(readings) {
-        let (last_m, before_m) = (rest_m[settling - 1], rest_m[settling - 1 - settling / 10]);
-        let is_still = (last_m - before_m).abs() <= DECAYED * ERROR_M && last_m.abs() <= CENTRED_M;
-        if !is_still {
+    for (values_m, reading) in settling_m.iter().zip(readings) {
+        let (last_m, before_m) = (values_m[settling - 1], values_m[settling - 1 - settling / 10]);
+        let is_settled = (last_m - before_m).abs() <= DECAYED * ERROR_M && last_m.abs() <= CENTRED_M;
+        if !is_settled {
             return Err(unsettled(format!("after {settling_s} s {} reads {last_m} m", reading.name)));
         }
     }
-    let response = |(pair, reading): (&[Vec<f64>], &crate::machine::Reading)| {
+    let response = |(pair, reading): (&[Vec<f64>], &Reading)| {
         let response: Vec<f64> = pair[0].iter().zip(&pair[1]).map(|(up, down)| (up - down) / (2.0 * ERROR_M)).collect();
         if response.iter().any(|h| !h.is_finite()) {
             return Err(format!("the response to an error of {} is not finite", reading.name));
@@ -176,7 +178,7 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
     read_m.chunks(2).zip(readings).map(response).collect()
 }
 
-/// The peaks with the first guess of λ and with the true λ, a row for each sensor; and what could not be computed, in words.
+/// The peaks with the first guess of λ and with the true λ, a row for each sensor; and messages about missing functions.
 pub fn table(scenario: &Scenario) -> (Table, Vec<String>) {
     let machine = scenario.machine;
     let lambda = |element: &str, name: &str| {
@@ -193,13 +195,10 @@ pub fn table(scenario: &Scenario) -> (Table, Vec<String>) {
     let missing = found.iter().zip(["the first guess of λ", "the true λ"]).filter_map(|(found, which)| {
         Some(format!("with {which} there is no sensitivity function: {}", found.as_ref().err()?))
     });
-    let row = |(n, reading): (usize, &crate::machine::Reading)| {
-        let cells = found.iter().flat_map(|found| {
-            let peak = found.as_ref().ok().and_then(|found| peak(&found.curve(n)));
-            match peak {
-                Some([omega, peak]) => [format!("{peak:.2}"), format!("{:.0}", omega / TAU), zone(peak).to_string()],
-                None => ["–", "–", "–"].map(String::from),
-            }
+    let row = |(n, reading): (usize, &Reading)| {
+        let cells = found.iter().flat_map(|found| match found.as_ref().ok().and_then(|found| peak(&found.curve(n))) {
+            Some([omega, peak]) => [format!("{peak:.2}"), format!("{:.0}", omega / TAU), zone(peak).to_string()],
+            None => ["–", "–", "–"].map(String::from),
         });
         [reading.name.to_owned()].into_iter().chain(cells).collect()
     };

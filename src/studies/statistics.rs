@@ -1,13 +1,13 @@
-//! Means, ranges and noise of values, of which some may not be known.
+//! Means, ranges and noise of values, some of which may be NaN.
 
-/// The mean of the values that are known.
+/// The mean of the finite values.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> f64 {
-    let known = values.into_iter().filter(|value| value.is_finite());
-    let (sum, count) = known.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
+    let finite = values.into_iter().filter(|value| value.is_finite());
+    let (sum, count) = finite.fold((0.0, 0.0), |(sum, count), value| (sum + value, count + 1.0));
     sum / count
 }
 
-/// The root of the mean square; 0 of nothing.
+/// The root mean square; 0 if there are no values.
 pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
     let (sum, count) =
         values.into_iter().fold((0.0, 0.0_f64), |(sum, count), value| (sum + value * value, count + 1.0));
@@ -24,13 +24,13 @@ pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Lowest and highest of the known values; 0 if there are none.
+/// Minimum and maximum of the finite values; 0 if there are none.
 pub fn range(values: impl IntoIterator<Item = f64>) -> [f64; 2] {
-    let known = values.into_iter().filter(|value| value.is_finite());
-    known.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
+    let finite = values.into_iter().filter(|value| value.is_finite());
+    finite.map(|value| [value, value]).reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]).unwrap_or_default()
 }
 
-/// Standard deviation of white noise from fourth differences, whose squares sum to 70.
+/// Standard deviation of white noise from fourth differences; the squares of their coefficients sum to 70.
 pub fn noise(values: &[f64]) -> f64 {
     let fourth = |v: &[f64]| v[0] - 4.0 * v[1] + 6.0 * v[2] - 4.0 * v[3] + v[4];
     (mean(values.windows(5).map(|v| fourth(v).powi(2))) / 70.0).sqrt()

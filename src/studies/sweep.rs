@@ -1,11 +1,11 @@
 //! Many runs of one scenario with varied values: every case is a row of the design and a row of the result.
 //!
 //! A design is a CSV table whose columns are variables of the loop, `plant.m` or `plant.m [g]`, and whose rows are cases; or a
-//! TOML file that describes how to draw such a table ([`Sweep::open`]). Each row is written as soon as its case ends, and is
-//! on the disk before it counts. An interrupted sweep resumes where it stopped: existing rows are not computed again, an
-//! incomplete last row is discarded. When all cases are done the rows are put in the order of the design.
+//! TOML file that describes how to draw such a table ([`Sweep::open`]). Each row is written and synchronised to disk as soon as
+//! its case ends. An interrupted sweep resumes where it stopped: existing rows are kept, an incomplete last row is discarded.
+//! When all cases are done, the rows are put in the order of the design.
 //!
-//! A case that cannot be run, or ends early, gives a row with the reason.
+//! The row of a case that cannot be run, or ends early, states the reason.
 
 use std::collections::{BTreeMap, HashSet};
 use std::fs::{self, File, OpenOptions};
@@ -25,16 +25,16 @@ use crate::simulation::recording::with_unit;
 use crate::simulation::scenario::{Element, Scenario, ScenarioError, built_in, leaves, text, text_of};
 use crate::simulation::simulate::{self, Run};
 
-/// Length of the stretch at the end of a run over which tracking is judged, in seconds.
-const STRETCH_S: f64 = 0.04;
+/// Length of the interval at the end of a run over which tracking is judged, in s.
+const TRACKING_S: f64 = 0.04;
 
-/// The most cases of a design; all are in memory.
-const MOST_CASES: usize = 1_000_000;
+/// Maximum number of cases of a design; all are held in memory.
+const MAX_CASES: usize = 1_000_000;
 
-/// The scenario to vary when none is named.
+/// The scenario to vary if none is named.
 const DEFAULT_SCENARIO: &str = "unbalanced";
 
-/// Why a sweep cannot begin or resume: a finding about a file.
+/// The reason why a sweep cannot begin or resume: a finding about a file.
 fn refusal(origin: &Path, finding: impl ToString) -> ScenarioError {
     ScenarioError { origin: origin.display().to_string(), findings: vec![finding.to_string()] }
 }
@@ -55,11 +55,11 @@ pub struct Sweep {
     scenario: Scenario,
     /// The text of the scenario.
     scenario_text: String,
-    /// Indicators of each case.
-    results: Vec<Figure>,
+    /// Results of each case.
+    results: Vec<Indicator>,
     /// Headers of the columns, `element.variable` or `element.variable [unit]`.
     columns: Vec<String>,
-    /// A cell per column; an empty one leaves the scenario's value.
+    /// Rows with a cell per column; an empty cell keeps the scenario's value.
     cases: Vec<Vec<String>>,
 }
 
@@ -78,7 +78,7 @@ struct Document {
 #[derive(Clone, Copy, Deserialize, PartialEq, Eq)]
 #[serde(rename_all = "camelCase")]
 enum Sampling {
-    /// The range of every variable is divided into as many equal parts as there are cases, and one value is drawn from each.
+    /// The range of each variable is divided into as many equal strata as there are cases; one value is drawn from each.
     LatinHypercube,
     /// Independent draws.
     MonteCarlo,
@@ -98,19 +98,19 @@ enum Range {
 struct Between {
     from: f64,
     to: f64,
-    /// Unit of both; by default that of the interface.
+    /// Unit of both; by default the unit of the variable.
     unit: Option<String>,
-    /// Whether the logarithm is uniformly distributed instead of the value.
+    /// Whether the logarithm is uniformly distributed, not the value.
     #[serde(default)]
     log: bool,
 }
 
 impl Sweep {
-    /// Reads a design: CSV, also from the standard input under the name `-`, or TOML if its name ends so. `scenario` names the
-    /// scenario to vary and takes precedence over the design.
+    /// Reads a design: TOML from a file with this extension, else CSV; `-` is the standard input. `scenario` names the scenario
+    /// to vary and takes precedence over the design.
     ///
     /// # Errors
-    /// Everything that is wrong with the design as a whole. Errors of a single case are found when it is run.
+    /// All findings about the design as a whole. Errors of a single case are found when it is run.
     pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, ScenarioError> {
         let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
         let text = read.map_err(|error| refusal(path, error))?;
@@ -138,10 +138,10 @@ impl Sweep {
         self.cases.len()
     }
 
-    /// Writes the design as CSV, with the values drawn.
+    /// Writes the design, with the values drawn, as CSV.
     ///
     /// # Errors
-    /// Whatever the writer reports.
+    /// Errors of the writer.
     pub fn write(&self, mut to: impl Write) -> io::Result<()> {
         to.write_all(&lines(std::iter::once(&self.columns).chain(&self.cases))?)?;
         to.flush()
@@ -219,7 +219,7 @@ impl Sweep {
     /// If the file cannot be read or written, is not a regular file, belongs to another design, or is in use by another sweep.
     pub fn run(&self, path: &Path) -> Result<Outcome, ScenarioError> {
         let fail = |error: io::Error| refusal(path, error);
-        // A device has no rows to resume from, and some have no end.
+        // Devices have no rows to resume from, and reading some never ends.
         if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
             return Err(refusal(path, "it is not a regular file; name one, or - for the standard output"));
         }
@@ -241,7 +241,7 @@ impl Sweep {
     /// Runs all cases and writes each row as soon as all earlier ones are written.
     ///
     /// # Errors
-    /// Whatever the writer reports.
+    /// Errors of the writer.
     pub fn run_to(&self, mut to: impl Write) -> io::Result<Outcome> {
         to.write_all(&lines(&[self.header()])?)?;
         let todo: Vec<usize> = (0..self.count()).collect();
@@ -258,17 +258,17 @@ impl Sweep {
         Ok(Outcome { before: 0, failed })
     }
 
-    /// Runs these cases on the pool of the program, in order, and hands over the rows as they arrive.
+    /// Runs these cases in the thread pool, starting in order, and passes the rows on as they arrive.
     fn work(&self, todo: &[usize], mut write: impl FnMut(Vec<Vec<String>>) -> io::Result<()>) -> io::Result<()> {
         let progress = Progress::new("sweeping", todo.len() as u64);
         let (sender, rows) = mpsc::channel();
         rayon::in_place_scope(move |scope| {
-            // The receiver is dropped when the disk is full; no further case is begun then.
+            // If writing fails, the receiver is dropped, and no further case is started.
             let send = |sender: &mut mpsc::Sender<_>, case: &usize| sender.send(self.row(*case));
             scope.spawn(move |_| drop(todo.iter().par_bridge().try_for_each_with(sender, send)));
             let mut count = 0;
             while let Ok(row) = rows.recv() {
-                // Rows that have arrived meanwhile are written with it.
+                // Rows that have arrived in the meantime are written with it.
                 let batch: Vec<_> = std::iter::once(row).chain(rows.try_iter()).collect();
                 count += batch.len();
                 write(batch)?;
@@ -278,7 +278,7 @@ impl Sweep {
         })
     }
 
-    /// Reads the rows of an earlier run; writes the header if the file is empty. Returns the cases that are done.
+    /// Reads the rows of an earlier run, or writes the header if there are none. Returns the cases that are done.
     fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, ScenarioError> {
         let fail = |error: io::Error| refusal(path, error);
         let text = fs::read(path).map_err(fail)?;
@@ -310,7 +310,7 @@ impl Sweep {
         Ok(done)
     }
 
-    /// Rewrites the rows in the order of the cases, atomically. Returns how many cases failed.
+    /// Rewrites the rows in the order of the cases, atomically. Returns the number of failed cases.
     fn put_in_order(&self, path: &Path) -> io::Result<usize> {
         let mut reader = csv::Reader::from_path(path)?;
         let mut rows: Vec<Vec<String>> = reader.deserialize().collect::<Result<_, _>>()?;
@@ -339,45 +339,45 @@ fn is_failed(row: &[String]) -> bool {
 
 /// A result of a run.
 #[derive(Clone)]
-struct Figure {
+struct Indicator {
     /// Header of its column.
     name: String,
-    /// The output that it is taken from, as element and variable joined by a dot.
+    /// The output from which it is computed, as `element.variable`.
     source: String,
-    /// The magnet, counted from 0, without which there is none.
+    /// The magnet, counted from 0, that must be in use.
     magnet: Option<usize>,
-    of: Of,
+    quantity: Quantity,
 }
 
-/// Number that is taken from an output.
+/// Number computed from an output.
 #[derive(Clone)]
-enum Of {
-    /// Its last value.
+enum Quantity {
+    /// The last value.
     Last,
     /// `λ̂/λ − 1`, with the name of λ.
     Error(String),
-    /// Its largest magnitude at the end of the run.
+    /// The largest magnitude at the end of the run.
     Tracking,
 }
 
 /// The result columns of a machine, after case, seed and status.
-fn results(scenario: &Scenario) -> Vec<Figure> {
+fn results(scenario: &Scenario) -> Vec<Indicator> {
     let machine = scenario.machine;
     let unit = |element: &Element, name: &str| {
         element.index(name).map_or("", |index| element.model_type.variables()[index].unit_name())
     };
     let last = |name: String| {
         let (source, unit) = (format!("estimator.{name}"), unit(scenario.estimator(), &name));
-        Figure { name: with_unit(name, unit), source, magnet: None, of: Of::Last }
+        Indicator { name: with_unit(name, unit), source, magnet: None, quantity: Quantity::Last }
     };
-    let of_magnet = |(k, name): (usize, String)| Figure { magnet: Some(k), ..last(name) };
+    let of_magnet = |(k, name): (usize, String)| Indicator { magnet: Some(k), ..last(name) };
     let error = |((k, name), truth): ((usize, String), String)| {
         let source = format!("estimator.{}", truth.replace("lambda", "lambdaHat"));
-        Figure { name, source, magnet: Some(k), of: Of::Error(truth) }
+        Indicator { name, source, magnet: Some(k), quantity: Quantity::Error(truth) }
     };
     let tracking = |(name, error): (String, String)| {
         let name = with_unit(name.replace("reference.", "tracking."), unit(scenario.controller(), &error));
-        Figure { name, source: format!("controller.{error}"), magnet: None, of: Of::Tracking }
+        Indicator { name, source: format!("controller.{error}"), magnet: None, quantity: Quantity::Tracking }
     };
     let of_magnets = |name: &str| machine.of_magnets(name).into_iter().enumerate();
     let estimates = [machine.of_planes("magnitude"), machine.of_planes("phase"), machine.of_loads("p", "Hat")].concat();
@@ -390,16 +390,16 @@ fn results(scenario: &Scenario) -> Vec<Figure> {
         .collect()
 }
 
-impl Figure {
-    /// The result as text, with as many digits as needed to read the same number again; empty if there is none.
+impl Indicator {
+    /// The result as text that reads back exactly; empty if there is none.
     fn of(&self, scenario: &Scenario, run: &Run) -> String {
         let column = run.recording.get(&self.source).unwrap_or(&[]);
         let last = column.last().copied();
-        let value = match &self.of {
-            Of::Last => last,
-            Of::Error(truth) => last.zip(scenario.real(truth)).map(|(hat, truth)| hat / truth - 1.0),
-            Of::Tracking => {
-                let points = (STRETCH_S / scenario.step_s).round() as usize;
+        let value = match &self.quantity {
+            Quantity::Last => last,
+            Quantity::Error(truth) => last.zip(scenario.real(truth)).map(|(hat, truth)| hat / truth - 1.0),
+            Quantity::Tracking => {
+                let points = (TRACKING_S / scenario.step_s).round() as usize;
                 column.iter().rev().take(points).map(|error| error.abs()).reduce(f64::max)
             }
         };
@@ -408,7 +408,7 @@ impl Figure {
     }
 }
 
-/// A file beside another, unless it is a built-in scenario.
+/// A file relative to the folder of another, unless it is a built-in scenario.
 fn beside(path: &Path, name: &str) -> PathBuf {
     let is_built_in = built_in(Path::new(name)).is_some();
     if is_built_in { name.into() } else { path.parent().unwrap_or(Path::new("")).join(name) }
@@ -431,8 +431,8 @@ fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
 
 /// Draws the cases of a design.
 fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> {
-    if document.cases > MOST_CASES {
-        return Err(format!("cases = {} is refused: expected at most {MOST_CASES}", document.cases));
+    if document.cases > MAX_CASES {
+        return Err(format!("cases = {} is refused: expected at most {MAX_CASES}", document.cases));
     }
     let mut random = Pcg64::seed_from_u64(document.seed);
     let mut columns = Vec::new();
@@ -445,17 +445,17 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
             }
             Ok(range) => range,
         };
-        let mut parts: Vec<usize> = (0..document.cases).collect();
+        let mut strata: Vec<usize> = (0..document.cases).collect();
         // Fisher–Yates.
-        for at in (1..parts.len()).rev() {
-            parts.swap(at, random.random_range(0..=at));
+        for at in (1..strata.len()).rev() {
+            strata.swap(at, random.random_range(0..=at));
         }
         let mut unit = None;
-        for (case, part) in cases.iter_mut().zip(parts) {
-            let chance: f64 = random.random();
+        for (case, stratum) in cases.iter_mut().zip(strata) {
+            let uniform: f64 = random.random();
             let share = match document.sampling {
-                Sampling::LatinHypercube => (part as f64 + chance) / document.cases as f64,
-                Sampling::MonteCarlo => chance,
+                Sampling::LatinHypercube => (stratum as f64 + uniform) / document.cases as f64,
+                Sampling::MonteCarlo => uniform,
             };
             case.push(match &range {
                 Range::Between(between) => {

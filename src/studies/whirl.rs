@@ -7,7 +7,7 @@
 //! diag(m, J_t) q̈ + (Bᵀ C B − i Ω diag(0, J_p)) q̇ + Bᵀ K B q = Ω² (ΣU e^{iφ}, ΣU ξ e^{iφ}) e^{iΩt}
 //! ```
 //!
-//! An eigenvalue with a positive imaginary part whirls forward, with the rotor; with a negative one, backward.
+//! A mode whirls forward, with the rotor, if the imaginary part of its eigenvalue is positive; backward if it is negative.
 
 use std::f64::consts::{PI, TAU};
 
@@ -20,11 +20,10 @@ use crate::table::Table;
 
 type C = Complex<f64>;
 
-/// Steps of the speed in which a critical speed is searched.
+/// Number of speed steps in the search for critical speeds.
 const SEARCH: usize = 400;
 
-/// The product of the eigenvalues may be off by so much, relative; where the stiffness or the damping is so large that it is off by more, rounding
-/// hides the motion.
+/// Largest relative error of the product of the eigenvalues; with stiffness or damping so large that it is exceeded, rounding hides the motion.
 const ROUNDING: f64 = 1e-3;
 
 /// A shaft on springs and dampers.
@@ -81,7 +80,7 @@ impl Whirl {
         checked.map(|()| found).map_err(|findings| Invalid::list(&findings))
     }
 
-    /// Displacements of the bearings by unit displacement u and unit inclination ψ.
+    /// Displacements of the bearings for a unit displacement u and a unit inclination ψ.
     fn bearings(&self) -> Matrix2<C> {
         let [a, b] = self.bearings_m;
         Matrix2::new(1.0, a, 1.0, b).map(C::from)
@@ -99,8 +98,8 @@ impl Whirl {
         [at_bearings * C::from(self.stiffness_n_m), damping]
     }
 
-    /// Natural frequencies of the two modes in Hz at a speed in rad/s, each backward and forward. At rest both whirl at one frequency; the
-    /// slower mode comes first. NaN where rounding leaves no frequency.
+    /// Natural frequencies of the two modes in Hz at a speed in rad/s, each backward and forward; the slower mode comes first. At standstill
+    /// both directions have the same frequency. NaN where rounding hides the motion.
     pub fn modes_hz(&self, omega_rad_s: f64) -> [[f64; 2]; 2] {
         let [stiffness, damping] = self.forces(omega_rad_s);
         let over = |matrix: Matrix2<C>| -> Matrix2<C> {
@@ -122,7 +121,7 @@ impl Whirl {
         [[-backward_1, forward_1], [-backward_2, forward_2]]
     }
 
-    /// Displacements `y + i z` of the bearings A and B by the unbalance, in m, turning with the rotor at a speed in rad/s.
+    /// Displacements `y + i z` of the bearings A and B due to the unbalance, in m, in the rotating frame, at a speed in rad/s.
     pub fn response_m(&self, omega_rad_s: f64) -> [C; 2] {
         let [stiffness, damping] = self.forces(omega_rad_s);
         let square = omega_rad_s * omega_rad_s;
@@ -135,8 +134,8 @@ impl Whirl {
         (self.bearings() * found).into()
     }
 
-    /// The critical speeds up to the greatest, in rpm: those at which a mode whirls forward as fast as the rotor turns, so that unbalance
-    /// excites it. With the number of the mode, from 1.
+    /// The critical speeds up to `greatest_rpm`, at which a mode whirls forward as fast as the rotor turns, so that unbalance excites it: the
+    /// number of the mode, from 1, and the speed in rpm.
     pub fn critical_rpm(&self, greatest_rpm: f64) -> Vec<(usize, f64)> {
         let mut found = Vec::new();
         for mode in 0..2 {
@@ -172,7 +171,7 @@ impl Whirl {
     }
 }
 
-/// A row of the diagram for each of so many steps of the speed up to the greatest, in rpm.
+/// The diagram as a table, with a row for each step of the speed up to `greatest_rpm`.
 ///
 /// # Errors
 /// If frequencies or response cannot be computed.

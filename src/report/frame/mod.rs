@@ -1,4 +1,4 @@
-//! The frame of every HTML page: one head, one style, light and dark, nothing loaded from elsewhere.
+//! Head and style of every HTML page, light and dark; nothing is loaded from elsewhere.
 
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
@@ -23,14 +23,10 @@ pub fn page(title: &str, body: &Markup) -> String {
     .into_string()
 }
 
-/// The command that runs this program with the present arguments, to show on the page that it makes.
+/// The command of this run, to show on its page.
 pub fn command_line() -> String {
-    let quoted = std::env::args_os()
-        .map(|argument| argument.to_string_lossy().into_owned())
-        .skip(1)
-        .map(|argument| quote(&argument))
-        .collect::<Vec<_>>();
-    match quoted.as_slice() {
+    let arguments: Vec<_> = std::env::args_os().skip(1).map(|argument| quote(&argument.to_string_lossy())).collect();
+    match &arguments[..] {
         [] => "cargo run --release".into(),
         arguments => format!("cargo run --release -- {}", arguments.join(" ")),
     }

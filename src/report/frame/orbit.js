@@ -1,17 +1,16 @@
-// The animation: the rotor in its clearance between the magnets, their forces, and the instant in the plot beside it.
+// The animation: the rotor in its clearance between the magnets, and their forces.
 "use strict";
 (() => {
   const root = document.getElementById("orbit-animation");
   if (!root) return;
   const data = JSON.parse(root.firstElementChild.textContent);
-  const unpack = one => one && new Float32Array(Uint8Array.from(atob(one.bdata), c => c.charCodeAt(0)).buffer);
   const t = unpack(data.t), y = unpack(data.y), z = unpack(data.z), theta = unpack(data.theta);
-  const refY = unpack(data.refY), refZ = unpack(data.refZ), valid = unpack(data.valid), contact = unpack(data.contact);
+  const refY = unpack(data.refY), refZ = unpack(data.refZ), contact = unpack(data.contact);
   const force = data.force.map(unpack), lambda = data.lambda && data.lambda.map(unpack);
   const last = t.length - 1;
   if (last < 1) return;
 
-  // Lengths in the drawing; displacements and gaps are on one scale, the rotor itself is far larger in reality.
+  // Lengths in the drawing; displacements and gaps have one scale, the real rotor is far larger.
   const ROTOR = 92, RING = 158, ARROW = 74, VIEW = 330;
   const scale = (RING - ROTOR) / data.clearance, pole = ROTOR + data.gap * scale;
   // An impact of a few samples must not shorten all other arrows.
@@ -27,11 +26,6 @@
     return `<text class="pull" id="pull${k}" x="${r * Math.sin(a)}" y="${-r * Math.cos(a) + 6}" style="fill:var(--magnet${k + 1})"></text>`;
   };
   const arrow = k => `<g id="arrow${k}" style="stroke:var(--magnet${k + 1});fill:var(--magnet${k + 1})"><path class="shaft"/><path class="tip" d="M0 0L-7 13H7Z"/></g>`;
-  const path = (ys, zs, from, to) => {
-    let d = "";
-    for (let i = from; i <= to; i++) d += `${d ? "L" : "M"}${(ys[i] * scale).toFixed(1)} ${(-zs[i] * scale).toFixed(1)}`;
-    return d;
-  };
   const bar = data.clearance > 150 ? 100 : data.clearance > 15 ? 10 : 1;
   root.innerHTML = `<svg viewBox="${-VIEW} ${-VIEW + 40} ${2 * VIEW} ${2 * VIEW - 44}" role="img" aria-label="The rotor in its clearance between its magnets">
     <defs><radialGradient id="steel" cx=".38" cy=".34" r=".8"><stop offset="0"/><stop offset="1"/></radialGradient></defs>
@@ -49,24 +43,15 @@
   const rotor = get("rotor");
   const centre = find(".centre"), body = find(".body"), trail = find(".trail"), ring = find(".ring"), event = find(".event");
 
-  // The trail is one revolution long.
-  const turn = at => {
-    let from = at;
-    while (from > 0 && at - from < 600 && Math.abs(theta[at] - theta[from]) < 2 * Math.PI) from--;
-    return from;
-  };
-
-  play(root, t, theta, data.timeFactor, at => {
-    const i = Math.min(Math.floor(at), last), j = Math.min(i + 1, last), part = at - i;
-    const value = values => values[i] + part * (values[j] - values[i]);
+  play(root, data, (i, before, value, now) => {
     const cy = value(y) * scale, cz = -value(z) * scale;
     rotor.setAttribute("transform", `translate(${cy} ${cz}) rotate(${-value(theta) * degrees})`);
     for (const circle of [centre, body]) {
       circle.setAttribute("cx", cy);
       circle.setAttribute("cy", cz);
     }
-    trail.setAttribute("d", path(y, z, turn(i), i));
-    if (refY && refZ) find(".reference").setAttribute("d", path(refY, refZ, turn(i), i));
+    trail.setAttribute("d", path(y, z, scale, before, i));
+    if (refY && refZ) find(".reference").setAttribute("d", path(refY, refZ, scale, before, i));
     ring.classList.toggle("hit", Boolean(contact && contact[i] > 0.5));
     for (let k = 0; k < data.alpha.length; k++) {
       const pull = Math.max(0, value(force[k])), long = Math.min(pull / most, 1.3) * ARROW;
@@ -78,11 +63,8 @@
       get(`pull${k}`).textContent = `${text(pull)} N`;
       if (lambda) get(`hat${k}`).textContent = `λ̂${"₁₂₃₄"[k]} ${lambda[k][i].toFixed(3)}`;
     }
-    const now = at * t[last] / last;
-    get("now").textContent = `t ${(now * data.timeFactor).toFixed(data.timeFactor > 1 ? 1 : 3)} ${data.timeFactor > 1 ? "ms" : "s"}` +
-      (valid ? valid[i] > 0.5 ? ", valid" : ", not valid" : "");
     // Events stay visible for a while.
-    const told = data.events.filter(([when]) => when <= now && now < when + (40 / last + 0.06) * t[last]).pop();
-    event.textContent = told ? told[1] : "";
+    const recent = data.events.filter(([when]) => when <= now && now < when + (40 / last + 0.06) * t[last]).pop();
+    event.textContent = recent ? recent[1] : "";
   });
 })();

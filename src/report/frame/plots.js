@@ -1,4 +1,4 @@
-// Draws the plots of the page with plotly.js, which the page contains in compressed form, and links those over time.
+// Draws the plots of the page with plotly.js, which the page contains compressed, and links those over time.
 "use strict";
 (async () => {
   const packed = Uint8Array.from(atob(document.getElementById("plotly").textContent), c => c.charCodeAt(0));
@@ -22,10 +22,10 @@
     if (value && typeof value === "object") return Object.fromEntries(Object.entries(value).map(([k, v]) => [k, resolved(v)]));
     return value;
   }
-  // Each axis makes room on its own side alone: at both ends, the last number of x would move the margin back and forth.
+  // Each axis adjusts only the margin on its own side: otherwise the last number of x would move the margin back and forth.
   const axis = (own, automargin) => ({gridcolor: "--grid", linecolor: "--rule", zerolinecolor: "--rule", automargin,
     hoverformat: ".6~g", exponentformat: "power", minexponent: 5, ...own, title: {...own.title, standoff: 6}});
-  // On a narrow page a long title takes several lines.
+  // On a narrow page long titles are wrapped.
   const broken = (title, div) => div.clientWidth < 500 && title?.text ? {...title, text: title.text.replace(/(.{15}\S*) /g, "$1<br>")} : title;
   function figure(div) {
     const {data, layout} = specs.get(div);
@@ -55,7 +55,7 @@
     if (first && shown && linked.includes(div)) Plotly.relayout(div, ranges(div));
   }
 
-  // The interval shown, and what the lines reach within it; over the whole run the range that the plot begins with.
+  // The interval shown, and the range of the lines within it; for the whole run, the initial range of the plot.
   function ranges(div) {
     const own = specs.get(div).layout, [from, to] = shown;
     const change = {"xaxis.range": [from, to]};
@@ -79,7 +79,7 @@
     return Object.assign(change, {"yaxis.range": [least - margin, most + margin]});
   }
 
-  // Shows this interval in all plots over time; plots not yet drawn use it later.
+  // Shows this interval in all plots over time, including those drawn later.
   function show(ends, from) {
     if (!ends || shown && ends[0] === shown[0] && ends[1] === shown[1]) return;
     shown = [...ends];
@@ -94,7 +94,7 @@
   plots.forEach(div => watch.observe(div));
   const redraw = () => plots.filter(div => div.drawn).forEach(draw);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
-  // A printed page is about 660 pixels wide, whatever the window; the browser lays it out before a plot could follow.
+  // A printed page is about 660 pixels wide, whatever the window, and laid out before plots can adapt.
   addEventListener("beforeprint", () => plots.forEach(div => {
     if (!div.drawn) draw(div);
     Plotly.relayout(div, {autosize: false, width: div.closest(".two") ? 320 : 650});

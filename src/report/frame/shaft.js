@@ -4,18 +4,16 @@
   const root = document.getElementById("shaft-animation");
   if (!root) return;
   const data = JSON.parse(root.firstElementChild.textContent);
-  const unpack = one => one && new Float32Array(Uint8Array.from(atob(one.bdata), c => c.charCodeAt(0)).buffer);
-  const t = unpack(data.t), theta = unpack(data.theta), x = unpack(data.x), valid = unpack(data.valid);
+  const x = unpack(data.x);
   const orbits = data.orbits.map(pair => pair.map(unpack));
-  const last = t.length - 1;
-  if (last < 1) return;
+  if (x.length < 2) return;
 
-  // Along the shaft 1 m is LENGTH / extent; displacements across and along it are enlarged alike.
+  // Along the shaft 1 m is LENGTH / extent; displacements across and along it have one larger scale.
   const LENGTH = 500, GAP = 40, THICK = 17, ORBIT = 92;
   const [begin, end] = data.extent, along = LENGTH / (end - begin);
   const at = position => (position - 0.5 * (begin + end)) * along - 20;
   const scale = GAP / data.clearance, orbitScale = ORBIT / data.clearance;
-  // The axial disc is drawn beyond the end, clear of the bearings.
+  // The axial disc is drawn beyond the end of the shaft, clear of the bearings.
   const disc = at(end) + 34;
   const pair = (place, y, which) => [-1, 1].map(side =>
     `<g class="${which}"><rect class="iron" x="${place - 20}" y="${y + side * (THICK + GAP + 16) - 16}" width="40" height="32" rx="4"/></g>`).join("");
@@ -39,26 +37,17 @@
   const bars = [...root.querySelectorAll(".bar")], trails = [...root.querySelectorAll(".trail")], centres = [...root.querySelectorAll(".centre")];
   const [a, b] = data.bearings;
 
-  play(root, t, theta, data.timeFactor, now => {
-    const i = Math.min(Math.floor(now), last), j = Math.min(i + 1, last), part = now - i;
-    const value = values => values[i] + part * (values[j] - values[i]);
-    let from = i;
-    while (from > 0 && i - from < 600 && Math.abs(theta[i] - theta[from]) < 2 * Math.PI) from--;
-    // Side: z upwards; above: y upwards.
+  play(root, data, (i, before, value) => {
+    // Side view: z upwards; view from above: y upwards.
     [1, 0].forEach((axis, n) => {
       const [inA, inB] = orbits.map(pair => value(pair[axis]) * scale);
       const tilt = (inB - inA) / (at(b) - at(a)), middle = inA - tilt * at(a), y = n ? 190 : -20;
       bars[n].setAttribute("transform", `translate(${value(x) * scale} ${-middle}) rotate(${-Math.atan(tilt) * 180 / Math.PI} 0 ${y})`);
     });
     orbits.forEach(([ys, zs], n) => {
-      let d = "";
-      for (let k = from; k <= i; k++) d += `${d ? "L" : "M"}${(ys[k] * orbitScale).toFixed(1)} ${(-zs[k] * orbitScale).toFixed(1)}`;
-      trails[n].setAttribute("d", d);
+      trails[n].setAttribute("d", path(ys, zs, orbitScale, before, i));
       centres[n].setAttribute("cx", value(ys) * orbitScale);
       centres[n].setAttribute("cy", -value(zs) * orbitScale);
     });
-    const time = now * t[last] / last * data.timeFactor;
-    document.getElementById("now").textContent = `t ${time.toFixed(data.timeFactor > 1 ? 1 : 3)} ${data.timeFactor > 1 ? "ms" : "s"}` +
-      (valid ? valid[i] > 0.5 ? ", valid" : ", not valid" : "");
   });
 })();

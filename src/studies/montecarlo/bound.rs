@@ -6,10 +6,10 @@ use crate::fmu::plant;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 
-/// Orders of the Taylor series over an interval; the negative stiffness changes little within a sample.
+/// Order of the Taylor series over an interval; the negative stiffness changes little within a sample.
 const ORDERS: usize = 6;
 
-/// Data of one interval for the bound between two samples.
+/// Data of the interval between two samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interval {
     /// Length, in s.
@@ -31,15 +31,15 @@ pub struct Interval {
 pub struct Rotor {
     /// The mass or moment of inertia of each coordinate, in kg or kg·m².
     pub inertia: DVector<f64>,
-    /// Gyroscopic moments at a speed of 1 rad/s, by coordinate, for a unit of the rate of each coordinate.
+    /// Gyroscopic moments at a speed of 1 rad/s, by coordinate, for a unit rate of each coordinate.
     pub gyroscopic: DMatrix<f64>,
-    /// `d_k`: the generalised force for a unit of the force of each magnet.
+    /// `d_k`: the generalised force for a unit force of each magnet.
     pub directions: DMatrix<f64>,
     /// Gap of each magnet with the rotor in the centre, in m.
     pub gap_m: Vec<f64>,
     /// True λ, in N·m²/A².
     pub lambda_nm2_a2: Vec<f64>,
-    /// The generalised force for a unit of force along y, and along z, of each plane of unbalance.
+    /// The generalised force for a unit force along y, and along z, in each unbalance plane.
     pub planes: Vec<[DVector<f64>; 2]>,
     /// Readings for a unit of each coordinate.
     pub readings: DMatrix<f64>,
@@ -50,7 +50,7 @@ pub struct Rotor {
 }
 
 impl Rotor {
-    /// That of a scenario.
+    /// The rotor of a scenario.
     pub fn of(scenario: &Scenario) -> Self {
         match scenario.machine.name {
             "planar" => Self::with::<2, 3, 1>(scenario),
@@ -66,7 +66,7 @@ impl Rotor {
         let geometry = config.rotor.geometry::<N, K>();
         let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
         let columns = |column: &dyn Fn(usize) -> [f64; N]| DMatrix::from_fn(N, N, |row, n| column(n)[row]);
-        // The force of a unit of unbalance at 1 rad/s is one along y or along z.
+        // At 1 rad/s a unit of unbalance is a unit force, along y or z depending on the angle.
         let machine = scenario.machine;
         let turning = |plane: Option<usize>, theta_rad: f64| {
             let mut scenario = scenario.clone();
@@ -137,23 +137,23 @@ impl Rotor {
     }
 }
 
-/// The covariance of a Kalman filter along the true trajectory that starts without knowledge.
+/// The covariance of a Kalman filter along the true trajectory, without prior information.
 ///
-/// Position noise, current noise and angle are as in the plant: white, white, exact. Initial motion, constant loads, λ and
-/// unbalance are unknown, the true currents are nuisance parameters. Linearised about the truth, with `d_k` the generalised force for a unit of
-/// that of magnet k, and `y_j`, `z_j` those for a unit along y and z in plane j of unbalance,
+/// As in the plant, noise of positions and currents is white, and the angle is exact. Initial motion, constant loads, λ and
+/// unbalance are unknown; the true currents are nuisance parameters. Linearised about the truth, with `d_k` the generalised force for a unit
+/// force of magnet k, and `y_j`, `z_j` those for a unit force along y and z in unbalance plane j,
 ///
 /// ```text
 /// M δq̈ = Σ 2λ_k i_k²/gap_k³ d_k d_kᵀ δq − Ω G δq̇ + Σ i_k²/gap_k² d_k δλ_k + Σ 2λ_k i_k/gap_k² d_k n_k
 ///        + Σ (c y_j + s z_j) δU_cj + (c z_j − s y_j) δU_sj + δp,    c = Ω² cos θ + Ω̇ sin θ,  s = Ω² sin θ − Ω̇ cos θ
 /// ```
 ///
-/// where the noise `n_k` of the current is constant over an interval. The filter's covariance is then the inverse of the
-/// Fisher information of the joint likelihood. Where a current runs straight between its samples, the noise of the
-/// two ends is correlated between neighbouring intervals; it is taken as white with the same density at low frequency.
+/// where the current noise `n_k` is constant over an interval. The filter's covariance is then the inverse of the Fisher
+/// information of the joint likelihood. If currents are linear between samples, the noise of neighbouring intervals is
+/// correlated; it is modelled as white with the same density at low frequency.
 pub struct Bound {
     rotor: Rotor,
-    /// Units that make the unknowns of similar size: coordinates, rates, parameters, and currents as the last.
+    /// Units that scale the unknowns to similar size: coordinates, rates, parameters, and finally currents.
     scale: DVector<f64>,
     /// The readings for a unit of each unknown, in units of their noise.
     readings: DMatrix<f64>,
@@ -162,13 +162,13 @@ pub struct Bound {
 }
 
 impl Bound {
-    /// Before the first sample. The prior standard deviations are so large that they carry no information: 1 m/s, 30 times
-    /// λ, an eccentricity of 10 gaps, 100 times the weight; of angles and moments the same at the radius of gyration.
+    /// The filter before the first sample. Prior standard deviations are too large to carry information: 1 m/s, 30 times λ, an
+    /// eccentricity of 10 gaps, 100 times the weight; for angles and moments the same at the radius of gyration.
     pub fn new(rotor: Rotor) -> Self {
         let (n, sigma, m_kg) = (rotor.coordinates(), rotor.position_noise_m, rotor.inertia[0]);
         let (eccentric, weight) = (m_kg * rotor.gap_m[0], 9.81 * m_kg);
         let radius = rotor.inertia.map(|inertia| (inertia / m_kg).sqrt());
-        // The unit of each unknown, and its prior standard deviation in this unit.
+        // Unit of each unknown, and its prior standard deviation in this unit.
         let of_coordinates = |size: f64| radius.iter().map(move |radius| (size / radius, 1e3));
         let unknowns = of_coordinates(sigma)
             .chain(of_coordinates(1e-3))
@@ -181,23 +181,23 @@ impl Bound {
         Self { scale: scale.into(), readings, p: DMatrix::from_diagonal(&prior.into()), rotor }
     }
 
-    /// Takes the positions of a sample into account.
+    /// Updates the covariance with the positions of a sample.
     pub fn measure(&mut self) {
         let n = self.rotor.coordinates();
         for reading in self.readings.row_iter() {
             let column = self.p.columns(0, n) * reading.transpose();
-            // In its units the noise of a reading is 1.
+            // The noise of a reading is 1 in its units.
             let s = (reading * column.rows(0, n))[0] + 1.0;
             self.p.ger(-1.0 / s, &column, &column, 1.0);
         }
     }
 
-    /// Goes over an interval.
+    /// Propagates the covariance over an interval.
     pub fn predict(&mut self, interval: &Interval) {
         let (n, of_motion) = (self.rotor.coordinates(), 2 * self.rotor.coordinates());
         let accelerations = self.rotor.accelerations(interval);
         let (states, all) = (of_motion + self.rotor.parameters(), accelerations.ncols());
-        // ẋ = F x + B p: the derivatives of [x, p] with respect to themselves at the begin, order by order.
+        // ẋ = F x + B p: the derivatives with respect to the initial [x, p], order by order.
         let motion = DMatrix::from_fn(of_motion, of_motion, |row, column| match row.checked_sub(n) {
             None => f64::from(u8::from(column == row + n)),
             Some(row) => accelerations[(row, column)],
@@ -215,7 +215,7 @@ impl Bound {
         for (column, mut values) in transition.column_iter_mut().enumerate() {
             values.iter_mut().zip(&self.scale).for_each(|(value, scale)| *value *= self.scale[column] / scale);
         }
-        // P = A P Aᵀ + G Gᵀ, where A changes the rows and columns of the motion alone.
+        // P = A P Aᵀ + G Gᵀ, where A changes only the rows and columns of the motion.
         let (a, g) = (transition.columns(0, states), transition.columns(states, all - states));
         let rows = a * &self.p;
         let moved = &rows * a.transpose() + g * g.transpose();
@@ -224,7 +224,7 @@ impl Bound {
         self.p.view_mut((0, 0), (of_motion, of_motion)).copy_from(&(0.5 * (&moved + moved.transpose())));
     }
 
-    /// The bound for the standard deviation of each λ, relative to λ; not a number beyond what numbers can hold.
+    /// The bound for the standard deviation of each λ, relative to λ; NaN after an overflow.
     pub fn lambda(&self) -> Vec<f64> {
         let first = 2 * self.rotor.coordinates();
         let of = |n: usize| self.p[(n, n)].clamp(0.0, f64::INFINITY).sqrt();
@@ -249,7 +249,7 @@ pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> 
     let truth = rotor.lambda_nm2_a2.clone();
     // The outputs of a row are read before the next inputs are set: the current is that at the end of the interval.
     let current = |k: usize, row: usize| gap[k][row] * (force[k][row] / truth[k]).max(0.0).sqrt();
-    // The first of the two drives.
+    // Current drive.
     let held = scenario.number("plant", "drive") == 1.0;
     let rows = recording.time_s.len();
     let mut found = vec![vec![f64::NAN; truth.len()]; instants_s.len()];

@@ -1,4 +1,4 @@
-//! Scenarios to study: drawn bearings and settings of single ones.
+//! Scenarios to study: bearings drawn at random, and settings of a given one.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,7 +17,7 @@ pub struct Draw {
 }
 
 impl Draw {
-    /// Seeds that differ, by one for instance, give independent numbers.
+    /// Different seeds, even neighbouring ones, give independent numbers.
     pub fn new(seed: u64) -> Self {
         let [normal] = Noise::channels(seed);
         Self { uniform: Pcg64::seed_from_u64(seed ^ 0x5eed), normal }
@@ -33,7 +33,7 @@ impl Draw {
         libm::exp(self.between(libm::log(low), libm::log(high)))
     }
 
-    /// True with that probability.
+    /// True with this probability.
     pub fn chance(&mut self, probability: f64) -> bool {
         self.between(0.0, 1.0) < probability
     }
@@ -49,40 +49,39 @@ impl Draw {
     }
 }
 
-/// Speed in rad/s of one in rpm.
+/// 1 rpm in rad/s.
 pub const RPM: f64 = TAU / 60.0;
 
-/// Part of the drawn bearings that turn at 1000 rpm instead of 40 to 120 Hz.
+/// Fraction of the drawn bearings that turn at 1000 rpm, not at 40 to 120 Hz.
 const SLOW: f64 = 0.1;
-/// Part of them whose path has lobes.
+/// Fraction of them whose reference trajectory has lobes.
 const LOBED: f64 = 0.5;
 
-/// A bearing drawn from the ranges in which the estimator is to work, with current drive; the estimator is told the noise or
-/// not.
+/// A bearing with current drive, drawn from the ranges for which the estimator is made; it knows the noise or estimates it.
 ///
 /// | | |
 /// |---|---|
 /// | mass, gap | 2–15 kg, 0.3–0.8 mm |
-/// | magnets | 120° apart ± 0.3 rad each, turned anyhow |
+/// | magnets | 120° apart ± 0.3 rad each, in any orientation |
 /// | λ | 1–6 × 10⁻⁶ N·m²/A², ratios to 2 |
 /// | sample time | 50, 100 or 200 µs |
 /// | speed | 40–120 Hz, one in ten at 1000 rpm |
-/// | path | half axes 0.04–0.18 gaps, every second with 2 to 4 lobes of up to 0.05 gaps |
+/// | trajectory | half axes 0.04–0.18 gaps, every second with 2 to 4 lobes of up to 0.05 gaps |
 /// | unbalance, load | 0–60 N, up to half the weight in any direction |
 /// | noise | 0.05–2 µm and 5–50 mA, uniform on a logarithmic scale |
 /// | controller | first guesses 0.7–1.6 times λ, F0 2–5 N per kg, tracking poles at 500–2000 rad/s, update at 0.2 s |
 ///
-/// `base` gives what is not drawn. The seed draws the bearing; the sensor noise has a seed of its own.
-pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
+/// `base` provides all other values. The seed determines the bearing; the sensor noise has its own seed.
+pub fn drawn(base: &Scenario, seed: u64, noise_known: bool) -> Scenario {
     let mut draw = Draw::new(seed);
     let mut scenario = base.clone();
     let (m, s) = (draw.scale(2.0, 15.0), draw.between(3e-4, 8e-4));
-    let turned = draw.between(-PI, PI);
+    let orientation = draw.between(-PI, PI);
     let smallest = draw.scale(1e-6, 3e-6);
     scenario.set_everywhere("m", m);
     scenario.set_everywhere("s", s);
     for k in 1..=3 {
-        let alpha = turned + (k - 1) as f64 * TAU / 3.0 + draw.between(-0.3, 0.3);
+        let alpha = orientation + (k - 1) as f64 * TAU / 3.0 + draw.between(-0.3, 0.3);
         scenario.set_everywhere(&format!("alpha[{k}]"), alpha);
         let lambda = smallest * draw.scale(1.0, 2.0);
         let guess = lambda * draw.between(0.7, 1.6);
@@ -108,15 +107,15 @@ pub fn drawn(base: &Scenario, seed: u64, told: bool) -> Scenario {
     scenario.set("controller", "F0", draw.between(2.0, 5.0) * m);
     scenario.set("controller", "bandwidth.tracking", draw.scale(500.0, 2000.0));
     scenario.set("controller", "update.time", 0.2);
-    noise(&mut scenario, [draw.scale(5e-8, 2e-6), draw.scale(5e-3, 5e-2)], told);
+    noise(&mut scenario, [draw.scale(5e-8, 2e-6), draw.scale(5e-3, 5e-2)], noise_known);
     scenario
 }
 
-/// Sets the sensor noise, in m and A; the estimator is told it, or finds it itself.
-pub fn noise(scenario: &mut Scenario, noise: [f64; 2], told: bool) {
+/// Sets the sensor noise, in m and A, which the estimator knows or estimates.
+pub fn noise(scenario: &mut Scenario, noise: [f64; 2], known: bool) {
     for (name, noise) in [("sensor.positionNoise", noise[0]), ("sensor.currentNoise", noise[1])] {
         scenario.set("plant", name, noise);
-        scenario.set("estimator", name, if told { noise } else { 0.0 });
+        scenario.set("estimator", name, if known { noise } else { 0.0 });
     }
 }
 
@@ -126,13 +125,13 @@ pub fn turning_at(scenario: &mut Scenario, omega: f64) {
     scenario.set("controller", "reference.omega", omega);
 }
 
-/// The rotor at rest in the centre.
+/// Keeps the rotor at rest in the centre.
 pub fn at_rest(scenario: &mut Scenario) {
     centred(scenario);
     turning_at(scenario, 0.0);
 }
 
-/// The rotor in the centre from the start on, at its speed.
+/// Keeps the rotor in the centre from the start, turning at its speed.
 pub fn centred(scenario: &mut Scenario) {
     let machine = scenario.machine;
     let start = [machine.at_start(|coordinate| coordinate.position), machine.at_start(|coordinate| coordinate.rate)];
@@ -147,14 +146,14 @@ pub fn centred(scenario: &mut Scenario) {
     }
 }
 
-/// Sets the sample time of all, in s.
+/// Sets the sample time of all elements, in s.
 pub fn sample_time(scenario: &mut Scenario, step_s: f64) {
     scenario.set("plant", "sensor.Ts", step_s);
     scenario.set_everywhere("Ts", step_s);
     scenario.step_s = step_s;
 }
 
-/// Sets half axes in m, number and amplitude in m of the lobes, and speed in rad/s; the rotor starts on the path.
+/// Sets the reference trajectory: half axes in m, number and amplitude in m of the lobes, speed in rad/s. The rotor starts on it.
 pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32, f64), omega: f64) {
     turning_at(scenario, omega);
     scenario.set("plant", "Y0", radius[0] + amplitude);
@@ -168,7 +167,7 @@ pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32,
     scenario.set("controller", "reference.shape", if amplitude > 0.0 { 2 } else { 1 });
 }
 
-/// The rotor on the paper's path at another speed.
+/// The paper's reference trajectory at another speed.
 pub fn turn(scenario: &mut Scenario, rpm: f64) {
     path(scenario, [30e-6, 70e-6], (3, 0.0), rpm * RPM);
 }
@@ -179,27 +178,27 @@ pub fn unbalance(scenario: &mut Scenario, magnitude: f64, phase: f64) {
     scenario.set("plant", "unbalance.phase", phase);
 }
 
-/// Voltage drive: the currents are continuous, and the estimator knows it.
+/// Voltage drive: the currents are continuous, which the estimator knows.
 pub fn voltage_drive(scenario: &mut Scenario) {
     scenario.set_everywhere("drive", 2);
     scenario.set("estimator", "hold", 3);
 }
 
-/// Modulates the smallest force by a part of F0 at a frequency in Hz.
-pub fn modulation(scenario: &mut Scenario, part: f64, frequency_hz: f64) {
-    scenario.set("controller", "F0.modulation", part);
+/// Modulates the smallest force by a fraction of F0 at a frequency in Hz.
+pub fn modulation(scenario: &mut Scenario, fraction: f64, frequency_hz: f64) {
+    scenario.set("controller", "F0.modulation", fraction);
     scenario.set("controller", "F0.modulationFrequency", frequency_hz);
 }
 
-/// Speed over time: instants in s and values in rpm, straight between. The rotor keeps its path.
+/// Speed over time: values in rpm at instants in s, linear in between. The reference trajectory stays the same.
 ///
-/// The plant has the unbalance force of a constant speed, `U ω²`; the force `U (ω̇ sin(θ + φ), −ω̇ cos(θ + φ))` that a
-/// changing one adds comes in with the load.
+/// The plant has the unbalance force `U ω²` of a constant speed; the force `U (ω̇ sin(θ + φ), −ω̇ cos(θ + φ))` of a changing
+/// speed is added to the load.
 pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
     let omega: Vec<f64> = rpm.iter().map(|rpm| rpm * RPM).collect();
     scenario.follow(&["plant.omega", "controller.reference.omega"], time_s, omega.iter().copied(), false);
-    let course = scenario.profiles[scenario.profiles.len() - 1].clone();
-    let at = |time_s: f64| course.at(time_s).map_or(f64::NAN, Value::as_f64);
+    let profile = scenario.profiles[scenario.profiles.len() - 1].clone();
+    let at = |time_s: f64| profile.at(time_s).map_or(f64::NAN, Value::as_f64);
     let step_s = scenario.step_s;
     let [magnitude, phase] = ["unbalance.magnitude", "unbalance.phase"].map(|name| scenario.number("plant", name));
     let mut theta = scenario.number("plant", "theta0");
@@ -218,20 +217,20 @@ pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
     path(scenario, radius, (3, 0.0), first);
 }
 
-/// λ of one of three magnets, which follows from the seed, changes by a part at an instant in s.
-pub fn step_of_lambda(scenario: &mut Scenario, seed: u64, part: f64, at_s: f64) {
+/// Changes λ of one of three magnets, chosen by the seed, by a fraction at an instant in s.
+pub fn step_of_lambda(scenario: &mut Scenario, seed: u64, fraction: f64, at_s: f64) {
     let path = format!("lambda[{}]", 1 + seed % 3);
-    let value = scenario.number("plant", &path) * (1.0 + part);
+    let value = scenario.number("plant", &path) * (1.0 + fraction);
     scenario.follow(&[&format!("plant.{path}")], &[at_s], [value], true);
 }
 
-/// A parameter that the estimator takes as known.
+/// Tolerance of a parameter that the estimator takes as known.
 pub struct Tolerance {
-    /// Name of its tolerance.
+    /// Name of the tolerance.
     pub name: &'static str,
-    /// The standard deviation that is studied, in the unit of the variable; that of mass and gap is a part of their value.
+    /// The standard deviation studied, in the unit of the variable; for mass and gap relative to their value.
     pub std: f64,
-    /// Where it is wrong: in the estimator, or in the sensors of the plant, each with an error of its own.
+    /// The element with the error: the estimator, or the plant, whose sensors have independent errors.
     element: &'static str,
     variables: fn(&Machine) -> Vec<String>,
 }
@@ -252,7 +251,7 @@ impl Tolerance {
     }
 }
 
-/// The tolerances that are studied.
+/// The tolerances studied.
 pub static TOLERANCES: [Tolerance; 7] = [
     Tolerance::of("m", 0.01, "estimator", |_| vec!["m".into()]),
     Tolerance::of("s", 0.01, "estimator", |_| vec!["s".into()]),
@@ -263,8 +262,8 @@ pub static TOLERANCES: [Tolerance; 7] = [
     Tolerance::of("currentOffset", 0.01, "plant", |machine| machine.of_magnets("sensor.currentOffset")),
 ];
 
-/// Things wrong with a bench, one at a time: what is wrong, the element and the variables that make it so, and the change; the latter is
-/// relative where it is in per cent. Those of the estimator are what it is told.
+/// Faults of a bench, one at a time: description, element, variables and their change; without variables, a backward force in N. A change
+/// in the estimator makes a stated value wrong.
 pub const FAULTS: [(&str, &str, &[&str], f64); 11] = [
     ("gain of the position sensor y, +1 %", "plant", &["sensor.gainErrorY"], 0.01),
     ("gain of both position sensors, +1 %", "plant", &["sensor.gainErrorY", "sensor.gainErrorZ"], 0.01),
@@ -290,12 +289,12 @@ pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &s
     }
 }
 
-/// Adds a force in N that turns with the rotor, but backward, from an angle in rad on and for a length of time in s.
+/// Adds a force in N that rotates backward at the speed of the rotor, from an angle in rad and for a duration in s.
 pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, length_s: f64) {
     turning(scenario, -1.0, force_n, -phase, length_s);
 }
 
-/// Adds a force in N that turns so many times as fast as the rotor, from an angle in rad on and for a length of time in s.
+/// Adds a force in N that rotates at `order` times the speed of the rotor, from an angle in rad and for a duration in s.
 pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, length_s: f64) {
     let omega = order * scenario.number("plant", "omega");
     push(scenario, &["pY", "pZ"], length_s, |time_s| {
@@ -304,7 +303,7 @@ pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, le
     });
 }
 
-/// Adds forces over time, in the unit of these inputs of the plant, for a length of time in s.
+/// Adds forces over time, in the units of these inputs of the plant, for a duration in s.
 pub fn push<const N: usize>(
     scenario: &mut Scenario,
     inputs: &[&str; N],
@@ -317,7 +316,7 @@ pub fn push<const N: usize>(
     add(scenario, inputs, &time_s, &forces);
 }
 
-/// Adds to these inputs of the plant what is given for each instant in s; it stays until the next one.
+/// Adds values to these inputs of the plant, each held from its instant in s to the next.
 fn add<const N: usize>(scenario: &mut Scenario, inputs: &[&str; N], time_s: &[f64], more: &[[f64; N]]) {
     for (n, name) in inputs.iter().enumerate() {
         let constant = scenario.number("plant", name);

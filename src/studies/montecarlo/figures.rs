@@ -1,4 +1,4 @@
-//! Results of one run of a study, and the figures of many.
+//! Results of one run of a study, and figures over many runs.
 
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
@@ -12,16 +12,16 @@ use crate::studies::statistics::rms;
 use crate::variables::Choice;
 use fmu_export::variable::Value;
 
-/// Beyond so many of its standard deviations no valid estimate may be wrong.
+/// Largest permitted error of a valid estimate, in stated standard deviations.
 pub const CONFIDENT: f64 = 5.0;
 
-/// From then on, in s, the share of the time is counted in which the estimate is valid.
+/// Start of the time, in s, over which the fraction with a valid estimate is counted.
 pub const VALID_FROM_S: f64 = 0.3;
 
-/// A jump of λ may be noticed within so many revolutions.
-const GRANTED_REVOLUTIONS: f64 = 2.0;
+/// Revolutions allowed for the detection of a step of λ.
+const DETECTION_REVOLUTIONS: f64 = 2.0;
 
-/// Cases whose bound is below this for every λ are to have a valid estimate.
+/// Runs whose bound is below this for every λ should have a valid estimate.
 pub const IDENTIFIABLE: f64 = 0.04;
 
 /// Results of one run at one instant; errors and standard deviations are relative to the true λ.
@@ -31,51 +31,51 @@ pub struct Sample {
     pub valid: bool,
     /// Error of each λ.
     pub error: Vec<f64>,
-    /// Standard deviation stated, of noise alone.
+    /// Stated standard deviation, from noise alone.
     pub std: Vec<f64>,
-    /// Standard deviation stated with all tolerances.
+    /// Stated standard deviation, with all tolerances.
     pub total: Vec<f64>,
-    /// The bound; not finite without noise.
+    /// Cramér–Rao bound; not finite without noise.
     pub bound: Vec<f64>,
-    /// Relative error of the magnitude of the unbalance, and error of its phase in rad, root mean square over all planes; 0 without unbalance.
+    /// Relative error of the unbalance magnitude and error of its phase in rad, rms over all planes; 0 without unbalance.
     pub unbalance: [f64; 2],
-    /// Why the estimate was not valid, where there is such an output.
+    /// Reason why the estimate was not valid, if there is such an output.
     pub verdict: Option<String>,
 }
 
-/// The valid sample that was off by most of its standard deviations.
+/// The valid sample with the largest error in stated standard deviations.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Worst {
     /// |error|/standard deviation, tolerances included.
     pub ratio: f64,
-    /// When, in s.
+    /// Time, in s.
     pub time_s: f64,
-    /// Error there, relative.
+    /// Relative error.
     pub error: f64,
-    /// Standard deviation there, relative.
+    /// Relative standard deviation.
     pub std: f64,
 }
 
 /// Results of one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trial {
-    /// The seed that the run can be repeated with.
+    /// The seed, to repeat the run.
     pub seed: u64,
     /// At the instants of the study.
     pub samples: Vec<Sample>,
-    /// Over all samples.
+    /// The worst of all samples.
     pub worst: Worst,
-    /// How often an estimate that was valid ceased to be.
+    /// How often a valid estimate became invalid.
     pub lost: usize,
-    /// Part of the time from [`VALID_FROM_S`] on in which the estimate was valid.
+    /// Fraction of the time from [`VALID_FROM_S`] on with a valid estimate.
     pub valid: f64,
-    /// The most changes of `valid` within one second.
+    /// Largest number of changes of `valid` within one second.
     pub changes: usize,
-    /// From the change of λ to the first sample that is not valid or valid for the new λ within 4 standard deviations, in s.
+    /// Time in s from the step of λ to the first sample that is invalid, or valid and within 4 standard deviations of the new λ.
     pub noticed_s: Option<f64>,
-    /// When the rotor touched down or left the gap, in s; nothing after it counts.
+    /// When the rotor touched down or left the gap, in s; nothing later counts.
     pub touched_s: Option<f64>,
-    /// Part of the synchronous force of the magnets that correction masses leave, where there are some.
+    /// Fraction of the synchronous force of the magnets left by correction masses, if any.
     pub left: Option<f64>,
 }
 
@@ -86,7 +86,7 @@ impl Trial {
     }
 }
 
-/// The worst valid sample of all runs, and the seed of its run.
+/// The seed of the run with the worst valid sample, and that sample.
 pub fn worst(trials: &[Trial]) -> (u64, Worst) {
     let worst = trials.iter().max_by(|one, other| one.worst.ratio.total_cmp(&other.worst.ratio));
     worst.map_or((0, Worst::default()), |trial| (trial.seed, trial.worst))
@@ -96,23 +96,23 @@ pub fn worst(trials: &[Trial]) -> (u64, Worst) {
 struct Estimate {
     /// Its error.
     error: Vec<f64>,
-    /// Standard deviation stated, of noise alone; the following where it is not recorded.
+    /// Stated standard deviation, from noise alone; `total` if it is not recorded.
     std: Vec<f64>,
-    /// With all tolerances.
+    /// Stated standard deviation, with all tolerances.
     total: Vec<f64>,
 }
 
 impl Estimate {
     /// |error|/standard deviation at a row, tolerances included.
     fn ratio(&self, row: usize) -> f64 {
-        // Two numbers that are both 0 agree.
+        // Zero error agrees with any standard deviation, even with 0.
         let ratio = if self.error[row] == 0.0 { 0.0 } else { (self.error[row] / self.total[row]).abs() };
         if ratio.is_nan() { f64::INFINITY } else { ratio }
     }
 }
 
-/// How the true λ of a name changes, if it does.
-fn course<'a>(scenario: &'a Scenario, lambda: &str) -> Option<&'a Profile> {
+/// The profile of a true λ by its name, if it changes.
+fn profile_of<'a>(scenario: &'a Scenario, lambda: &str) -> Option<&'a Profile> {
     let path = format!("plant.{lambda}");
     scenario.profiles.iter().find(|profile| profile.targets.iter().any(|target| scenario.path(*target) == path))
 }
@@ -122,11 +122,10 @@ fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>
     let names = ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
     let of_magnet = |k: usize| {
         let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
-        let (start, course) = (scenario.number("plant", truth), course(scenario, truth));
-        // That of the interval which ends at the row.
-        let at = |time_s: &f64| course.and_then(|course| course.at(time_s - 0.5 * scenario.step_s));
-        let truth = recording.time_s.iter().map(|time_s| at(time_s).map_or(start, Value::as_f64));
-        let truth: Vec<f64> = truth.collect();
+        let (start, profile) = (scenario.number("plant", truth), profile_of(scenario, truth));
+        // The value during the interval that ends at the row.
+        let at = |time_s: &f64| profile.and_then(|profile| profile.at(time_s - 0.5 * scenario.step_s));
+        let truth: Vec<f64> = recording.time_s.iter().map(|time_s| at(time_s).map_or(start, Value::as_f64)).collect();
         let get = |name: &str| recording.get(&format!("estimator.{name}"));
         let relative = |of: &[f64]| of.iter().zip(&truth).map(|(value, truth)| value / truth).collect::<Vec<_>>();
         Some(Estimate {
@@ -147,7 +146,7 @@ pub fn wanted(path: &str) -> bool {
         || is_contact(path)
 }
 
-/// Whether a signal says that the rotor touches a backup bearing.
+/// Whether a signal states contact with a backup bearing.
 pub fn is_contact(path: &str) -> bool {
     path.starts_with("plant.") && path.ends_with("contact")
 }
@@ -158,7 +157,7 @@ pub fn touched(recording: &Recording) -> Option<usize> {
     contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min()
 }
 
-/// Judges a run until the row at which the rotor touches down, if it does; without noise, and once a λ has changed, there is no bound.
+/// Judges a run up to the row at which the rotor touches down, if it does. There is no bound without noise, or if a λ steps.
 pub fn judge(
     scenario: &Scenario,
     recording: &Recording,
@@ -170,9 +169,9 @@ pub fn judge(
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
     let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording)?, get("valid")?);
     let lambda = machine.of_magnets("lambda");
-    let jump = used.iter().filter_map(|k| course(scenario, &lambda[*k])).find(|course| course.hold);
-    let jump_s = jump.map(|course| course.time_s[0]);
-    let granted_s = GRANTED_REVOLUTIONS * TAU / scenario.number("plant", "omega").abs().max(1.0);
+    let step = used.iter().filter_map(|k| profile_of(scenario, &lambda[*k])).find(|profile| profile.hold);
+    let step_s = step.map(|profile| profile.time_s[0]);
+    let detection_s = DETECTION_REVOLUTIONS * TAU / scenario.number("plant", "omega").abs().max(1.0);
     let time_s = &recording.time_s;
     let rows = touched.unwrap_or(time_s.len());
     let counted = || (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
@@ -192,7 +191,7 @@ pub fn judge(
         ..Trial::default()
     };
     for row in 0..rows {
-        let after_s = jump_s.map(|jump_s| time_s[row] - jump_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
+        let after_s = step_s.map(|step_s| time_s[row] - step_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
         trial.lost += usize::from(row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0);
         let mut worst = Worst::default();
         for estimate in estimates.iter().filter(|_| valid[row] == 1.0) {
@@ -204,11 +203,11 @@ pub fn judge(
         if worst.ratio < 4.0 {
             trial.noticed_s = trial.noticed_s.or(after_s);
         }
-        if worst.ratio > trial.worst.ratio && after_s.is_none_or(|after_s| after_s > granted_s) {
+        if worst.ratio > trial.worst.ratio && after_s.is_none_or(|after_s| after_s > detection_s) {
             trial.worst = worst;
         }
     }
-    let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
+    let bounds = step_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
     let planes: Vec<_> = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase")).collect();
     for (at, instant_s) in instants_s.iter().enumerate() {
         let Some(row) = (0..rows).find(|row| time_s[*row] >= instant_s - 0.5 * scenario.step_s) else { break };
@@ -233,44 +232,44 @@ pub fn judge(
     Some(trial)
 }
 
-/// The name of a value of the output `verdict`.
+/// The name of a verdict by its number.
 fn verdict(value: f64) -> String {
     Verdict::of_number(value as i32).map_or_else(|| value.to_string(), |verdict| verdict.name().to_owned())
 }
 
-/// The figures of a study at one instant, over the runs whose estimate was valid: no numbers if there is none. Errors are
-/// relative to the true λ.
+/// The figures of a study at one instant, over the runs with a valid estimate; NaN if there are none. Errors are relative to
+/// the true λ.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Figures {
-    /// When, in s.
+    /// The instant, in s.
     pub instant_s: f64,
-    /// Runs that got there.
+    /// Runs that reached it.
     pub runs: usize,
-    /// Runs whose estimate was valid.
+    /// Runs with a valid estimate.
     pub valid: usize,
     /// Runs whose bound is below [`IDENTIFIABLE`] for every λ.
     pub identifiable: usize,
-    /// Those of them whose estimate was valid.
+    /// Those of them with a valid estimate.
     pub identified: usize,
     /// Root mean square of the errors.
     pub rms: Vec<f64>,
     /// Mean of the errors.
     pub bias: Vec<f64>,
-    /// Root mean square of the standard deviations stated.
+    /// Root mean square of the stated standard deviations.
     pub stated: Vec<f64>,
     /// Root mean square of the bound of all runs, valid or not; not finite without noise.
     pub bound: Vec<f64>,
     /// Root mean square of error/bound.
     pub over_bound: Vec<f64>,
-    /// Root mean square of error/standard deviation of noise alone.
+    /// Root mean square of error/standard deviation from noise alone.
     pub normalised: Vec<f64>,
     /// Root mean square of error/standard deviation with all tolerances.
     pub over_total: Vec<f64>,
     /// Greatest |error|/standard deviation with all tolerances.
     pub worst: f64,
-    /// Root mean square of the error of the magnitude of the unbalance, relative, and of its phase, in rad.
+    /// Root mean square of the relative error of the unbalance magnitude, and of the error of its phase, in rad.
     pub unbalance: [f64; 2],
-    /// How often each verdict was given where the estimate was not valid.
+    /// How often each verdict was given for an invalid estimate.
     pub verdicts: BTreeMap<String, usize>,
 }
 
@@ -279,7 +278,7 @@ impl Figures {
     pub fn new(instant_s: f64, samples: &[&Sample]) -> Self {
         let valid: Vec<&&Sample> = samples.iter().filter(|sample| sample.valid).collect();
         let identifiable = |sample: &Sample| sample.bound.iter().all(|bound| *bound < IDENTIFIABLE);
-        // Not a number without a valid estimate.
+        // NaN without a valid estimate.
         let mean =
             |value: &dyn Fn(&Sample) -> f64| valid.iter().map(|sample| value(sample)).sum::<f64>() / valid.len() as f64;
         let magnets = samples.first().map_or(0, |sample| sample.error.len());

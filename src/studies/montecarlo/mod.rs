@@ -1,8 +1,8 @@
-//! Error, stated standard deviation and Cramér–Rao bound: many runs of bearings drawn at random, of
-//! one bearing with many seeds of the noise, with wrong parameters, with a λ that changes; and [`hostile`] courses.
+//! Error, stated standard deviation and Cramér–Rao bound over many runs: of bearings drawn at random, of one bearing with many
+//! noise seeds, wrong parameters or a changing λ; and [`hostile`] courses.
 //!
-//! Beside the errors stand the standard deviation that the estimator states and the Cramér–Rao bound ([`bound`]), the least
-//! that an unbiased estimate from the same data can have. Nothing here depends on the method.
+//! The Cramér–Rao bound ([`bound`]) is the least standard deviation of an unbiased estimate from the same data. Nothing here
+//! depends on the method.
 
 pub mod bound;
 pub mod cases;
@@ -28,10 +28,10 @@ use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, judge, touched, worst};
 use offline::Offline;
 
-/// Changes the study's scenario for a run, from the seed of the run and how often the rotor touched down with the former.
+/// Changes the study's scenario for a run, given its seed and the number of draws before that were rejected.
 pub type Vary = Arc<dyn Fn(&mut Scenario, u64, u64) + Send + Sync>;
 
-/// Whether the estimator knows the noise, in both ways, and the words for it in titles.
+/// Whether the estimator knows the noise, and the words for it in titles.
 const NOISE_KNOWN: [(bool, &str); 2] = [(true, "noise known"), (false, "noise estimated")];
 
 /// Runs that are judged together.
@@ -41,17 +41,17 @@ pub struct Study {
     pub title: String,
     /// The scenario that the runs vary.
     pub scenario: Scenario,
-    /// When the estimates are looked at, in s; the last ends the runs.
+    /// When the estimates are evaluated, in s; the runs end at the last.
     pub instants_s: Vec<f64>,
-    /// How many runs.
+    /// Number of runs.
     pub runs: usize,
-    /// The seed of the first run; the others follow one by one.
+    /// Seed of the first run; the others follow consecutively.
     pub first_seed: u64,
     /// Changes from run to run, besides the seed of the sensors.
     pub vary: Vary,
-    /// Whether the runs differ in more than noise, so that errors in per cent mean little.
+    /// Whether the runs differ in more than noise, so that averages of relative errors mean little.
     pub mixed: bool,
-    /// Maximum likelihood over the recording of each run, up to each instant, is judged instead of the estimator in the loop.
+    /// If set, maximum likelihood over each recording up to each instant is judged, not the estimator in the loop.
     pub offline: Option<Offline>,
 }
 
@@ -71,13 +71,13 @@ impl Outcome {
     }
 }
 
-/// How often a drawn bearing that touches down is drawn again.
+/// Maximum number of draws of a bearing that touches down.
 const ATTEMPTS: u64 = 20;
 
-/// Seeds of the noise for each drawn bearing.
+/// Noise seeds for each drawn bearing.
 pub const SEEDS: u64 = 2;
 
-/// Makes so many runs, with a bar; their results in order.
+/// Makes `count` runs, with a progress bar; the results are in order.
 fn runs<T: Send + Sync>(count: usize, run: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let progress = Progress::new("runs", count as u64);
     let done = AtomicU64::new(0);
@@ -89,26 +89,26 @@ fn runs<T: Send + Sync>(count: usize, run: impl Fn(usize) -> T + Sync) -> Vec<T>
 }
 
 impl Study {
-    /// With the estimates looked at then, in s.
+    /// With the estimates evaluated at these instants, in s.
     fn at(self, instants_s: &[f64]) -> Self {
         Self { instants_s: instants_s.to_vec(), ..self }
     }
 
-    /// With a change of the scenario of all runs.
+    /// With this change of the scenario of all runs.
     fn with(mut self, change: impl FnOnce(&mut Scenario)) -> Self {
         change(&mut self.scenario);
         self
     }
 
-    /// With runs that differ in this.
+    /// With this variation from run to run.
     fn varied(self, vary: impl Fn(&mut Scenario, u64, u64) + Send + Sync + 'static) -> Self {
         Self { vary: Arc::new(vary), ..self }
     }
 
-    /// Runs everything, on all processors.
+    /// Makes all runs, on all processors.
     ///
     /// # Errors
-    /// Every parameter that a model refuses; why a run ended early.
+    /// All parameters that a model refuses; the reason why a run ended early.
     pub fn run(&self) -> Result<Outcome, Stopped> {
         let trials = runs(self.runs, |run| self.trial(self.first_seed + run as u64));
         let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
@@ -119,19 +119,19 @@ impl Study {
         Ok(Outcome { figures: figures.collect(), trials })
     }
 
-    /// The scenario of the run with that seed, drawn for the n-th time.
+    /// The scenario of the run with this seed, in the draw numbered `attempt`.
     pub fn case(&self, seed: u64, attempt: u64) -> Scenario {
         let mut scenario = self.scenario.clone();
         (self.vary)(&mut scenario, seed, attempt);
         scenario.set("plant", "sensor.seed", seed as i32);
-        // The unbalance that correction masses leave shows after the last instant.
+        // The unbalance left by correction masses shows after the last instant.
         if scenario.balance_s.is_none() {
             scenario.duration_s = self.instants_s.iter().copied().fold(0.0, f64::max);
         }
         scenario
     }
 
-    /// One run. If the rotor touches down before it takes an estimate over, its bearing is drawn again.
+    /// One run. If the rotor touches down before the controller takes over an estimate, the bearing is drawn again.
     fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
         drawn_again(|attempt| {
             let scenario = self.case(seed, attempt);
@@ -148,8 +148,8 @@ impl Study {
     }
 }
 
-/// A run whose rotor touches down too early says nothing about the estimator: its bearing is drawn again. After that, what was said
-/// until then counts. `run` makes the run that is drawn for the n-th time, and says until when, in s, contact is too early.
+/// Draws the bearing of a run again if the rotor touches down too early to test the estimator; of a later contact, the run until then counts.
+/// `run` makes the run of a draw, and returns the time in s until which contact is too early.
 fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Result<Trial, Stopped> {
     let mut attempt = 0;
     loop {
@@ -166,21 +166,21 @@ fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Re
 /// Sensor noise of the studies: position in m, current in A.
 pub const NOISE: [f64; 2] = [1e-7, 1e-2];
 
-/// The same with ten times the noise of the position.
+/// The same with ten times the position noise.
 const TENFOLD: [f64; 2] = [10.0 * NOISE[0], NOISE[1]];
 
-/// When the estimates are looked at, in s.
+/// When the estimates are evaluated, in s.
 pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 
-/// A study of one scenario over seeds of this noise, which the estimator, of the default method, is told or not.
-pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: usize) -> Study {
+/// A study of one scenario with the default method over seeds of this noise, which the estimator knows or estimates.
+pub fn study(title: &str, base: &Scenario, noise: [f64; 2], noise_known: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
     scenario.remove_observers();
     let model = scenario.estimator().model_type.clone();
     for method in model.variables().iter().filter(|variable| variable.name == "method") {
         scenario.set("estimator", "method", method.start());
     }
-    cases::noise(&mut scenario, noise, told);
+    cases::noise(&mut scenario, noise, noise_known);
     Study {
         title: title.into(),
         scenario,
@@ -194,11 +194,11 @@ pub fn study(title: &str, base: &Scenario, noise: [f64; 2], told: bool, runs: us
 }
 
 /// A study of drawn bearings, [`SEEDS`] runs of each; see [`cases::drawn`].
-pub fn drawn(title: &str, told: bool, bearings: usize) -> Study {
-    let study = study(title, &nominal(), NOISE, told, bearings * SEEDS as usize).at(&INSTANTS_S);
-    // Seeds of the n-th drawing are far from those of the others.
+pub fn drawn(title: &str, noise_known: bool, bearings: usize) -> Study {
+    let study = study(title, &nominal(), NOISE, noise_known, bearings * SEEDS as usize).at(&INSTANTS_S);
+    // Seeds of different draws are far apart.
     let vary = move |scenario: &mut Scenario, seed: u64, attempt: u64| {
-        *scenario = cases::drawn(scenario, seed / SEEDS + (attempt << 32), told);
+        *scenario = cases::drawn(scenario, seed / SEEDS + (attempt << 32), noise_known);
     };
     Study { mixed: true, ..study.varied(vary) }
 }
@@ -215,7 +215,7 @@ fn built_in(name: &str) -> Scenario {
     Scenario::open(Path::new(name)).expect("a scenario that comes with the program")
 }
 
-/// The scenario at another speed; a rotor that starts on its path keeps to it.
+/// Sets the speed; a rotor that starts on its reference trajectory still does.
 pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
     let (omega, before) = (rpm * TAU / 60.0, scenario.number("plant", "omega"));
     for rate in scenario.machine.at_start(|coordinate| coordinate.rate) {
@@ -227,25 +227,25 @@ pub fn at_speed(scenario: &mut Scenario, rpm: f64) {
     cases::turning_at(scenario, omega);
 }
 
-/// Pairs of noise from the least to the most that an estimator must find by itself: of the position in µm, of the current in mA.
+/// Pairs over the range of noise that an estimator must be able to estimate: position in µm, current in mA.
 const POSITION_UM: [f64; 14] = [0.02, 0.02, 0.02, 0.05, 0.1, 0.1, 0.1, 0.3, 1.0, 1.0, 1.0, 3.0, 5.0, 5.0];
 const CURRENT_MA: [f64; 14] = [1.0, 10.0, 100.0, 3.0, 1.0, 10.0, 100.0, 30.0, 1.0, 10.0, 100.0, 30.0, 1.0, 100.0];
 
-/// When λ steps, in s, and by which part.
+/// Instant of a step of λ, in s, and its relative size.
 const STEP: (f64, f64) = (0.6, 0.05);
 
-/// How long a run for false restarts lasts, in s, and how many there are.
+/// Length of the runs for false restarts, in s, and their number.
 const LONG: (f64, usize) = (50.0, 20);
 
-/// All studies of the command without arguments, each with so many runs (of drawn bearings: with so many bearings).
+/// All studies of the command without arguments, each with this number of runs, or of drawn bearings.
 pub fn studies(runs: usize) -> Vec<Study> {
     let nominal = nominal();
-    let of = |title: &str, noise: [f64; 2], told: bool| study(title, &nominal, noise, told, runs);
+    let of = |title: &str, noise: [f64; 2], noise_known: bool| study(title, &nominal, noise, noise_known, runs);
     let mut studies = Vec::new();
-    for (told, says) in NOISE_KNOWN {
-        studies.push(drawn(&format!("Drawn bearings, {says}"), told, runs));
+    for (noise_known, words) in NOISE_KNOWN {
+        studies.push(drawn(&format!("Drawn bearings, {words}"), noise_known, runs));
         let mut add = |title: &str, instants_s: &[f64], noise: [f64; 2], set: &dyn Fn(&mut Scenario)| {
-            studies.push(of(&format!("{title}, {says}"), noise, told).at(instants_s).with(set));
+            studies.push(of(&format!("{title}, {words}"), noise, noise_known).at(instants_s).with(set));
         };
         add("Unbalance 20 N, load (10, −20) N, 0.1 µm and 10 mA", &INSTANTS_S, NOISE, &|_| ());
         add("The same with voltage drive", &INSTANTS_S, NOISE, &cases::voltage_drive);
@@ -282,20 +282,20 @@ pub fn studies(runs: usize) -> Vec<Study> {
         let study = of(&format!("One thing wrong: {}", fault.0), NOISE, false).at(&INSTANTS_S[1..]);
         studies.push(study.with(|scenario| cases::fault(scenario, fault)));
     }
-    for (told, says) in NOISE_KNOWN {
-        let title = format!("Step of λ by {} % at {} s, {says}", 100.0 * STEP.1, STEP.0);
-        let step = of(&title, NOISE, told).at(&[0.59, 0.64, 0.7, 1.0]);
+    for (noise_known, words) in NOISE_KNOWN {
+        let title = format!("Step of λ by {} % at {} s, {words}", 100.0 * STEP.1, STEP.0);
+        let step = of(&title, NOISE, noise_known).at(&[0.59, 0.64, 0.7, 1.0]);
         studies.push(step.varied(|scenario, seed, _| cases::step_of_lambda(scenario, seed, STEP.1, STEP.0)));
         let (length_s, count) = LONG;
-        let title = format!("False restarts: {count} runs of {length_s} s, {says}");
-        studies.push(study(&title, &nominal, NOISE, told, count.min(runs)).at(&[1.0, 10.0, length_s]));
+        let title = format!("False restarts: {count} runs of {length_s} s, {words}");
+        studies.push(study(&title, &nominal, NOISE, noise_known, count.min(runs)).at(&[1.0, 10.0, length_s]));
     }
     studies.extend(offline::studies(runs));
     studies.extend(spindle::studies(runs));
     studies
 }
 
-/// The bearings by their names, each with its magnets that are used: their names, and their places among all that are used.
+/// The bearings by name, each with its magnets in use: their names, and their indices among all magnets in use.
 pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(&'static str, Vec<(String, usize)>)> {
     let used = scenario.used();
     let of = |(bearing, magnets): (&'static Bearing, Range<usize>)| {
@@ -305,8 +305,8 @@ pub(crate) fn of_bearings(scenario: &Scenario) -> Vec<(&'static str, Vec<(String
     scenario.machine.magnets_of_bearings().into_iter().map(of).collect()
 }
 
-/// A number with so many decimals if it is known.
-pub(super) fn known(value: f64, digits: usize) -> String {
+/// A number with this many decimals, or a dash if it is not finite.
+pub(super) fn or_dash(value: f64, digits: usize) -> String {
     if value.is_finite() { format!("{value:.digits$}") } else { "–".to_owned() }
 }
 
@@ -316,20 +316,20 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     let mut row = |name: &str, value: &dyn Fn(&Figures) -> String| {
         rows.push(std::iter::once(name.to_owned()).chain(outcome.figures.iter().map(value)).collect());
     };
-    // Errors without noise have fewer digits before them than three.
+    // Without noise, errors are too small for three decimals.
     let small = |value: f64| value != 0.0 && value.abs() < 1e-5;
     let percent = |values: &mut dyn Iterator<Item = f64>| {
-        let one = |value: f64| if small(value) { format!("{:.0e}", 100.0 * value) } else { known(100.0 * value, 3) };
+        let one = |value: f64| if small(value) { format!("{:.0e}", 100.0 * value) } else { or_dash(100.0 * value, 3) };
         values.map(one).collect::<Vec<_>>().join(" ")
     };
     row("valid, runs", &|figures| format!("{}/{}", figures.valid, figures.runs));
     row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
         format!("{}/{}", figures.identified, figures.identifiable)
     });
-    row("rms error/bound", &|figures| known(rms(figures.over_bound.iter().copied()), 2));
-    row("rms error/standard deviation (noise)", &|figures| known(rms(figures.normalised.iter().copied()), 2));
-    row("rms error/standard deviation (total)", &|figures| known(rms(figures.over_total.iter().copied()), 2));
-    row("greatest error/standard deviation", &|figures| known(figures.worst, 1));
+    row("rms error/bound", &|figures| or_dash(rms(figures.over_bound.iter().copied()), 2));
+    row("rms error/standard deviation (noise)", &|figures| or_dash(rms(figures.normalised.iter().copied()), 2));
+    row("rms error/standard deviation (total)", &|figures| or_dash(rms(figures.over_total.iter().copied()), 2));
+    row("greatest error/standard deviation", &|figures| or_dash(figures.worst, 1));
     if !study.mixed {
         let bearings = of_bearings(&study.scenario);
         let mut rows_of = |what: &str, of: &dyn Fn(&Figures) -> &[f64]| {
@@ -354,7 +354,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         if study.scenario.machine.planes > 0 && study.scenario.number("plant", "omega") != 0.0 {
             row("rms error of U, %; of φ, rad", &|figures| {
                 let [magnitude, phase] = figures.unbalance;
-                format!("{} {}", known(100.0 * magnitude, 3), known(phase, 4))
+                format!("{} {}", or_dash(100.0 * magnitude, 3), or_dash(phase, 4))
             });
         }
     }

@@ -13,18 +13,18 @@ use crate::simulation::scenario::Scenario;
 use crate::studies::identify::likelihood::{self, BenchParameter, Estimate, Knowledge};
 use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
 
-/// How a bench differs from its data sheet, and what maximum likelihood is told of it. Parameters by their numbers, with
-/// their units.
+/// Deviations of a bench from its data sheet, and the tolerances stated to maximum likelihood. Parameters are indices, values
+/// have their units.
 #[derive(Clone, Debug, Default)]
 pub struct Offline {
-    /// Tolerances told. Unless `fixed` says otherwise, every run draws the errors from them.
+    /// Stated tolerances. Every run draws its errors from them, unless they are `fixed`.
     pub tolerances: Vec<(usize, f64)>,
-    /// Errors of all runs.
+    /// Errors that all runs have in common.
     pub fixed: Option<Vec<f64>>,
 }
 
-/// Keeps the errors of a bench apart from the bearing and the noise that are drawn with the same seed.
-const OTHER_SEED: u64 = 0xbe5c_0000_0000;
+/// Makes the errors of a bench independent of the bearing and the noise drawn with the same seed.
+const BENCH_SEED: u64 = 0xbe5c_0000_0000;
 
 impl Offline {
     /// The errors of the run with this seed.
@@ -32,8 +32,8 @@ impl Offline {
         if let Some(errors) = &self.fixed {
             return errors.clone();
         }
-        let mut draw = Draw::new(seed ^ OTHER_SEED);
-        let mut errors = vec![0.0; parameters().len()];
+        let mut draw = Draw::new(seed ^ BENCH_SEED);
+        let mut errors = vec![0.0; PARAMETERS.len()];
         for (at, std) in &self.tolerances {
             errors[*at] = std * draw.normal();
         }
@@ -41,35 +41,32 @@ impl Offline {
     }
 }
 
-/// The parameters of the bench of the paper's bearing.
-fn parameters() -> &'static [BenchParameter] {
-    static PARAMETERS: LazyLock<Vec<BenchParameter>> =
-        LazyLock::new(|| Stated::of(&PLANAR, nominal().estimator()).parameters());
-    &PARAMETERS
+/// The bench parameters of the paper's bearing.
+static PARAMETERS: LazyLock<Vec<BenchParameter>> =
+    LazyLock::new(|| Stated::of(&PLANAR, nominal().estimator()).parameters());
+
+/// The error of a bench parameter.
+fn error_of(errors: &[f64], name: &str) -> f64 {
+    likelihood::by_name(&PARAMETERS, name).map_or(0.0, |at| errors[at])
 }
 
-/// The value of a bench parameter.
-fn value(errors: &[f64], name: &str) -> f64 {
-    likelihood::by_name(parameters(), name).map_or(0.0, |at| errors[at])
-}
-
-/// Makes plant and sensors differ from what controller and estimator are told. Rotation and run-out of the sensors are missing in the plant:
-/// see [`misread`].
+/// Makes plant and sensors differ from the parameters of controller and estimator. The plant models no rotation and run-out of sensors;
+/// [`misread`] adds them.
 fn differ(scenario: &mut Scenario, errors: &[f64]) {
-    let of = |name: &str| value(errors, name);
+    let of = |name: &str| error_of(errors, name);
     let base = nominal();
     let turning = ["theta0", "omega"].map(|name| base.number("plant", name));
     for (name, value) in Stated::of(&PLANAR, base.estimator()).with(turning, of) {
         scenario.set("plant", &name, value);
     }
-    // Sensors do not know the future.
+    // A delay cannot be negative.
     scenario.set("plant", "sensor.delay", of("delay").abs());
 }
 
-/// The recording as a bench would have taken it, rotation and run-out of its sensors included.
+/// The recording that the bench would make, including rotation and run-out of its sensors.
 fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples> {
     let column = |name: &str| recording.get(&format!("plant.{name}")).map(<[f64]>::to_vec);
-    let of = |name: &str| value(errors, name);
+    let of = |name: &str| error_of(errors, name);
     let mut samples = Samples {
         step_s,
         position_m: vec![column("Ym")?, column("Zm")?],
@@ -79,7 +76,7 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples
         rotation: Rotation::Both,
         ..Samples::default()
     };
-    // The delay is that of positions alone.
+    // The delay applies to positions alone.
     let delay_s = of("delay").abs();
     for (theta, omega) in samples.theta_rad.iter_mut().zip(&samples.omega_rad_s) {
         *theta += omega * delay_s;
@@ -105,7 +102,7 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples
     Some(samples)
 }
 
-/// The first rows of a recording.
+/// The first `rows` rows of a recording.
 fn beginning(samples: &Samples, rows: usize) -> Samples {
     let mut samples = samples.clone();
     let columns = samples.position_m.iter_mut().chain(&mut samples.current_a);
@@ -113,8 +110,7 @@ fn beginning(samples: &Samples, rows: usize) -> Samples {
     samples
 }
 
-/// Identifies from the recording up to each instant and compares with the truth. There is no bound where the bench is estimated with the
-/// rest.
+/// Identifies from the recording up to each instant and compares with the truth. There is no bound if bench parameters are estimated too.
 pub fn judge(
     scenario: &Scenario,
     recording: &Recording,
@@ -166,22 +162,22 @@ pub fn judge(
     Some(trial)
 }
 
-/// A verdict without its numbers: its first words.
+/// The first words of a verdict, without numbers.
 fn summary(verdict: &str) -> String {
     let words = verdict.trim_start_matches("Not valid: ").split_whitespace();
     words.filter(|word| !word.contains(|c: char| c.is_ascii_digit())).take(5).collect::<Vec<_>>().join(" ")
 }
 
-/// When the controller takes over an estimate: in the middle of recordings of 0.1, 1 and 5 s, or never, in s.
+/// When the controller takes over an estimate, in s: in the middle of recordings of 0.1, 1 and 5 s, or never.
 const UPDATES_S: [f64; 4] = [0.05, 0.5, 2.5, 1e3];
 
-/// Noise of the sensors, and that of the position in words.
+/// Sensor noise, and the position noise in words.
 const NOISES: [(&str, [f64; 2]); 2] = [("0.1 µm", NOISE), ("1 µm", TENFOLD)];
 
 /// Lengths of the recordings, in s.
 const LENGTHS_S: [f64; 3] = [0.1, 1.0, 5.0];
 
-/// Errors of a bench, one or several parameters at a time: names and tolerances as the command takes them.
+/// Bench errors, of one or several parameters at a time: names and tolerances as for `--tolerance`.
 const ERRORS: [&[(&str, f64)]; 13] = [
     &[("m", 0.01)],
     &[("s", 0.02)],
@@ -198,8 +194,8 @@ const ERRORS: [&[(&str, f64)]; 13] = [
     &[("runout1", 1e-6), ("runout2", 1e-6)],
 ];
 
-/// A bench of many errors at once: 1° of rotation, offsets of 10 and −5 µm, gains of ±0.5 %, 20 µm of iron, the phase lag of a sensor of
-/// 10 kHz, and the other bearing of the shaft, 2 N in y and 4.7 N in z: 1.35 N of it turn backward, the rest is like an unbalance.
+/// A bench with many errors at once: 1° of rotation, offsets of 10 and −5 µm, gains of ±0.5 %, 20 µm of iron, the phase lag of a sensor of
+/// 10 kHz, and 2 N in y and 4.7 N in z from the other bearing of the shaft: 1.35 N rotate backward, the remainder acts like an unbalance.
 const MIXED: [(&str, f64, f64); 8] = [
     ("sensor.rotation", TAU / 360.0, 0.02),
     ("sensor.offset[y]", 1e-5, 1e-5),
@@ -211,7 +207,7 @@ const MIXED: [(&str, f64, f64); 8] = [
     ("force.backward.sin", 0.0, 5.0),
 ];
 
-/// A study of the nominal bearing, noise estimated, on a bench.
+/// A study of the nominal bearing on a bench with errors, noise estimated.
 fn bench(title: &str, offline: Offline, noise: [f64; 2], instants_s: &[f64], runs: usize) -> Study {
     let study = study(&format!("identify: {title}"), &nominal(), noise, false, runs).at(instants_s);
     let errors = offline.clone();
@@ -219,12 +215,12 @@ fn bench(title: &str, offline: Offline, noise: [f64; 2], instants_s: &[f64], run
     Study { offline: Some(offline), ..study }
 }
 
-/// The studies of maximum likelihood, each with so many runs (of drawn bearings: with so many bearings).
+/// The studies of maximum likelihood, each with this number of runs, or of drawn bearings.
 pub fn studies(runs: usize) -> Vec<Study> {
     let mut studies = Vec::new();
-    for (told, says) in NOISE_KNOWN {
+    for (noise_known, words) in NOISE_KNOWN {
         let mut add = |study: Study| studies.push(Study { offline: Some(Offline::default()), ..study });
-        let bearings = drawn(&format!("identify: drawn bearings, {says}"), told, runs).at(&LENGTHS_S);
+        let bearings = drawn(&format!("identify: drawn bearings, {words}"), noise_known, runs).at(&LENGTHS_S);
         let vary = bearings.vary.clone();
         add(bearings.varied(move |scenario, seed, attempt| {
             vary(scenario, seed, attempt);
@@ -232,33 +228,32 @@ pub fn studies(runs: usize) -> Vec<Study> {
             scenario.set("controller", "update.time", update_s);
         }));
         for (title, noise) in NOISES {
-            let title = format!("identify: nominal bearing, {title} and 10 mA, {says}");
-            add(study(&title, &nominal(), noise, told, runs).at(&LENGTHS_S));
+            let title = format!("identify: nominal bearing, {title} and 10 mA, {words}");
+            add(study(&title, &nominal(), noise, noise_known, runs).at(&LENGTHS_S));
         }
-        let slow = study(&format!("identify: 1000 rpm on the paper's path, {says}"), &nominal(), NOISE, told, runs);
+        let title = format!("identify: 1000 rpm on the paper's path, {words}");
+        let slow = study(&title, &nominal(), NOISE, noise_known, runs);
         add(slow.at(&[0.5, 1.0, 2.0]).with(|scenario| cases::turn(scenario, 1000.0)));
     }
-    let expanded = |told: &[(&str, f64)]| -> Vec<(usize, f64)> {
-        let meant = |name| identify::named(parameters(), name).unwrap_or_default();
-        told.iter().flat_map(|(name, std)| meant(name).into_iter().map(|at| (at, *std))).collect()
-    };
-    for told in ERRORS {
-        let names: Vec<&str> = told.iter().map(|(name, _)| *name).collect();
-        let offline = Offline { tolerances: expanded(told), fixed: None };
+    for errors in ERRORS {
+        let names: Vec<&str> = errors.iter().map(|(name, _)| *name).collect();
+        let indices = |name| identify::named(&PARAMETERS, name).unwrap_or_default().into_iter();
+        let tolerances = errors.iter().flat_map(|(name, std)| indices(name).map(|at| (at, *std))).collect();
+        let offline = Offline { tolerances, fixed: None };
         studies.push(bench(&format!("bench error {}", names.join(" and ")), offline, NOISE, &[1.0], runs));
     }
     let mixed = |of: fn(&(&str, f64, f64)) -> f64| -> Vec<f64> {
         let value =
             |parameter: &BenchParameter| MIXED.iter().find(|(name, ..)| *name == parameter.name).map_or(0.0, of);
-        parameters().iter().map(value).collect()
+        PARAMETERS.iter().map(value).collect()
     };
     let errors = mixed(|(_, error, _)| *error);
     let tolerances = mixed(|(.., std)| *std).into_iter().enumerate().filter(|(_, std)| *std > 0.0).collect();
     studies.push(bench("mixed bench", Offline { tolerances, fixed: Some(errors) }, NOISE, &[1.0], runs));
-    let tolerances: Vec<_> = parameters().iter().map(|parameter| parameter.typical).enumerate().collect();
+    let tolerances: Vec<_> = PARAMETERS.iter().map(|parameter| parameter.typical).enumerate().collect();
     let offline = Offline { tolerances, fixed: None };
-    for (says, noise) in NOISES {
-        studies.push(bench(&format!("all bench errors at once, {says}"), offline.clone(), noise, &[0.5, 2.0], runs));
+    for (words, noise) in NOISES {
+        studies.push(bench(&format!("all bench errors at once, {words}"), offline.clone(), noise, &[0.5, 2.0], runs));
     }
     studies
 }

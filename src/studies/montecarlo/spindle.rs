@@ -1,4 +1,4 @@
-//! A spindle over many seeds: first guesses that are wrong, any unbalance, and what correction masses leave.
+//! A spindle over many seeds: wrong first guesses, any unbalance, and the effect of correction masses.
 
 use std::f64::consts::PI;
 
@@ -13,9 +13,9 @@ use fmu_export::variable::Value;
 /// Never: the scenarios come with the program.
 pub fn studies(runs: usize) -> Vec<Study> {
     let mut studies = Vec::new();
-    for (told, says) in NOISE_KNOWN {
+    for (noise_known, words) in NOISE_KNOWN {
         let mut add = |title: &str, set: &dyn Fn(&mut Scenario)| {
-            let study = study(&format!("spindle: {title}, {says}"), &built_in("spindle"), NOISE, told, runs);
+            let study = study(&format!("spindle: {title}, {words}"), &built_in("spindle"), NOISE, noise_known, runs);
             studies.push(study.at(&[0.1, 0.2, 0.4]).with(set).varied(vary));
         };
         add("3000 rpm", &|_| ());
@@ -24,7 +24,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
             add(&format!("{rpm} rpm"), &|scenario| at_speed(scenario, rpm));
         }
         add("at rest", &|scenario| {
-            // The axial magnets are told apart by motion.
+            // The axial magnets can be distinguished only in motion.
             let amplitude = Value::Real(scenario.number("controller", "X.reference.amplitude"));
             cases::at_rest(scenario);
             scenario.set("controller", "X.reference.amplitude", amplitude);
@@ -37,7 +37,7 @@ pub fn studies(runs: usize) -> Vec<Study> {
     studies
 }
 
-/// The run of a seed: noise, unbalances from 30 to 100 g·mm at any angle, first guesses wrong by factors of 1.5 to 2.
+/// Varies the run by its seed: unbalances from 30 to 100 g·mm at any angle, first guesses wrong by factors of 1.5 to 2.
 fn vary(scenario: &mut Scenario, seed: u64, _: u64) {
     let mut draw = Draw::new(seed);
     for (first, lambda) in scenario.machine.of_magnets("lambda0").iter().zip(scenario.truth()) {

@@ -1,4 +1,4 @@
-//! Errors of readings between the sensors and their users.
+//! Errors of the readings: in the sensors, or only at the estimator.
 
 use std::f64::consts::TAU;
 
@@ -9,7 +9,7 @@ use fmu_export::variable::Value;
 /// The readings of one sample.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Readings {
-    /// When, in s.
+    /// Time, in s.
     pub time_s: f64,
     /// Positions, in m.
     pub position_m: Vec<f64>,
@@ -17,9 +17,9 @@ pub struct Readings {
     pub current_a: Vec<f64>,
     /// Angle of the rotor, in rad.
     pub theta_rad: f64,
-    /// Its speed, in rad/s.
+    /// Speed of the rotor, in rad/s.
     pub omega_rad_s: f64,
-    /// Force constants that the controller gets instead of the estimates, in N·m²/A².
+    /// Force constants for the controller in place of the estimates, in N·m²/A².
     pub lambda_nm2_a2: Option<Vec<f64>>,
 }
 
@@ -27,27 +27,27 @@ pub struct Readings {
 pub struct Change {
     /// Changes the readings of the next sample.
     pub apply: Box<dyn FnMut(&mut Readings)>,
-    /// The controller reads what was changed as well: it is the sensor that is at fault.
-    of_sensor: bool,
+    /// Whether the controller gets the changed readings too, because the sensor is at fault.
+    at_sensor: bool,
 }
 
-/// Makes the change of a run from its scenario and its seed.
+/// Creates the change of a run from its scenario and seed.
 pub type Alter = Box<dyn Fn(&Scenario, u64) -> Change + Send + Sync>;
 
-/// Where the readings are among the values that the connections carry.
+/// Indices of the readings among the values carried by the connections.
 pub struct Wires {
     position: Vec<usize>,
     current: Vec<usize>,
     /// Angle and speed.
     rotation: [usize; 2],
-    /// Positions and currents, λ and whether they are valid, on their way to the controller.
+    /// Positions and currents at the controller; λ there, and whether they are valid.
     to_controller: Vec<usize>,
     lambda: Vec<usize>,
     valid: usize,
 }
 
 impl Wires {
-    /// Those of a scenario.
+    /// The indices of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
         let connections = scenario.connections();
         let to = |element: &str, wanted: &dyn Fn(&str) -> bool| -> Vec<usize> {
@@ -80,7 +80,7 @@ impl Wires {
         put(&self.position, &readings.position_m);
         put(&self.current, &readings.current_a);
         put(&self.rotation, &[readings.theta_rad, readings.omega_rad_s]);
-        if change.of_sensor {
+        if change.at_sensor {
             put(&self.to_controller, &[readings.position_m, readings.current_a].concat());
         }
         if let Some(lambda) = readings.lambda_nm2_a2 {
@@ -90,23 +90,23 @@ impl Wires {
     }
 }
 
-/// The estimator gets other readings than the controller.
-pub fn on_the_way(change: impl FnMut(&mut Readings) + 'static) -> Change {
-    Change { apply: Box::new(change), of_sensor: false }
+/// A change of the readings of the estimator alone.
+pub fn at_estimator(change: impl FnMut(&mut Readings) + 'static) -> Change {
+    Change { apply: Box::new(change), at_sensor: false }
 }
 
-/// The sensors read something else.
-pub fn in_the_sensor(change: impl FnMut(&mut Readings) + 'static) -> Change {
-    Change { apply: Box::new(change), of_sensor: true }
+/// A change of the sensors: controller and estimator get the same readings.
+pub fn at_sensor(change: impl FnMut(&mut Readings) + 'static) -> Change {
+    Change { apply: Box::new(change), at_sensor: true }
 }
 
-/// The controller gets force constants from elsewhere, off by a relative deviation.
-pub fn taught(deviation: f64) -> Alter {
+/// The controller gets the true λ with random errors of this relative standard deviation, not the estimates.
+pub fn given_lambda(deviation: f64) -> Alter {
     Box::new(move |scenario, seed| {
         let mut draw = Draw::new(seed ^ 0x7a09);
         let truth = scenario.truth().into_iter();
         let lambda: Vec<f64> = truth.map(|lambda| lambda * (1.0 + deviation * draw.normal())).collect();
-        on_the_way(move |readings| readings.lambda_nm2_a2 = Some(lambda.clone()))
+        at_estimator(move |readings| readings.lambda_nm2_a2 = Some(lambda.clone()))
     })
 }
 
@@ -114,18 +114,18 @@ pub fn taught(deviation: f64) -> Alter {
 pub fn noisy_angle(speed: f64, angle_rad: f64) -> Alter {
     Box::new(move |_, seed| {
         let mut draw = Draw::new(seed ^ 0xa9e1);
-        on_the_way(move |readings| {
+        at_estimator(move |readings| {
             readings.omega_rad_s *= 1.0 + speed * draw.normal();
             readings.theta_rad += angle_rad * draw.normal();
         })
     })
 }
 
-/// An encoder of so many counts per turn; the speed is the difference of its angles.
+/// An encoder with this number of counts per revolution; the speed is the difference of its angles.
 pub fn encoder(counts: f64) -> Alter {
     Box::new(move |scenario, _| {
         let (step_s, mut last) = (scenario.step_s, None);
-        on_the_way(move |readings| {
+        at_estimator(move |readings| {
             let angle = (readings.theta_rad * counts / TAU).floor() * TAU / counts;
             readings.omega_rad_s = last.map_or(readings.omega_rad_s, |last| (angle - last) / step_s);
             readings.theta_rad = angle;
@@ -134,44 +134,44 @@ pub fn encoder(counts: f64) -> Alter {
     })
 }
 
-/// An encoder whose disc sits beside the axis, by this part of its radius.
-pub fn eccentric(part: f64) -> Alter {
+/// An encoder whose disc is eccentric by this fraction of its radius.
+pub fn eccentric(fraction: f64) -> Alter {
     Box::new(move |_, _| {
-        on_the_way(move |readings| {
+        at_estimator(move |readings| {
             let (sin, cos) = libm::sincos(readings.theta_rad);
-            readings.theta_rad += part * sin;
-            readings.omega_rad_s *= 1.0 + part * cos;
+            readings.theta_rad += fraction * sin;
+            readings.omega_rad_s *= 1.0 + fraction * cos;
         })
     })
 }
 
-/// The speed is something else.
+/// The speed is changed by this function.
 pub fn speed(change: fn(f64) -> f64) -> Alter {
-    Box::new(move |_, _| on_the_way(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))
+    Box::new(move |_, _| at_estimator(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))
 }
 
-/// Coloured noise of these readings: white noise after a low-pass of first order, with this standard deviation in their unit and this
+/// Coloured noise of these readings: low-pass filtered white noise (first order), with this standard deviation in their unit and this
 /// cut-off frequency in Hz.
 pub fn coloured(std: f64, cut_off_hz: f64, of: fn(&mut Readings) -> &mut Vec<f64>) -> Alter {
     Box::new(move |scenario, seed| {
-        let kept = libm::exp(-TAU * cut_off_hz * scenario.step_s);
+        let pole = libm::exp(-TAU * cut_off_hz * scenario.step_s);
         let (mut draw, mut states) = (Draw::new(seed ^ 0xc010), Vec::new());
-        in_the_sensor(move |readings| {
+        at_sensor(move |readings| {
             let values = of(readings);
             states.resize_with(values.len(), || draw.normal());
             for (value, state) in values.iter_mut().zip(&mut states) {
                 *value += std * *state;
-                *state = kept * *state + (1.0 - kept * kept).sqrt() * draw.normal();
+                *state = pole * *state + (1.0 - pole * pole).sqrt() * draw.normal();
             }
         })
     })
 }
 
-/// Currents one sample late until an instant in s.
+/// Currents are one sample late until this instant in s.
 pub fn late_currents(until_s: f64) -> Alter {
     Box::new(move |_, _| {
         let mut last: Option<Vec<f64>> = None;
-        on_the_way(move |readings| {
+        at_estimator(move |readings| {
             let now = readings.current_a.clone();
             if let (Some(last), true) = (last.take(), readings.time_s < until_s) {
                 readings.current_a = last;
@@ -181,22 +181,22 @@ pub fn late_currents(until_s: f64) -> Alter {
     })
 }
 
-/// How a sample is missing.
+/// Kind of missing sample.
 #[derive(Clone, Copy)]
 pub enum Missing {
     /// All readings are those of the last sample.
     Repeated,
-    /// Positions and currents are no numbers.
+    /// Positions and currents are NaN.
     NotANumber,
 }
 
-/// Samples are missing: `when` says of a sample, by its number and numbers drawn, whether it is.
+/// Missing samples; `when` decides from the number of the sample and random numbers.
 pub fn missing(how: Missing, when: fn(u64, &mut Draw) -> bool) -> Alter {
     Box::new(move |_, seed| {
         let mut draw = Draw::new(seed ^ 0xd20f);
         let mut number = 0;
         let mut last: Option<Readings> = None;
-        on_the_way(move |readings| {
+        at_estimator(move |readings| {
             number += 1;
             match (when(number, &mut draw), how, &last) {
                 (true, Missing::Repeated, Some(last)) => readings.clone_from(last),
@@ -209,13 +209,13 @@ pub fn missing(how: Missing, when: fn(u64, &mut Draw) -> bool) -> Alter {
     })
 }
 
-/// Outliers: position sensors read something else, by a standard deviation in m, in a part of the samples.
-pub fn outliers(part: f64, std_m: f64) -> Alter {
+/// Outliers of the position sensors, with this standard deviation in m, in a fraction of the samples.
+pub fn outliers(fraction: f64, std_m: f64) -> Alter {
     Box::new(move |_, seed| {
         let mut draw = Draw::new(seed ^ 0x5919);
-        in_the_sensor(move |readings| {
+        at_sensor(move |readings| {
             for position_m in &mut readings.position_m {
-                if draw.chance(part) {
+                if draw.chance(fraction) {
                     *position_m += std_m * draw.normal();
                 }
             }
@@ -223,12 +223,12 @@ pub fn outliers(part: f64, std_m: f64) -> Alter {
     })
 }
 
-/// The position sensors read more by this, in m, from time in s and angle in rad.
-pub fn added(more_m: impl Fn(f64, f64) -> [f64; 2] + Copy + Send + Sync + 'static) -> Alter {
+/// An error of the position sensors, in m, as a function of time in s and angle in rad.
+pub fn added(error_m: impl Fn(f64, f64) -> [f64; 2] + Copy + Send + Sync + 'static) -> Alter {
     Box::new(move |_, _| {
-        in_the_sensor(move |readings| {
-            let more_m = more_m(readings.time_s, readings.theta_rad);
-            readings.position_m.iter_mut().zip(more_m).for_each(|(position, more)| *position += more);
+        at_sensor(move |readings| {
+            let error_m = error_m(readings.time_s, readings.theta_rad);
+            readings.position_m.iter_mut().zip(error_m).for_each(|(position, error)| *position += error);
         })
     })
 }

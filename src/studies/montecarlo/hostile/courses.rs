@@ -24,21 +24,21 @@ impl Course {
         }
     }
 
-    /// The usual scenario, with an error of the readings.
+    /// The nominal scenario with an error of the readings.
     fn misread(name: &str, asked: Asked, alter: Alter) -> Self {
-        Self { alter: Some(alter), ..Self::new(name, asked, 1.0, as_usual) }
+        Self { alter: Some(alter), ..Self::new(name, asked, 1.0, unchanged) }
     }
 }
 
-/// The scenario stays as it is.
-fn as_usual(_: &mut Scenario, _: u64) {}
+/// Leaves the scenario as it is.
+fn unchanged(_: &mut Scenario, _: u64) {}
 
 /// All courses; those of the spindle last.
 pub fn courses() -> Vec<Course> {
     [excitation, changes, forces, angles, readings, spindle].into_iter().flat_map(|of| of()).collect()
 }
 
-/// Little excitation, wrong first guesses, other speeds and sample times.
+/// Low excitation, wrong first guesses, other speeds and sample times.
 fn excitation() -> Vec<Course> {
     let late = |name: &str, set: fn(&mut Scenario)| {
         let set = move |scenario: &mut Scenario, _| {
@@ -46,7 +46,7 @@ fn excitation() -> Vec<Course> {
             scenario.set("controller", "update.time", 0.5);
         };
         let name = format!("wrong by two, updated late, {name}");
-        Course { alter: Some(altered::taught(0.02)), ..Course::new(&name, Valid, 1.5, set) }
+        Course { alter: Some(altered::given_lambda(0.02)), ..Course::new(&name, Valid, 1.5, set) }
     };
     let guesses = [0.1, 0.2, 5.0, 10.0].into_iter().flat_map(|factor| {
         let at_rest = move |scenario: &mut Scenario, _| {
@@ -69,9 +69,9 @@ fn excitation() -> Vec<Course> {
         })
     };
     // The scenario of the documentation.
-    let run_up = Course::new("scenario run-up, with voltage drive", Valid, 1.0, as_usual);
+    let run_up = Course::new("scenario run-up, with voltage drive", Valid, 1.0, unchanged);
     let mut courses = vec![
-        Course::new("nominal", Valid, 1.0, as_usual),
+        Course::new("nominal", Valid, 1.0, unchanged),
         Course { base: "run-up", noise: [1e-7, 5e-3], ..run_up },
         late("300 rpm", |scenario| cases::turn(scenario, 300.0)),
         late("600 rpm", |scenario| cases::turn(scenario, 600.0)),
@@ -88,19 +88,19 @@ fn excitation() -> Vec<Course> {
     courses
 }
 
-/// Courses of speed, load, λ and unbalance.
+/// Changes of speed, load, λ and unbalance.
 fn changes() -> Vec<Course> {
     let ramp = |rate: f64| {
         Course::new(&format!("load ramp {rate} N/s"), Valid, 2.0, move |scenario, seed| load_ramp(scenario, rate, seed))
     };
     let drawn = |scenario: &mut Scenario, seed: u64| {
-        let told = scenario.number("estimator", "sensor.positionNoise") > 0.0;
-        *scenario = cases::drawn(scenario, seed, told);
+        let noise_known = scenario.number("estimator", "sensor.positionNoise") > 0.0;
+        *scenario = cases::drawn(scenario, seed, noise_known);
         load_ramp(scenario, 5.0, seed);
         drift(scenario, [0.0, 1.0], 0.01);
     };
     let drawn = Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", NotWrong, 1.0, drawn);
-    // The currents rise with the speed: a load that changes looks like other λ.
+    // The currents rise with the speed, so that a changing load looks like a change of λ.
     let opposed = |scenario: &mut Scenario, _| {
         cases::speed(scenario, &[0.0, 0.3, 0.7, 1.0], &[1500.0, 1500.0, 8000.0, 8000.0]);
         scale(scenario, "plant.unbalance.magnitude", 0.25);
@@ -136,7 +136,7 @@ fn changes() -> Vec<Course> {
     ]
 }
 
-/// Forces that turn backward, beat, or rub.
+/// Forces that rotate backward, beat, or rub.
 fn forces() -> Vec<Course> {
     let backward = |force_n: f64| {
         Course::new(&format!("{force_n} N backward"), Valid, 1.0, move |scenario, seed| {
@@ -154,7 +154,7 @@ fn forces() -> Vec<Course> {
             }
         })
     };
-    // Twelve oscillations within 6 Hz, of random frequencies and phases.
+    // Twelve oscillations within 6 Hz, with random frequencies and phases.
     let narrow_band = |middle_hz: f64| {
         Course::new(&format!("0.5 N within 6 Hz about {middle_hz} Hz"), NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
@@ -171,7 +171,7 @@ fn forces() -> Vec<Course> {
     };
     let paper = |name: &str| Course {
         base: "paper",
-        ..Course::new(&format!("the paper's simulation, {name} noise"), Valid, 1.0, as_usual)
+        ..Course::new(&format!("the paper's simulation, {name} noise"), Valid, 1.0, unchanged)
     };
     let rubbing = Course::new("light rubbing", NotWrong, 1.0, |scenario, seed| {
         let mut draw = Draw::new(seed);
@@ -197,7 +197,7 @@ fn forces() -> Vec<Course> {
     ]
 }
 
-/// Angle and speed of the rotor as they are read.
+/// Errors of the angle and speed readings.
 fn angles() -> Vec<Course> {
     let circle = |name: &str, alter: Alter| {
         let set = |scenario: &mut Scenario, _| cases::path(scenario, [50e-6; 2], (3, 0.0), 3000.0 * RPM);
@@ -217,9 +217,9 @@ fn angles() -> Vec<Course> {
     ]
 }
 
-/// Readings of positions and currents that are not what the estimator is told.
+/// Errors of the position and current readings that the estimator does not model.
 fn readings() -> Vec<Course> {
-    let told = |name: &str, variable: &'static str, factor: f64| Course {
+    let misstated = |name: &str, variable: &'static str, factor: f64| Course {
         only: Some(true),
         ..Course::new(name, NotWrong, 1.0, move |scenario, _| scale(scenario, variable, factor))
     };
@@ -237,8 +237,8 @@ fn readings() -> Vec<Course> {
     vec![
         coloured("currents coloured at 100 Hz", "sensor.currentNoise", currents),
         coloured("positions coloured at 1000 Hz", "sensor.positionNoise", positions),
-        told("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
-        told("position noise stated 30 % too low", "estimator.sensor.positionNoise", 0.7),
+        misstated("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
+        misstated("position noise stated 30 % too low", "estimator.sensor.positionNoise", 0.7),
         Course::misread("currents one sample late for 50 ms", NotWrong, altered::late_currents(0.05)),
         missing("1 % of the samples repeated", Valid, Missing::Repeated, hundredth),
         missing("1 % of the samples not a number", Valid, Missing::NotANumber, hundredth),
@@ -261,7 +261,7 @@ fn readings() -> Vec<Course> {
     ]
 }
 
-/// A few of these of a spindle.
+/// Some of these courses for a spindle.
 fn spindle() -> Vec<Course> {
     let spindle = |name: &str, length_s, set: fn(&mut Scenario, u64)| Course {
         base: "spindle",
@@ -273,8 +273,8 @@ fn spindle() -> Vec<Course> {
         scenario.set("controller", "update.time", 0.5);
     });
     vec![
-        spindle("nominal", 1.0, as_usual),
-        Course { alter: Some(altered::taught(0.02)), ..late },
+        spindle("nominal", 1.0, unchanged),
+        Course { alter: Some(altered::given_lambda(0.02)), ..late },
         spindle("first guess × 0.2", 1.0, |scenario, _| guess(scenario, 0.2)),
         spindle("0.5 N backward in bearing A", 1.0, |scenario, seed| {
             let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).between(-PI, PI));
@@ -295,8 +295,8 @@ fn scale(scenario: &mut Scenario, path: &str, factor: f64) {
     scenario.set(element, variable, scenario.number(element, variable) * factor);
 }
 
-/// First guesses that are the true λ times a factor, for the controller by two at most, or it would not hold the rotor; the smallest force
-/// is modulated.
+/// Sets the first guesses to the true λ times a factor, clamped for the controller to 0.5 to 2, or it would not hold the rotor, and
+/// modulates the smallest force.
 fn guess(scenario: &mut Scenario, factor: f64) {
     for (name, lambda) in scenario.machine.of_magnets("lambda0").iter().zip(scenario.truth()) {
         for (element, factor) in [("controller", factor.clamp(0.5, 2.0)), ("estimator", factor)] {
@@ -306,20 +306,20 @@ fn guess(scenario: &mut Scenario, factor: f64) {
     scenario.set("controller", "F0.modulation", 0.5);
 }
 
-/// A variable of the plant grows by a part between two instants in s.
-fn change(scenario: &mut Scenario, variable: &str, time_s: [f64; 2], part: f64) {
+/// Lets a variable of the plant grow by a fraction between two instants in s.
+fn change(scenario: &mut Scenario, variable: &str, time_s: [f64; 2], fraction: f64) {
     let value = scenario.number("plant", variable);
-    scenario.follow(&[&format!("plant.{variable}")], &time_s, [value, value * (1.0 + part)], false);
+    scenario.follow(&[&format!("plant.{variable}")], &time_s, [value, value * (1.0 + fraction)], false);
 }
 
-/// All λ grow by a part between two instants in s.
-fn drift(scenario: &mut Scenario, time_s: [f64; 2], part: f64) {
+/// Lets all λ grow by a fraction between two instants in s.
+fn drift(scenario: &mut Scenario, time_s: [f64; 2], fraction: f64) {
     for name in scenario.machine.of_magnets("lambda") {
-        change(scenario, &name, time_s, part);
+        change(scenario, &name, time_s, fraction);
     }
 }
 
-/// The load grows at a rate in N/s, in a direction that is drawn.
+/// Ramps the load at a rate in N/s, in a random direction.
 fn load_ramp(scenario: &mut Scenario, rate: f64, seed: u64) {
     let (sin, cos) = libm::sincos(Draw::new(seed).between(-PI, PI));
     cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| [rate * time_s * cos, rate * time_s * sin]);

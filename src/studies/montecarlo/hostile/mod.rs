@@ -1,15 +1,15 @@
-//! Hostile courses: what a bench really takes. An estimate that is called valid must be right on every one of them.
+//! Hostile courses: conditions of real test benches. A valid estimate must be right in every one of them.
 //!
-//! Each course of [`courses`] runs with the noise known to the estimator and estimated by it, many times each, in closed loop. [`judge`] says of
-//! a run how far valid estimates were off, in standard deviations that the estimator states, how much of the time they were valid,
-//! and how often that changed.
+//! Each of the [`courses`] runs many times in closed loop, with the noise known to the estimator and estimated by it. [`judge`] finds the
+//! largest error of valid estimates in stated standard deviations, the fraction of time with a valid estimate, and how often validity
+//! changed.
 
 pub mod altered;
 mod courses;
 
 use super::cases::Draw;
 use super::figures::{self, CONFIDENT, is_contact, touched};
-use super::{NOISE, built_in, cases, drawn_again, known, study};
+use super::{NOISE, built_in, cases, drawn_again, or_dash, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Stopped};
@@ -21,38 +21,38 @@ use fmu_export::variable::Value;
 pub use super::figures::{Trial, VALID_FROM_S};
 pub use courses::courses;
 
-/// Requirements on a course.
+/// Requirement on the estimates of a course.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// An estimate that is right, most of the time.
     Valid,
-    /// No valid estimate that is wrong: something is false, or too fast to be known.
+    /// No valid estimate that is wrong: something is false, or changes too fast to be identified.
     NotWrong,
     /// No valid estimate: the readings contradict each other.
     NotValid,
-    /// Nothing: the data are those of another bearing without the fault.
+    /// Nothing: another bearing without the fault would give the same data.
     Nothing,
 }
 
 /// Changes the scenario of a run; the number is its seed.
 type Set = Box<dyn Fn(&mut Scenario, u64) + Send + Sync>;
 
-/// A course: how the scenario of a run, and the readings on their way, differ from the usual.
+/// A course: how the scenario of a run, and its readings, differ from the nominal.
 pub struct Course {
-    /// A few words; what is tried.
+    /// Short description.
     pub name: String,
     /// The requirement.
     pub asked: Asked,
-    /// The built-in scenario that it starts from.
+    /// The built-in scenario that it modifies.
     base: &'static str,
     /// Sensor noise, in m and A.
     noise: [f64; 2],
-    /// How long a run lasts, in s.
+    /// Length of a run, in s.
     length_s: f64,
     set: Set,
     /// The error of the readings.
     alter: Option<Alter>,
-    /// It makes no difference whether the noise is told; or it is what is told that is false.
+    /// Runs only with the noise known, or only estimated: the other makes no difference, or the stated noise is the error.
     only: Option<bool>,
     /// The rotor is meant to touch its backup bearing.
     rubs: bool,
@@ -64,12 +64,12 @@ pub struct Course {
 pub struct Case<'a> {
     /// The course.
     pub course: &'a Course,
-    /// Whether the noise is told.
+    /// Whether the estimator knows the noise.
     pub told: bool,
 }
 
 impl Course {
-    /// Whether a run says what must not be said.
+    /// Whether a run violates the requirement.
     pub fn is_wrong(&self, trial: &Trial) -> bool {
         trial.is_beyond() || (self.asked == Asked::NotValid && trial.valid > 0.0)
     }
@@ -82,9 +82,9 @@ fn noise(known: bool) -> &'static str {
 
 /// All courses, with the noise known and estimated.
 pub fn cases(courses: &[Course]) -> Vec<Case<'_>> {
-    let both = |told| courses.iter().map(move |course| Case { course, told });
+    let all = |told| courses.iter().map(move |course| Case { course, told });
     let wanted = |case: &Case| case.course.only.is_none_or(|only| only == case.told);
-    both(true).chain(both(false)).filter(wanted).collect()
+    all(true).chain(all(false)).filter(wanted).collect()
 }
 
 impl Case<'_> {
@@ -93,12 +93,12 @@ impl Case<'_> {
         format!("hostile: {}, noise {}", self.course.name, noise(self.told))
     }
 
-    /// The scenario of the run with that seed, drawn for the n-th time.
+    /// The scenario of the run with this seed, in the draw numbered `attempt`.
     pub fn scenario(&self, seed: u64, attempt: u64) -> Scenario {
         let course = self.course;
         let mut scenario = study("", &built_in(course.base), course.noise, self.told, 1).scenario;
         scenario.duration_s = course.length_s;
-        // Seeds of the n-th drawing are far from those of the others.
+        // Seeds of different draws are far apart.
         (course.set)(&mut scenario, seed + (attempt << 32));
         scenario.set("plant", "sensor.seed", seed as i32);
         scenario
@@ -123,13 +123,13 @@ impl Case<'_> {
             if let Some(trial) = trial.as_mut().filter(|_| run.error.is_some()) {
                 trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
             }
-            // The same bearing would touch down again.
+            // A bearing that is not drawn would touch down again.
             Ok((trial, if self.course.drawn { VALID_FROM_S } else { f64::NEG_INFINITY }))
         })
     }
 }
 
-/// Judges a run by its valid samples, until the rotor touches down unless that is part of the course, and at the end.
+/// Judges a run by its valid samples and at its end; it ends when the rotor touches down, unless that is part of the course.
 pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) -> Option<Trial> {
     let touched = touched(recording).filter(|_| !rubs);
     let last = touched.unwrap_or(recording.time_s.len()).checked_sub(1);
@@ -137,19 +137,19 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
     figures::judge(scenario, recording, &instants_s, seed, touched)
 }
 
-/// Runs every case with as many seeds, on all processors; the trials of each, in the order of the seeds.
+/// Makes `runs` runs of every case, on all processors; the trials of each case are in the order of the seeds.
 ///
 /// # Errors
-/// Every parameter that a model refuses; why a run ended early.
+/// All parameters that a model refuses; the reason why a run ended early.
 pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Stopped> {
     let all = super::runs(cases.len() * runs, |index| cases[index / runs].trial(first_seed + (index % runs) as u64));
     let mut all = all.into_iter();
     cases.iter().map(|_| all.by_ref().take(runs).collect()).collect()
 }
 
-/// Runs that say what must not be said, and all runs, where something can be asked.
-pub fn wrong(cases: &[Case], found: &[Vec<Trial>], told: bool) -> (usize, usize) {
-    let counted = cases.iter().zip(found).filter(|(case, _)| case.told == told && case.course.asked != Asked::Nothing);
+/// The number of runs that violate the requirement, and of all runs with a requirement.
+pub fn wrong(cases: &[Case], found: &[Vec<Trial>], known: bool) -> (usize, usize) {
+    let counted = cases.iter().zip(found).filter(|(case, _)| case.told == known && case.course.asked != Asked::Nothing);
     counted.fold((0, 0), |(wrong, runs), (case, trials)| {
         (wrong + trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), runs + trials.len())
     })
@@ -162,7 +162,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
     let row = |(case, trials): (&Case, &Vec<Trial>)| {
         let (seed, worst) = figures::worst(trials);
         let samples = trials.iter().filter_map(|trial| trial.samples.last()).filter(|sample| sample.valid);
-        // Standard deviations and errors in these.
+        // Standard deviations, and errors in units of these.
         let at_end: Vec<_> = samples
             .flat_map(|sample| sample.total.iter().zip(&sample.error))
             .map(|(std, error)| [*std, if *error == 0.0 { 0.0 } else { error / std }])
@@ -180,20 +180,20 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         vec![
             format!("{}, {}{mark}{ended}", case.course.name, noise(case.told)),
             format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
-            known(worst.ratio, 1),
-            of_worst(known(100.0 * worst.error, 2)),
-            of_worst(known(100.0 * worst.std, 2)),
+            or_dash(worst.ratio, 1),
+            of_worst(or_dash(100.0 * worst.error, 2)),
+            of_worst(or_dash(100.0 * worst.std, 2)),
             of_worst(format!("{seed} at {:.3} s", worst.time_s)),
-            known(100.0 * mean(trials.iter().map(|trial| trial.valid)), 0),
+            or_dash(100.0 * mean(trials.iter().map(|trial| trial.valid)), 0),
             trials.iter().map(|trial| trial.changes).max().unwrap_or(0).to_string(),
-            known(100.0 * square(0).sqrt(), 2),
-            known(square(1).sqrt(), 2),
+            or_dash(100.0 * square(0).sqrt(), 2),
+            or_dash(square(1).sqrt(), 2),
         ]
     };
     let seeds = found.first().and_then(|trials| Some((trials.first()?.seed, trials.last()?.seed)));
     let (first, last) = seeds.unwrap_or_default();
-    let share = |told: bool| {
-        let (wrong, runs) = wrong(cases, found, told);
+    let fraction = |known: bool| {
+        let (wrong, runs) = wrong(cases, found, known);
         format!("{wrong} of {runs} runs ({:.1} %)", 100.0 * wrong as f64 / runs.max(1) as f64)
     };
     let note = format!(
@@ -202,8 +202,8 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
          of `valid` within a second, at most; ± at the end: rms of what is stated, and error in it. * something is false or too fast, so that the estimate \
          need not be valid; ** readings contradict each other, and any valid estimate is wrong; *** cannot be known, and does not count. Wrong in \
          all: noise known {}, estimated {}.",
-        share(true),
-        share(false),
+        fraction(true),
+        fraction(false),
     );
     Table::new("Hostile courses", note, head, cases.iter().zip(found).map(row))
 }
