@@ -1,6 +1,6 @@
-//! The closed loop: two independent implementations agree to the last bit, and reproduce the numbers of the method.
+//! The closed loop: two independent implementations agree bit for bit and reproduce the figures of the method.
 
-use crate::program::{column, lambda_errors, of, row};
+use crate::program::{column, lambda_errors, scenario_and_run, row};
 use crate::support::below;
 use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::bearing::rotor::RotorConfig;
@@ -25,7 +25,7 @@ fn rotor(of: &impl Fn(&str) -> f64) -> RotorConfig {
     rotor
 }
 
-/// The values that the scenarios set; all else is as the models have it by default.
+/// The values that the scenarios set; the others are the defaults of the models.
 fn plant_config(of: &impl Fn(&str) -> f64) -> PlantConfig {
     PlantConfig {
         rotor: rotor(of),
@@ -108,11 +108,11 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     }
 }
 
-/// The models in a loop written by hand here against the instances in the program's loop.
+/// The models in a hand-written loop against the instances in the program's loop.
 #[test]
-fn models_and_slaves_agree_bit_for_bit() {
+fn models_and_instances_agree_bit_for_bit() {
     for name in ["paper", "unbalanced", "turned", "standstill"] {
-        let (scenario, run) = of(name, &[]);
+        let (scenario, run) = scenario_and_run(name, &[]);
         let of = |element| values(&scenario, element);
         let plant = Plant::new(plant_config(&of("plant"))).expect("a plant");
         let controller = Controller::new(controller_config(&of("controller"))).expect("a controller");
@@ -159,15 +159,15 @@ fn models_and_slaves_agree_bit_for_bit() {
                 same_estimate(&run, step, name, estimate);
             }
 
-            // Each receives the present sample, the previous estimate and command.
-            let seen = ControllerInput {
+            // Each receives the present sample, the previous estimate and the previous command.
+            let controller_input = ControllerInput {
                 position_m: rotor.measured.position_m,
                 lambda_hat_nm2_a2: estimates[0].output().lambda_hat,
                 lambda_valid: estimates[0].output().valid,
                 omega_rad_s: of("controller")("reference.omega"),
                 ..ControllerInput::default()
             };
-            let heard = EstimatorInput {
+            let estimator_input = EstimatorInput {
                 position_m: rotor.measured.position_m,
                 current_a: rotor.measured.current_a,
                 theta_rad: rotor.measured.theta_rad,
@@ -177,21 +177,22 @@ fn models_and_slaves_agree_bit_for_bit() {
             };
             input.current_a = command.current_a;
             plant.advance(&mut rotor, &input, time_s, step_s).expect("the rotor stays in the gap");
-            command = controller.sample(&mut tracking, &seen).expect("finite inputs");
+            command = controller.sample(&mut tracking, &controller_input).expect("finite inputs");
             for ((_, estimator), estimate) in estimators.iter().zip(&mut estimates) {
-                estimator.sample(estimate, &heard);
+                estimator.sample(estimate, &estimator_input);
             }
         }
     }
 }
 
-/// Per cent. Limit for predictionError with the right hold and no noise, with any bearing, because nothing of one is hard-coded, and from the
-/// measurements in the method with an unbalance of 20 N and a constant load.
+/// Limit in per cent for predictionError with the right hold and without noise: for any bearing, because none is hard-coded, and, from the
+/// measurements of the method, with an unbalance of 20 N and a constant load.
 const PREDICTION_ERROR_PERCENT: f64 = 0.005;
+
 #[test]
-fn the_force_constants_come_out() {
+fn prediction_error_finds_the_force_constants() {
     for (name, instants_s) in [("turned", &[0.1, 0.2, 0.4][..]), ("unbalanced", &[0.1])] {
-        let (scenario, run) = of(name, &[]);
+        let (scenario, run) = scenario_and_run(name, &[]);
         for at_s in instants_s {
             for error in lambda_errors(&scenario, &run, "predictionError", *at_s) {
                 below(&format!("{name} at {at_s} s: error of λ, %"), 100.0 * error.abs(), PREDICTION_ERROR_PERCENT);
@@ -200,19 +201,18 @@ fn the_force_constants_come_out() {
     }
 }
 
-/// Percentage points: effect of the tracking error before the update on the estimates of the paper's method.
+/// Effect of the tracking error before the update on the estimates of the paper's method, in percentage points.
 const TRACKING_POINTS: f64 = 0.7;
 
-/// On the paper's scenario the error of the paper's method is the one that the physics predicts.
+/// On the paper's scenario the paper's method has the error that the physics predicts.
 ///
-/// A perturbation `p sin ωt` in phase with the reference `Z = r_Z sin ωt` looks like a force of the magnets. The
-/// magnets give `m Z̈ − p sin ωt = −(m ω² r_Z + p) sin ωt` and the motion shows `−m ω² r_Z sin ωt`, so that all three
-/// force constants come out by the factor `m ω² r_Z/(m ω² r_Z + p)`: −4.14 % with p = 2 N. Four per cent, which were
-/// hoped for, are therefore out of its reach for at least one of them; what differs between the three is the tracking
-/// error.
+/// A perturbation `p sin ωt` in phase with the reference `Z = r_Z sin ωt` looks like a force of the magnets. The magnets
+/// exert `m Z̈ − p sin ωt = −(m ω² r_Z + p) sin ωt` and the motion shows `−m ω² r_Z sin ωt`, which scales all three
+/// force constants by `m ω² r_Z/(m ω² r_Z + p)`: −4.14 % with p = 2 N. An error of 4 % is therefore out of reach for at
+/// least one of them; the differences between the three come from the tracking error.
 #[test]
-fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
-    let (scenario, run) = of("paper", &[]);
+fn the_papers_method_is_biased_by_a_perturbation_in_phase_with_the_motion() {
+    let (scenario, run) = scenario_and_run("paper", &[]);
     let (plant, controller) = (values(&scenario, "plant"), values(&scenario, "controller"));
     let omega = controller("reference.omega");
     let force_n = plant("m") * omega * omega * controller("reference.rZ");
@@ -225,7 +225,7 @@ fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
 
 #[test]
 fn an_unbalance_is_identified_together_with_the_force_constants() {
-    let (scenario, run) = of("unbalanced", &[]);
+    let (scenario, run) = scenario_and_run("unbalanced", &[]);
     // The paper's method attributes the unbalance to the magnets.
     let errors = lambda_errors(&scenario, &run, "paper", 0.1);
     assert!(errors.iter().any(|error| error.abs() > 0.2), "the paper's method: {errors:?}");
@@ -235,7 +235,7 @@ fn an_unbalance_is_identified_together_with_the_force_constants() {
         ["magnitude", "phase"].map(|part| column(&run, &format!("predictionError.unbalance.{part}"))[row(&run, 0.1)]);
     let error = 100.0 * (magnitude / truth("unbalance.magnitude") - 1.0);
     below("error of the unbalance, in per cent", error.abs(), PREDICTION_ERROR_PERCENT);
-    /// Radian; the same part of the unbalance, across instead of along.
-    const PHASE: f64 = PREDICTION_ERROR_PERCENT / 100.0;
-    below("error of its phase", (phase - truth("unbalance.phase")).abs(), PHASE);
+    /// The same relative error of the unbalance, tangential instead of radial.
+    const PHASE_RAD: f64 = PREDICTION_ERROR_PERCENT / 100.0;
+    below("error of its phase", (phase - truth("unbalance.phase")).abs(), PHASE_RAD);
 }

@@ -3,7 +3,7 @@
 mod faults;
 
 use crate::bench::Bench;
-use crate::program::{self, csv, folder, identified, number, open, pairs, ran, refuses};
+use crate::program::{self, csv, folder, identified, number, open, pairs, run_to_end, refuses};
 use crate::support::{between, library, says};
 use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
@@ -30,7 +30,7 @@ fn run(noise: [f64; 2], duration_s: f64) -> (Scenario, Recording) {
     let mut scenario = montecarlo::study("", &open("unbalanced", &[]), noise, false, 1).scenario;
     scenario.set("plant", "sensor.seed", Value::Integer(11));
     scenario.duration_s = duration_s;
-    let recording = ran(&scenario).recording;
+    let recording = run_to_end(&scenario).recording;
     (scenario, recording)
 }
 
@@ -52,7 +52,7 @@ fn samples_of(recording: &Recording) -> Samples {
 
 /// The samples of a run of a scenario.
 fn simulated(scenario: &Scenario) -> Samples {
-    samples_of(&ran(scenario).recording)
+    samples_of(&run_to_end(scenario).recording)
 }
 
 /// The estimator of the planar rotor with what these tests change of its configuration.

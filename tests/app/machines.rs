@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::program::{column, error_m, folder, of, read, row, rows, write};
+use crate::program::{column, error_m, folder, scenario_and_run, read, row, rows, write};
 use crate::support::says;
 
 use magnetic_bearing::report::experiment;
@@ -29,7 +29,7 @@ fn all_force_constants_of_every_machine_become_known() {
         // A body that hangs below one magnet.
         ("levitation", &[], 0.5, 0.02, 5.0),
     ] {
-        let (scenario, run) = of(name, changes);
+        let (scenario, run) = scenario_and_run(name, changes);
         let machine = scenario.machine;
         let names = ["lambda", "lambdaHat", "lambdaStdTotal"].map(|name| machine.of_magnets(name));
         for at_s in [from_s, scenario.duration_s] {
@@ -53,7 +53,7 @@ fn both_bearings_follow_their_paths() {
     for (omega, limit_m) in [("314.159265358979", 1e-6), ("628.318530717959", 3e-6)] {
         let speed = [("plant.omega", omega), ("controller.reference.omega", omega)];
         let drive = [("plant.drive", "voltage"), ("controller.drive", "voltage"), ("estimator.hold", "linear")];
-        let (scenario, run) = of("spindle", &[speed.as_slice(), &drive].concat());
+        let (scenario, run) = scenario_and_run("spindle", &[speed.as_slice(), &drive].concat());
         for bearing in ["A.", "B."] {
             let error_m = error_m(&run, bearing, 0.3, scenario.duration_s);
             assert!(error_m < limit_m, "{omega} rad/s, {bearing}: {error_m:e} m");
@@ -63,7 +63,7 @@ fn both_bearings_follow_their_paths() {
 
 #[test]
 fn correction_masses_remove_the_synchronous_force() {
-    let (scenario, run) = of("balance", &[]);
+    let (scenario, run) = scenario_and_run("balance", &[]);
     let forces = |at_s: f64| synchronous::forces(&run.recording, at_s).expect("forces");
     let (before, after) = (forces(scenario.balance_s.expect("a time")), forces(scenario.duration_s));
     for (before, after) in before.into_iter().zip(after) {
@@ -77,7 +77,7 @@ fn correction_masses_remove_the_synchronous_force() {
 /// Neither in the report nor for other programs.
 #[test]
 fn a_magnet_that_is_not_used_has_no_estimate() {
-    let (scenario, run) = of("levitation", &[("duration", "0.1")]);
+    let (scenario, run) = scenario_and_run("levitation", &[("duration", "0.1")]);
     let page = experiment::page(Path::new("levitation"), "", &scenario, &run);
     assert!(page.contains("true λ₁") && page.contains("error 1"), "the magnet that is used is drawn");
     assert!(!page.contains("true λ₂") && !page.contains("error 2") && !page.contains("2 std 2"), "the other is not");
@@ -100,7 +100,7 @@ fn a_magnet_that_is_not_used_has_no_estimate() {
 #[test]
 fn the_page_shows_the_machine() {
     for (name, words) in [("spindle", "Orbit, bearing B"), ("balance", "Synchronous force of the magnets")] {
-        let (scenario, run) = of(name, &[]);
+        let (scenario, run) = scenario_and_run(name, &[]);
         let page = experiment::page(Path::new(name), "", &scenario, &run);
         says(&page, &[&scenario.title, "shaft-animation", "Position along x", "Unbalance in two planes", words]);
         assert!(page.contains("-120 mm") && !page.contains("-120000 µm"), "positions along the shaft");

@@ -8,7 +8,7 @@ use magnetic_bearing::machine::{Machine, PLANAR4, SPINDLE, SPINDLE4};
 use magnetic_bearing::simulation::scenario::Scenario;
 use serde_json::Value as Json;
 
-use crate::program::{csv, ends, estimate, folder, identified, number, open, ran, read, refuses, words, write};
+use crate::program::{csv, exits, estimate, folder, identified, number, open, run_to_end, read, refuses, words, write};
 use crate::support::{below, says};
 
 /// Errors above this many of their own standard deviations contradict them.
@@ -24,7 +24,7 @@ fn record_with(
     let mut scenario = open(machine.name, &[]);
     scenario.set("plant", "sensor.seed", Value::Integer(2718));
     values.iter().for_each(|(name, value)| scenario.set("plant", name, Value::Real(*value)));
-    write(folder, "run.csv", change(csv(&ran(&scenario).recording)));
+    write(folder, "run.csv", change(csv(&run_to_end(&scenario).recording)));
     scenario
 }
 
@@ -169,7 +169,7 @@ fn exchanged_magnets_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");
     record(&folder, &SPINDLE, first(800));
     let exchanged = "--column B.im[1]=plant.B.im[2] --column B.im[2]=plant.B.im[1]";
-    let (out, _) = ends(3, &folder, &words(&format!("identify run.csv --machine spindle {exchanged}")));
+    let (out, _) = exits(3, &folder, &words(&format!("identify run.csv --machine spindle {exchanged}")));
     says(&out.replace('\n', " "), &["magnets 1 and 2 are exchanged at B: exchange the currents"]);
 }
 
@@ -225,7 +225,7 @@ fn wrong_columns_and_options_are_named() {
     refuses(&folder, &words("identify run.csv"), &["these are columns of the machine planar4: --machine planar4"]);
 
     record(&folder, &SPINDLE, |text| text.replace("plant.theta", "none").replace("plant.omegam", "nothing"));
-    let (_, errors) = ends(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);
+    let (_, errors) = exits(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);
     says(&errors, &["neither angle nor speed was recorded: --speed RPM is wanted"]);
     let document = identified(&folder, &words("run.csv --machine spindle --speed 3000"));
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
@@ -250,7 +250,7 @@ fn finds(document: &Json, lambda: &[f64]) {
 fn an_iron_path_is_named() {
     let folder = folder("machines-identified/iron");
     let arguments = format!("{} --machine planar4 --set m=8.09991868 --set s=0.487679096mm", foreign("iron_path"));
-    let (output, _) = ends(3, &folder, &words(&format!("identify {arguments}")));
+    let (output, _) = exits(3, &folder, &words(&format!("identify {arguments}")));
     says(
         &output,
         &["Not valid: the residuals ask for gap.iron (length of the iron path as a gap), and with it λ1 would"],
@@ -353,7 +353,7 @@ fn the_deviation_of_the_dynamics_is_honest() {
         let known = ["pY", "pZ"].map(|name| format!("--set {name}={}", of_plant(&scenario, name))).join(" ");
         scenario.set("plant", "m", Value::Real(kappa * of_plant(&scenario, "m")));
         scenario.set("plant", "sensor.seed", Value::Integer(86_001 + run));
-        write(&folder, "run.csv", csv(&ran(&scenario).recording));
+        write(&folder, "run.csv", csv(&run_to_end(&scenario).recording));
         let asked = format!("run.csv --machine planar4 --estimate dynamics --hold heldBefore {known}");
         let document = identified(&folder, &words(&asked));
         let [value, std] = estimate(&document["bench"]["dynamics"]);

@@ -13,14 +13,14 @@ use quick_xml::Reader;
 use quick_xml::events::Event as Xml;
 use serde_json::Value as Json;
 
-use crate::program::{column, of, ran};
+use crate::program::{column, scenario_and_run, run_to_end};
 use crate::support::says;
 
 /// Limit of the data, so that the page of a long run can be mailed and opens at once.
 const DATA_LIMIT_BYTES: usize = 2_000_000;
 
 /// The run of the paper's scenario.
-static PAPER: LazyLock<(Scenario, Run)> = LazyLock::new(|| of("paper", &[]));
+static PAPER: LazyLock<(Scenario, Run)> = LazyLock::new(|| scenario_and_run("paper", &[]));
 
 /// The page of a run of the paper's scenario.
 fn page_of(scenario: &Scenario, run: &Run) -> String {
@@ -180,7 +180,7 @@ fn the_page_holds_everything_and_loads_nothing() {
     let sensitivity = figure(&PAGE, "sensitivity");
     assert!(traces(sensitivity, "y").len() == 2 && traces(sensitivity, "z").len() == 2);
     says(&data(sensitivity)[0]["layout"]["shapes"].to_string(), &["zone A: below 3 (9.5 dB)"]);
-    assert!(*PAGE == page_of(&PAPER.0, &ran(&PAPER.0)), "the same run makes the same page");
+    assert!(*PAGE == page_of(&PAPER.0, &run_to_end(&PAPER.0)), "the same run makes the same page");
 }
 
 #[test]
@@ -251,7 +251,7 @@ fn what_is_not_valid_is_dotted_and_what_happened_is_marked() {
 
 #[test]
 fn without_the_paper_nothing_speaks_of_it() {
-    let (scenario, run) = of("standstill", &[("duration", "0.05")]);
+    let (scenario, run) = scenario_and_run("standstill", &[("duration", "0.05")]);
     let page = experiment::page("standstill".as_ref(), "", &scenario, &run);
     assert_sound(&page);
     let (text, _) = taken_apart(&page[page.find("<main>").unwrap()..page.find("id=\"parameters\"").unwrap()]);
@@ -260,7 +260,7 @@ fn without_the_paper_nothing_speaks_of_it() {
 
 #[test]
 fn a_run_without_update_or_with_another_speed_in_the_end_compares_nothing() {
-    let (scenario, run) = of("paper", &[("update.mode", "never"), ("duration", "0.1")]);
+    let (scenario, run) = scenario_and_run("paper", &[("update.mode", "never"), ("duration", "0.1")]);
     let page = page_of(&scenario, &run);
     assert_sound(&page);
     assert_eq!(traces(figure(&page, "orbit"), "End of the run").len(), 2);
@@ -284,7 +284,7 @@ fn notes_are_where_they_hold() {
         (("perturbation.amplitudeZ", "2 N"), true, "look like magnets weaker by"),
         (("perturbation.amplitudeZ", "-2 N"), true, "look like magnets stronger by"),
     ] {
-        let (scenario, run) = of("paper", &[&short[..], &[change]].concat());
+        let (scenario, run) = scenario_and_run("paper", &[&short[..], &[change]].concat());
         let note = experiment::tables("paper".as_ref(), &scenario, &run).remove(0).note;
         assert_eq!(note.contains("in phase"), is_in_phase, "{change:?}: {note}");
         assert!(note.contains(words) && !note.contains("its greatest error after"), "{change:?}: {note}");
@@ -306,7 +306,7 @@ fn missing_columns_leave_out_their_figure_with_a_sentence() {
 #[test]
 fn short_runs_and_broken_values_are_drawn_as_far_as_they_go() {
     for duration in ["1e-4", "3e-4", "0.015"] {
-        let (scenario, run) = of("paper", &[("duration", duration), ("update.mode", "never")]);
+        let (scenario, run) = scenario_and_run("paper", &[("duration", duration), ("update.mode", "never")]);
         assert_sound(&page_of(&scenario, &run));
     }
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, 1e-300] {
@@ -347,7 +347,7 @@ fn thinning_keeps_a_single_peak() {
 
 #[test]
 fn text_of_any_kind_is_harmless() {
-    let (mut scenario, run) = of("standstill", &[("duration", "0.01")]);
+    let (mut scenario, run) = scenario_and_run("standstill", &[("duration", "0.01")]);
     let text = "a < b & \"c\" </script><script>";
     (scenario.title, scenario.description) = (text.into(), text.into());
     let page = experiment::page(text.as_ref(), text, &scenario, &Run { error: Some(text.into()), ..run });

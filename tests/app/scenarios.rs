@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::program::{column, error_m, lambda_errors, of, open, ran, row, values_within};
+use crate::program::{column, error_m, lambda_errors, scenario_and_run, open, run_to_end, row, values_within};
 use crate::support::{below, says};
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
@@ -17,7 +17,7 @@ fn largest(run: &Run, name: &str, from_s: f64, to_s: f64) -> f64 {
 #[test]
 fn every_scenario_runs_to_its_end_and_has_its_page() {
     for scenario in BUILT_IN.into_iter().map(|(name, _)| open(name, &[])).filter(|of| of.machine.name == "planar") {
-        let run = ran(&scenario);
+        let run = run_to_end(&scenario);
         let name = &scenario.title;
         let page = experiment::page(Path::new(name), "", &scenario, &run);
         says(&page, &[name, "Figures of the bearing", "largest displacement / clearance of"]);
@@ -39,7 +39,7 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
     scenario.elements.truncate(3);
     for seed in 1..=10 {
         scenario.set("plant", "sensor.seed", seed);
-        let run = ran(&scenario);
+        let run = run_to_end(&scenario);
         for (k, error) in lambda_errors(&scenario, &run, "estimator", 0.19).into_iter().enumerate() {
             below(&format!("seed {seed}: relative error of λ{} at 0.19 s", k + 1), error.abs(), 0.01);
         }
@@ -54,7 +54,7 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
 /// currents gives the state of the coils again, so that nothing winds up.
 #[test]
 fn amplifiers_at_their_limit_leave_nothing_behind() {
-    let (mut scenario, free) = of("experiment", &[]);
+    let (mut scenario, free) = scenario_and_run("experiment", &[]);
     scenario.elements.truncate(3);
     // A load step needs more than the amplifiers can give.
     let text = "title = \"x\"\nduration = \"1 s\"\nstep = \"100 µs\"\n[[profile]]\nof = [\"plant.pZ\"]\n\
@@ -63,7 +63,7 @@ fn amplifiers_at_their_limit_leave_nothing_behind() {
     for element in ["plant", "controller"] {
         scenario.set(element, "coil.uMax", 60.0);
     }
-    let run = ran(&scenario);
+    let run = run_to_end(&scenario);
     assert_eq!(largest(&run, "controller.limited", 0.25, 0.27), 1.0, "the limit is reached");
     assert!(error_m(&run, "", 0.25, 0.27) > 5.0 * error_m(&free, "", 0.25, 0.27), "and has an effect");
     below("error 40 ms later, m", error_m(&run, "", 0.31, 0.4), 1.2e-6);
@@ -87,7 +87,7 @@ fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
 #[test]
 fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
     for drive in ["current", "voltage"] {
-        let (_, run) = of("standstill", &[("plant.drive", drive), ("controller.drive", drive)]);
+        let (_, run) = scenario_and_run("standstill", &[("plant.drive", drive), ("controller.drive", drive)]);
         below(&format!("{drive}: radius while the load is compensated, m"), error_m(&run, "", 0.0, 0.02), 10e-6);
         below(&format!("{drive}: radius, m"), error_m(&run, "", 0.02, 0.6), 1e-6);
         for k in 1..=3 {
@@ -103,14 +103,14 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
 fn circle_and_hole_are_cut_within_half_a_micrometre() {
     // The circle has no update, and steady state after 50 ms; the estimate of the hole becomes valid at about 0.39 s.
     for (name, from_s) in [("circle", 0.05), ("hole", 0.45)] {
-        let (_, run) = of(name, &[]);
+        let (_, run) = scenario_and_run(name, &[]);
         below(&format!("{name}: radial error, m"), error_m(&run, "", from_s, 0.6), 0.5e-6);
     }
 }
 
 #[test]
 fn lift_off_takes_the_rotor_from_the_ring_to_its_reference() {
-    let (_, run) = of("lift-off", &[]);
+    let (_, run) = scenario_and_run("lift-off", &[]);
     assert_eq!(column(&run, "plant.touchdown.contact")[0], 1.0, "it begins on the ring");
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.01, 1.0), 0.0, "the ring is left within 10 ms, for good");
     below("deviation from the reference while lifted, m", error_m(&run, "", 0.01, 0.06), 5e-6);
@@ -119,7 +119,7 @@ fn lift_off_takes_the_rotor_from_the_ring_to_its_reference() {
 
 #[test]
 fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
-    let (_, run) = of("coil-loss", &[]);
+    let (_, run) = scenario_and_run("coil-loss", &[]);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.0, 0.2), 0.0);
     below("current of the open coil, A: noise alone", largest(&run, "plant.im[3]", 0.2005, 0.2995), 0.03);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.2, 0.3), 1.0, "it falls");
@@ -132,7 +132,7 @@ fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
 
 #[test]
 fn the_run_up_drives_plant_and_path_together() {
-    let (scenario, run) = of("run-up", &[]);
+    let (scenario, run) = scenario_and_run("run-up", &[]);
     let omega = column(&run, "plant.omegam");
     let rpm = |omega: f64| omega * 30.0 / std::f64::consts::PI;
     below("speed at the start, rpm", (rpm(omega[1]) - 1500.0).abs(), 1e-6);

@@ -10,7 +10,7 @@ use magnetic_bearing::simulation::scenario::Scenario;
 use serde_json::Value as Json;
 
 use crate::package::{members, parameters};
-use crate::program::{ends, estimate, folder, identified, number, read, write};
+use crate::program::{exits, estimate, folder, identified, number, read, write};
 use crate::support::{below, says};
 
 /// All three files have the same values, which are returned.
@@ -56,7 +56,7 @@ fn twin_of(folder: &Path, arguments: &[&str]) -> Json {
 
 /// The twin runs, and what it records is identified with these arguments: λ are the same within so many deviations.
 fn says_the_same(folder: &Path, found: &Json, arguments: &[&str], deviations: f64) {
-    ends(0, folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+    exits(0, folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
     let again = identified(folder, &[&["again.csv", "--scenario", "twin.toml"], arguments].concat());
     for k in 0..found["lambdaHat"].as_array().expect("force constants").len() {
         let [before, after, std] =
@@ -71,7 +71,7 @@ fn every_machine_has_a_twin() {
         [("planar4", "m=6.8", 6.8), ("spindle", "m=12kg", 12.0), ("spindle4", "estimator.m=12", 12.0)]
     {
         let folder = folder(&format!("twin/{machine}"));
-        ends(0, &folder, &["simulate", machine, "--csv", "run.csv"]);
+        exits(0, &folder, &["simulate", machine, "--csv", "run.csv"]);
         let found = twin_of(&folder, &["run.csv", "--machine", machine, "--set", mass]);
         let values = same_in_all(&folder);
         for (k, name) in found["magnets"].as_array().expect("names").iter().enumerate() {
@@ -107,7 +107,7 @@ fn a_planar_bench_has_a_twin() {
                  unbalance.magnitude = 2e-4\n[controller]\nreference.omega = 280.0\n[columns]\nYm = \"Weg y\"\n[tolerance]\n\
                  sensor.offset = \"5 µm\"\nalpha = \"0.2 deg\"\n";
     write(&folder, "bench.toml", bench);
-    ends(0, &folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
+    exits(0, &folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
     let table = read(&folder, "run.csv");
     write(&folder, "run.csv", table.replace("plant.Ym", "Weg y").replace("controller.Ym", "none"));
 
@@ -185,10 +185,10 @@ fn foreign_files_are_not_overwritten() {
         ("--ssp", "ours.ssp", 2, "there-is-none.csv"),
     ] {
         let before = content(name);
-        says(&ends(code, &folder, &["identify", "there-is-none.csv", option, name]).1, &[words]);
+        says(&exits(code, &folder, &["identify", "there-is-none.csv", option, name]).1, &[words]);
         assert!(before == content(name), "{option} {name}");
     }
-    let (_, errors) = ends(2, &folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
+    let (_, errors) = exits(2, &folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
     says(&errors, &["--method likelihood"]);
 }
 
@@ -197,11 +197,11 @@ fn foreign_files_are_not_overwritten() {
 fn an_answer_that_is_not_valid_has_no_twin() {
     for (scenario, machine, lines) in [("unbalanced", "planar", 200), ("spindle4", "spindle4", 150)] {
         let folder = folder(&format!("twin/not-valid-{machine}"));
-        ends(0, &folder, &["simulate", scenario, "--set", "duration=0.05s", "--csv", "run.csv"]);
+        exits(0, &folder, &["simulate", scenario, "--set", "duration=0.05s", "--csv", "run.csv"]);
         let short: Vec<String> = read(&folder, "run.csv").lines().take(lines).map(str::to_owned).collect();
         write(&folder, "run.csv", short.join("\n"));
         let arguments = ["identify", "run.csv", "--machine", machine, "--json", "-"];
-        let (out, errors) = ends(3, &folder, &[&arguments, &FILES[..]].concat());
+        let (out, errors) = exits(3, &folder, &[&arguments, &FILES[..]].concat());
         says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
         let document: Json = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
         assert!(document["valid"] == false && document["lambdaHat"].is_null(), "{machine}: {document}");
@@ -233,7 +233,7 @@ fn an_axis_has_a_twin() {
     assert_eq!((values["controller.Ts"], values["controller.bandwidth.tracking"]), (1e-3, 100.0));
 
     // ki at the middle of the twin is that of the operating point.
-    ends(0, &folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+    exits(0, &folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
     let ki = 2.0 * (values["plant.lambda[2]"] * values["plant.pX"]).sqrt() / values["plant.s"];
     below("ki", (ki / of(&["operatingPoint", "ki"]) - 1.0).abs(), 1e-9);
     // The same file describes the bench to `identify`, columns included.

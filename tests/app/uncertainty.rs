@@ -1,6 +1,6 @@
 //! The estimator's statement of its own error: over many seeds, in every scenario of a matrix, and when λ changes.
 
-use crate::program::{column, of, open, values_within};
+use crate::program::{column, scenario_and_run, open, values_within};
 use crate::support::{below, between};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
@@ -188,7 +188,7 @@ fn noise_that_is_fed_back_is_covered() {
 #[test]
 fn the_papers_method_knows_its_limit() {
     for (name, wanted) in [("paper", 1.0), ("experiment", 0.0)] {
-        let late = values_within(&of(name, &[]).1, "paper.valid", 0.1, f64::INFINITY);
+        let late = values_within(&scenario_and_run(name, &[]).1, "paper.valid", 0.1, f64::INFINITY);
         assert!(late.iter().all(|valid| *valid == wanted), "{name}: wanted {wanted} from 0.1 s on");
     }
 }
