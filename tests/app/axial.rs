@@ -45,9 +45,8 @@ fn recordings_of_a_real_bench() {
     let recordings = RUNS.map(recording);
     // The bench as its owner would describe it.
     let bench = Axis { at_m: Some(0.010), ..below_one_magnet(0.06054, 0.5939) };
-    let answers = recordings
-        .each_ref()
-        .map(|recording| axial::answer(&bench, recording).unwrap_or_else(|why| panic!("{why}")));
+    let answers =
+        recordings.each_ref().map(|recording| axial::answer(&bench, recording).unwrap_or_else(|why| panic!("{why}")));
     for (((run, recording), answer), [ki, ks]) in RUNS.iter().zip(&recordings).zip(&answers).zip(STATICS) {
         let text = [recording.notes.clone(), answer.findings.clone()].concat().join(" ");
         assert!(answer.valid, "{run}: {}", answer.verdict);

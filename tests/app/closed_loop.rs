@@ -1,6 +1,6 @@
 //! The closed loop: two independent implementations agree bit for bit and reproduce the figures of the method.
 
-use crate::program::{column, lambda_errors, scenario_and_run, row};
+use crate::program::{column, lambda_errors, row, scenario_and_run};
 use crate::support::below;
 use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::bearing::rotor::RotorConfig;

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::program::{cell, exits, folder, program, read, refuses, rows, decoded, words, write};
+use crate::program::{cell, decoded, exits, folder, program, read, refuses, rows, words, write};
 use crate::support::{MODELS, says};
 
 #[test]

@@ -3,7 +3,7 @@
 mod faults;
 
 use crate::bench::Bench;
-use crate::program::{self, csv, folder, identified, number, open, pairs, run_to_end, refuses};
+use crate::program::{self, csv, folder, identified, number, open, pairs, refuses, run_to_end};
 use crate::support::{between, library, says};
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
@@ -498,8 +498,7 @@ fn the_verdict_begins_with_the_parameter_that_improves_the_residuals_most() {
 #[test]
 fn the_parameter_that_improves_the_residuals_most_is_tried() {
     let (lambda, position_noise, current_noise) = ([2.35e-6, 1.65e-6, 2.07e-6], 1e-6, 0.0);
-    let bench =
-        Bench { seconds: 0.6, lag: 2e-5, position_noise, current_noise, seed: 81, lambda, ..Bench::default() };
+    let bench = Bench { seconds: 0.6, lag: 2e-5, position_noise, current_noise, seed: 81, lambda, ..Bench::default() };
     let samples = recorded(&bench);
     let mut question = question_to(&bench, &samples);
     question.stated.hold = Hold::HeldAfter;

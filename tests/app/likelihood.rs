@@ -126,7 +126,8 @@ fn two_speeds_determine_run_out_better_than_one() {
         know(&mut options, name, Knowledge::Tolerance(5e-6));
     }
     let both = [&slow, &fast].map(|bench| recording(bench, false));
-    let [together, alone] = [&both[..], &both[..1]].map(|recordings| likelihood::identify(recordings, &options).unwrap());
+    let [together, alone] =
+        [&both[..], &both[..1]].map(|recordings| likelihood::identify(recordings, &options).unwrap());
     let [both, one] = [&together, &alone].map(|found| of_bench(found, "runout1.forward.cos"));
     assert!(together.converged && both.total_std < 0.5 * one.total_std, "{both:?} {one:?}");
     is_near("run-out", &both, 2e-6, 4.0);

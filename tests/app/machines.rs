@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use crate::program::{column, error_m, folder, scenario_and_run, read, row, rows, write};
+use crate::program::{column, error_m, folder, read, row, rows, scenario_and_run, write};
 use crate::support::says;
 
 use magnetic_bearing::report::experiment;

@@ -7,7 +7,7 @@ use magnetic_bearing::machine::{Machine, PLANAR4, SPINDLE, SPINDLE4};
 use magnetic_bearing::simulation::scenario::Scenario;
 use serde_json::Value as Json;
 
-use crate::program::{csv, exits, estimate, folder, identified, number, open, run_to_end, read, refuses, words, write};
+use crate::program::{csv, estimate, exits, folder, identified, number, open, read, refuses, run_to_end, words, write};
 use crate::support::{below, between, says};
 
 /// Limit of errors in their own standard deviations.
@@ -113,7 +113,8 @@ fn a_recording_of_a_spindle_with_all_imperfections() {
     write(&folder, "bench.toml", bench);
     let document = identified(&folder, &words("run.csv --scenario bench.toml --unit B.Zm=m --tolerance s=5um"));
     agrees(&document, &scenario);
-    for (name, stated) in [("m", 0.05 / 12.0), ("X.m", 0.05 / 12.0), ("A.s", 0.01), ("B.s", 0.01), ("X.s", 5.0 / 600.0)] {
+    for (name, stated) in [("m", 0.05 / 12.0), ("X.m", 0.05 / 12.0), ("A.s", 0.01), ("B.s", 0.01), ("X.s", 5.0 / 600.0)]
+    {
         let [_, std] = estimate(&document["bench"][name]);
         assert!(std > 0.0 && std < 1.001 * stated, "{name}: {std}, stated {stated}");
     }

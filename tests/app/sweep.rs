@@ -32,7 +32,7 @@ fn a_failing_case_is_a_row_with_its_message() {
 }
 
 #[test]
-fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
+fn an_interrupted_sweep_resumes_without_repeating_or_losing_a_row() {
     let design = opened("cases.csv", None);
     let folder = folder("sweep/interrupted");
     let whole = folder.join("whole.csv");
@@ -57,11 +57,11 @@ fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
 }
 
 #[test]
-fn rows_of_another_design_or_scenario_are_not_mixed_in() {
+fn rows_of_different_designs_or_scenarios_are_not_mixed() {
     let out = folder("sweep/foreign").join("rows.csv");
     opened("cases.csv", None).run(&out).expect("the sweep runs");
     let before = fs::read_to_string(&out).expect("rows");
-    // Nor into any other file, whose last line is not an incomplete row.
+    // Nor are rows added to a foreign file; its last line is not an incomplete row.
     for (design, scenario, content, words) in [
         ("cases.csv", Some("paper"), before.as_str(), "another design or scenario"),
         ("hypercube.toml", None, &before, "other columns"),
@@ -75,21 +75,20 @@ fn rows_of_another_design_or_scenario_are_not_mixed_in() {
 }
 
 #[test]
-fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
+fn a_latin_hypercube_has_one_case_in_every_stratum_of_every_range() {
     let mut text = Vec::new();
     opened("hypercube.toml", None).write(&mut text).expect("a list can be written to");
     let rows = rows(std::str::from_utf8(&text).expect("UTF-8"));
     assert_eq!(rows.len(), 50);
     let column = |name: &str| rows.iter().map(|row| cell(row, name)).collect::<Vec<f64>>();
-    let parts = |share: Vec<f64>| {
-        let mut parts: Vec<usize> = share.iter().map(|share| (share * 50.0).floor() as usize).collect();
-        parts.sort_unstable();
-        assert_eq!(parts, (0..50).collect::<Vec<_>>());
+    let covers = |name: &str, quantile: fn(f64) -> f64| {
+        let mut strata: Vec<_> = column(name).iter().map(|value| (quantile(*value) * 50.0).floor() as usize).collect();
+        strata.sort_unstable();
+        assert!(strata.iter().copied().eq(0..50), "{name}: {strata:?}");
     };
-    parts(column("plant.pZ [N]").iter().map(|p| (p + 30.0) / 30.0).collect());
-    parts(column("plant.unbalance.magnitude [g.mm]").iter().map(|u| (u / 50.0).ln() / 6.0_f64.ln()).collect());
-    let often = rows.iter().filter(|row| row.values().any(|cell| cell == "whenValid")).count();
-    assert_eq!(often, 25);
+    covers("plant.pZ [N]", |p| (p + 30.0) / 30.0);
+    covers("plant.unbalance.magnitude [g.mm]", |u| (u / 50.0).ln() / 6.0_f64.ln());
+    assert_eq!(rows.iter().filter(|row| row.values().any(|cell| cell == "whenValid")).count(), 25);
     let mut seeds = column("plant.sensor.seed");
     seeds.sort_by(f64::total_cmp);
     seeds.dedup();
@@ -97,13 +96,13 @@ fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
 }
 
 #[test]
-fn what_is_wrong_with_a_design_is_said_by_name() {
+fn errors_of_a_design_are_named() {
     let folder = folder("sweep/wrong");
     let many = ["did you mean lambda[1]?", "plant.Y is refused", "connected to plant.Ym", "bearing.m"];
     let misspelt = "plant.B.lamda[1]\n1\n";
     for (text, scenario, words) in [
         ("plant.lamda[1],plant.Y,estimator.Ym,bearing.m\n1,2,3,4\n", None, &many[..]),
-        // The nearest variable is one of the machine.
+        // The nearest variable is that of the machine.
         (misspelt, Some("spindle"), &["did you mean B.lambda[1]?"]),
         (misspelt, Some("axial"), &["did you mean lambda[1]?"]),
     ] {
