@@ -72,12 +72,12 @@ fn estimator_config(of: &impl Fn(&str) -> f64) -> EstimatorConfig {
     }
 }
 
-/// Compares signals of one row with the recording, bit for bit; `?` stands for Y and Z, other names of several values get an index.
-fn same(run: &Run, row: usize, signals: &[(&str, &[f64])]) {
+/// Compares signals of an element in one row with the recording, bit for bit; `?` stands for Y and Z, other names of several values get an index.
+fn same(run: &Run, row: usize, element: &str, signals: &[(&str, &[f64])]) {
     for (name, values) in signals {
         for (k, value) in values.iter().enumerate() {
             let index = if values.len() > 1 && !name.contains('?') { format!("[{}]", k + 1) } else { String::new() };
-            let name = name.replace('?', ["Y", "Z", ""][k]) + &index;
+            let name = format!("{element}.{}{index}", name.replace('?', ["Y", "Z", ""][k]));
             let recorded = column(run, &name)[row];
             let at_s = run.recording.time_s[row];
             let is_same = recorded.to_bits() == value.to_bits();
@@ -88,8 +88,8 @@ fn same(run: &Run, row: usize, signals: &[(&str, &[f64])]) {
 
 fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     let output = state.output();
-    for (name, values) in [
-        ("lambdaHat", &output.lambda_hat[..]),
+    let signals: [(&str, &[f64]); 14] = [
+        ("lambdaHat", &output.lambda_hat),
         ("lambdaRaw", &output.lambda_raw),
         ("lambdaStd", &output.lambda_std),
         ("lambdaStdTotal", &output.lambda_std_total),
@@ -103,9 +103,8 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
         ("p?Hat", &output.load_n),
         ("unbalance.magnitude", &output.unbalance_kg_m[..1]),
         ("unbalance.phase", &output.unbalance_phase_rad[..1]),
-    ] {
-        same(run, row, &[(&format!("{element}.{name}"), values)]);
-    }
+    ];
+    same(run, row, element, &signals);
 }
 
 /// The models in a hand-written loop against the instances in the program's loop.
@@ -136,25 +135,25 @@ fn models_and_instances_agree_bit_for_bit() {
         for step in 0..=steps {
             let time_s = step as f64 * step_s;
             let at = plant.outputs(&rotor, &input, rotor.time_s);
-            same(
-                &run,
-                step,
-                &[
-                    ("plant.?", &rotor.position_m),
-                    ("plant.?m", &rotor.measured.position_m),
-                    ("plant.im", &rotor.measured.current_a),
-                    ("plant.theta", &[rotor.measured.theta_rad]),
-                    ("plant.F", &at.force_n),
-                    ("plant.F?", &at.resultant_n),
-                    ("plant.gap", &at.gap_m),
-                    ("plant.perturbation.?", &at.perturbation_n),
-                    ("controller.i", &command.current_a),
-                    ("controller.e?", &command.tracking_error_m),
-                    ("controller.p?Hat", &command.perturbation_n),
-                    ("controller.lambdaUsed", &command.lambda_used_nm2_a2),
-                    ("controller.F?des", &command.force_n),
-                ],
-            );
+            let of_plant: [(&str, &[f64]); 8] = [
+                ("?", &rotor.position_m),
+                ("?m", &rotor.measured.position_m),
+                ("im", &rotor.measured.current_a),
+                ("theta", &[rotor.measured.theta_rad]),
+                ("F", &at.force_n),
+                ("F?", &at.resultant_n),
+                ("gap", &at.gap_m),
+                ("perturbation.?", &at.perturbation_n),
+            ];
+            let of_controller: [(&str, &[f64]); 5] = [
+                ("i", &command.current_a),
+                ("e?", &command.tracking_error_m),
+                ("p?Hat", &command.perturbation_n),
+                ("lambdaUsed", &command.lambda_used_nm2_a2),
+                ("F?des", &command.force_n),
+            ];
+            same(&run, step, "plant", &of_plant);
+            same(&run, step, "controller", &of_controller);
             for ((name, _), estimate) in estimators.iter().zip(&estimates) {
                 same_estimate(&run, step, name, estimate);
             }

@@ -141,7 +141,7 @@ fn the_hold_is_found() {
     let holds = Holds::of(&issued, &stated);
     let deficits = holds.0.map(|(_, deficit)| deficit);
     assert!(deficits[1] < deficits[0] && deficits[1] < deficits[2], "held after: {deficits:?}");
-    // Commands stated to be measured currents give no answer, however good the rest fits.
+    // Commands stated to be measured currents give no answer, however well the rest fits.
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
     is_refused(&identify::answer(std::slice::from_ref(&issued), stated), "--hold heldAfter");
     // Commands have no noise: the error is much smaller.
@@ -152,7 +152,7 @@ fn the_hold_is_found() {
     assert!(errors.iter().all(|error| error.abs() < 4e-3), "{errors:?}");
 }
 
-/// A lag that improves the fit of the stretch as little as in the second case moved λ by 20 of its deviations over the whole recording.
+/// A lag worth only 2.7 in log-likelihood on the stretch moved λ by 20 of its deviations over the whole recording.
 #[test]
 fn a_lag_counts_only_if_it_explains_more_than_chance() {
     let of = |hold, lag| Currents { hold, lag };

@@ -7,9 +7,6 @@ use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
 use crate::program::pairs;
 use crate::support::{Random, says};
 
-/// Speed of the rotor in the recordings below, in rad/s.
-const OMEGA: f64 = 100.0 * std::f64::consts::PI;
-
 /// A recording of an orbit with uniformly distributed noise of 0.1 µm and 10 mA.
 struct Bench {
     rows: usize,
@@ -17,7 +14,7 @@ struct Bench {
     step_s: f64,
 }
 
-const BENCH: Bench = Bench { rows: 10_001, omega_rad_s: OMEGA, step_s: 1e-4 };
+const BENCH: Bench = Bench { rows: 10_001, omega_rad_s: 100.0 * std::f64::consts::PI, step_s: 1e-4 };
 
 impl Bench {
     /// Time, positions, currents, unwrapped angle and speed of every row, in SI units.

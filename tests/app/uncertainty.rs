@@ -289,8 +289,8 @@ fn a_long_run_stays_valid() {
     }
 }
 
-/// On a trajectory of 40 Hz a force of 42 Hz beats with the motion, and λ seems to oscillate by percents twice a second. After one beat period the stated
-/// deviation covers it.
+/// On a trajectory of 40 Hz, whatever the speed, a force of 42 Hz beats with the motion, and λ seems to oscillate by percents twice a second. After one
+/// beat period the stated deviation covers it.
 #[test]
 fn a_force_that_beats_with_the_motion_is_covered() {
     let settings = [
