@@ -1,15 +1,12 @@
 //! Commands on all machines.
 
-use std::path::Path;
-
-use crate::program::{cell, folder, open, read, rows, write};
+use crate::program::{cell, folder, open, swept};
 use crate::support::{between, says};
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::studies::design::{self, Conditions, design};
 use magnetic_bearing::studies::montecarlo::{self, NOISE, figures};
 use magnetic_bearing::studies::statistics::rms;
-use magnetic_bearing::studies::sweep::Sweep;
 
 /// The built-in scenario of a machine.
 fn built_in(machine: &Machine) -> &'static str {
@@ -22,11 +19,8 @@ fn a_sweep_of_every_machine_covers_all_magnets() {
         let name = machine.name;
         let scenario = open(built_in(machine), &[]);
         let (magnets, load) = (machine.of_magnets("lambda"), machine.coordinates[0].load);
-        let folder = folder(&format!("sweep/{name}"));
-        write(&folder, "design.csv", format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1]));
-        let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new(built_in(machine))));
-        sweep.unwrap_or_else(|error| panic!("{error}")).run(&folder.join("rows.csv")).expect("rows");
-        let rows = rows(&read(&folder, "rows.csv"));
+        let design = format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1]);
+        let rows = swept(&folder(&format!("sweep/{name}")), &design, built_in(machine));
         for (row, load_n, changed) in [(&rows[0], 5.0, Some(3e-6)), (&rows[1], -5.0, None)] {
             assert_eq!((row["status"].as_str(), cell(row, "valid")), ("ok", 1.0), "{name}");
             for (k, magnet) in magnets.iter().enumerate() {

@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use crate::program::{column, error_m, folder, read, row, rows, scenario_and_run, write};
+use crate::program::{column, error_m, folder, row, scenario_and_run, swept};
 use crate::support::says;
 
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::{summary, synchronous};
-use magnetic_bearing::studies::sweep::Sweep;
 
 /// From an instant in s on, the estimate is valid, and the error of each magnet in use is below a relative limit and a number of its own
 /// standard deviations.
@@ -85,11 +84,8 @@ fn a_magnet_that_is_not_used_has_no_estimate() {
     for name in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "error"] {
         assert!(estimate[name][0].is_f64() && estimate[name][1].is_null(), "{name}: {estimate}");
     }
-    let folder = folder("sweep/used");
-    write(&folder, "design.csv", "controller.magnets.used,estimator.magnets.used\nfirst,first\n");
-    let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new("levitation"))).expect("a design");
-    sweep.run(&folder.join("rows.csv")).expect("rows");
-    let row = rows(&read(&folder, "rows.csv")).remove(0);
+    let design = "controller.magnets.used,estimator.magnets.used\nfirst,first\n";
+    let row = swept(&folder("sweep/used"), design, "levitation").remove(0);
     for name in ["error", "lambdaHat", "lambdaStd"] {
         let is_empty =
             |k: &str| row.iter().any(|(head, cell)| head.starts_with(&format!("{name}[{k}]")) && cell.is_empty());

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, LazyLock};
 
-use crate::program::folder;
+use crate::program::{folder, open};
 use crate::support::{MODELS, says};
 use fmu_export::package::{Written, binaries_of, platform};
 use fmu_export::variable::{Type, Value, Variable};
@@ -15,7 +15,7 @@ use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu::catalogue;
 use magnetic_bearing::machine::MACHINES;
 use magnetic_bearing::package;
-use magnetic_bearing::simulation::scenario::{Element, Scenario};
+use magnetic_bearing::simulation::scenario::Element;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 
@@ -275,7 +275,7 @@ fn systems_connect_existing_variables_and_name_existing_files() {
             assert!(system.contains_key(source), "{file}: {source} is not in the archive");
         }
         // One set for every element with settings, bound at the element: some tools look only there.
-        let scenario = Scenario::open(Path::new(set)).expect("a scenario of the program");
+        let scenario = open(set, &[]);
         for node in named(root, "Component") {
             let (element, _) = component(node);
             let bound: Vec<_> = named(node, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
@@ -344,7 +344,7 @@ pub fn parameters(text: &str) -> BTreeMap<String, f64> {
 fn parameter_sets_have_the_values_of_the_scenarios() {
     let system = archive("MagneticBearing.ssp");
     for name in ["paper", "unbalanced"] {
-        let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
+        let scenario = open(name, &[]);
         for part in &scenario.elements[..3] {
             let file = format!("resources/{name}-{}.ssv", part.name);
             assert_eq!(system.contains_key(&file), settings_in_set(part) > 0, "{file}");

@@ -11,6 +11,7 @@ use crate::support::says;
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::{self, Run};
+use magnetic_bearing::studies::sweep::Sweep;
 
 /// An empty folder for a test; tests run in parallel, so each uses a name of its own.
 pub fn folder(name: &str) -> PathBuf {
@@ -42,6 +43,14 @@ pub fn csv(recording: &Recording) -> String {
 /// The rows of a table: cells by column name.
 pub fn rows(text: &str) -> Vec<BTreeMap<String, String>> {
     csv::Reader::from_reader(text.as_bytes()).deserialize().map(|row| row.expect("a row")).collect()
+}
+
+/// The rows of a sweep of a design over a scenario.
+pub fn swept(folder: &Path, design: &str, scenario: &str) -> Vec<BTreeMap<String, String>> {
+    write(folder, "design.csv", design);
+    let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new(scenario))).expect("a design");
+    sweep.run(&folder.join("rows.csv")).expect("rows");
+    rows(&read(folder, "rows.csv"))
 }
 
 /// A number in a row.

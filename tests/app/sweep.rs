@@ -1,9 +1,8 @@
 //! Sweeps: a row per case, whatever happens.
 
-use std::fs;
 use std::path::Path;
 
-use crate::program::{cell, folder, rows, write};
+use crate::program::{cell, folder, read, rows, write};
 use crate::support::{below, says};
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
@@ -14,9 +13,9 @@ fn opened(name: &str, scenario: Option<&str>) -> Sweep {
 
 #[test]
 fn a_failing_case_is_a_row_with_its_message() {
-    let out = folder("sweep/failing").join("rows.csv");
-    opened("cases.csv", None).run(&out).expect("the sweep runs");
-    let rows = rows(&fs::read_to_string(&out).expect("rows"));
+    let folder = folder("sweep/failing");
+    opened("cases.csv", None).run(&folder.join("rows.csv")).expect("the sweep runs");
+    let rows = rows(&read(&folder, "rows.csv"));
     assert_eq!(rows.len(), 6);
     for (n, (row, words)) in rows.iter().zip(["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"]).enumerate()
     {
@@ -35,32 +34,31 @@ fn a_failing_case_is_a_row_with_its_message() {
 fn an_interrupted_sweep_resumes_without_repeating_or_losing_a_row() {
     let design = opened("cases.csv", None);
     let folder = folder("sweep/interrupted");
-    let whole = folder.join("whole.csv");
-    design.run(&whole).expect("the sweep runs");
-    let text = fs::read_to_string(&whole).expect("rows");
+    design.run(&folder.join("whole.csv")).expect("the sweep runs");
+    let text = read(&folder, "whole.csv");
     let lines: Vec<&str> = text.lines().collect();
 
     // Rows 5 and 2 were done, in that order, and row 6 is incomplete.
     let torn = folder.join("torn.csv");
-    let left = format!("{}\n{}\n{}\n{}", lines[0], lines[5], lines[2], &lines[6][..20]);
-    fs::write(&torn, left).expect("a file can be written");
+    write(&folder, "torn.csv", [lines[0], lines[5], lines[2], &lines[6][..20]].join("\n"));
     let before = design.run(&torn).expect("the sweep resumes");
     assert_eq!(before, Outcome { before: 2, failed: 3 });
-    assert_eq!(fs::read_to_string(&torn).expect("rows"), text, "the same rows in the same order");
+    assert_eq!(read(&folder, "torn.csv"), text, "the same rows in the same order");
     assert_eq!(design.run(&torn).expect("there is nothing left to do").before, 6);
-    assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
+    assert_eq!(read(&folder, "torn.csv"), text);
 
     // With an incomplete header the sweep starts again.
-    fs::write(&torn, "case,se").expect("a file can be written");
+    write(&folder, "torn.csv", "case,se");
     assert_eq!(design.run(&torn).expect("the sweep begins").before, 0);
-    assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
+    assert_eq!(read(&folder, "torn.csv"), text);
 }
 
 #[test]
 fn rows_of_different_designs_or_scenarios_are_not_mixed() {
-    let out = folder("sweep/foreign").join("rows.csv");
+    let folder = folder("sweep/foreign");
+    let out = folder.join("rows.csv");
     opened("cases.csv", None).run(&out).expect("the sweep runs");
-    let before = fs::read_to_string(&out).expect("rows");
+    let before = read(&folder, "rows.csv");
     // Nor are rows added to a foreign file; its last line is not an incomplete row.
     for (design, scenario, content, words) in [
         ("cases.csv", Some("paper"), before.as_str(), "another design or scenario"),
@@ -68,9 +66,9 @@ fn rows_of_different_designs_or_scenarios_are_not_mixed() {
         ("cases.csv", None, "not mine", "no rows of a sweep"),
         ("cases.csv", None, "title = 1\nstep", "no rows of a sweep"),
     ] {
-        fs::write(&out, content).expect("a file can be written");
+        write(&folder, "rows.csv", content);
         says(&opened(design, scenario).run(&out).expect_err(words).to_string(), &[words]);
-        assert_eq!(fs::read_to_string(&out).expect("the file"), content, "{words}");
+        assert_eq!(read(&folder, "rows.csv"), content, "{words}");
     }
 }
 
