@@ -1,5 +1,4 @@
-//! The machine `axial`: recordings of a real bench (tests/data/levitation), and a simulator of a levitated mass that is not the
-//! product's.
+//! The machine `axial`: recordings of a real bench (tests/data/levitation), and an independent simulator of a levitated mass.
 
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
@@ -11,22 +10,22 @@ use magnetic_bearing::studies::identify::axial::{self, Answer, Axis, PARAMETERS}
 use magnetic_bearing::studies::identify::{Reading, Samples};
 
 const RUNS: [&str; 5] = ["lqi", "lqr-tracking", "mpc", "pid-anti-windup", "pid-gain-scheduling"];
-/// Prototype estimates of the statics (README of the recordings): ki in N/A and ks in N/m at 10 mm.
+/// Static estimates of the prototype (README of the recordings): ki in N/A and ks in N/m at 10 mm.
 const STATICS: [[f64; 2]; 5] = [[1.229, 94.6], [1.241, 96.7], [1.235, 95.5], [1.242, 96.8], [1.246, 97.2]];
 
 fn file(run: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("tests/data/levitation/levitation-stairs-{run}.csv.gz"))
 }
 
-fn number(name: &str) -> usize {
+fn index(name: &str) -> usize {
     PARAMETERS.iter().position(|(known, ..)| *known == name).expect("a parameter")
 }
 
-/// A mass below one magnet whose gap is to be found.
+/// A mass below one magnet whose gap is estimated.
 fn below_one_magnet(mass_kg: f64, load_n: f64) -> Axis {
     let mut axis = Axis::new(mass_kg, vec![1]);
-    axis.told[number("pX")] = Some(load_n);
-    axis.estimated[number("s")] = true;
+    axis.told[index("pX")] = Some(load_n);
+    axis.estimated[index("s")] = true;
     axis
 }
 
@@ -39,26 +38,28 @@ fn recording(run: &str) -> Samples {
     Samples::read(file, &reading(&[1], &[("Xm", "z"), ("im[2]", "i1")])).expect("a good recording")
 }
 
-/// docs/bench.md states these numbers. ki and ks within 2 and 4 % of those from filtered least squares, an independent method; the five
-/// scatter by their stated deviations; the dynamics are weaker than the law in all of them.
+/// docs/bench.md states these numbers. ki and ks are within 2 and 4 % of those from filtered least squares, an independent method; the five
+/// answers scatter by their stated deviations; the dynamics are weaker than the law in all of them.
 #[test]
 fn recordings_of_a_real_bench() {
     let recordings = RUNS.map(recording);
-    // The bench as its owner would tell it.
+    // The bench as its owner would describe it.
     let bench = Axis { at_m: Some(0.010), ..below_one_magnet(0.06054, 0.5939) };
-    let answers = recordings.each_ref().map(|of| axial::answer(&bench, of).unwrap_or_else(|why| panic!("{why}")));
+    let answers =
+        recordings.each_ref().map(|recording| axial::answer(&bench, recording).unwrap_or_else(|why| panic!("{why}")));
     for (((run, recording), answer), [ki, ks]) in RUNS.iter().zip(&recordings).zip(&answers).zip(STATICS) {
-        let words = [recording.notes.clone(), answer.findings.clone()].concat().join(" ");
+        let text = [recording.notes.clone(), answer.findings.clone()].concat().join(" ");
         assert!(answer.valid, "{run}: {}", answer.verdict);
-        says(&words, &["start at rest", "repeat the one before", "% weaker than the law", "slow force"]);
-        says(&words, &["noise of the position grows"]);
+        says(&text, &["start at rest", "repeat the one before", "% weaker than the law", "slow force"]);
+        says(&text, &["noise of the position grows"]);
         below("ki", (answer.operating[1].value / ki - 1.0).abs(), 0.02);
         below("ks", (answer.operating[2].value / ks - 1.0).abs(), 0.04);
         assert!((1.09..1.25).contains(&answer.dynamics.value), "{run}: κ = {}", answer.dynamics.value);
     }
     for (name, at, least) in [("ki", 1, 0.1), ("ks", 2, 0.4), ("ki/κ", 3, 0.4), ("ks/κ", 4, 0.1)] {
         let mean = answers.iter().map(|answer| answer.operating[at].value).sum::<f64>() / 5.0;
-        let square = answers.iter().map(|of| ((of.operating[at].value - mean) / of.operating[at].total_std).powi(2));
+        let estimates = answers.iter().map(|answer| answer.operating[at]);
+        let square = estimates.map(|estimate| ((estimate.value - mean) / estimate.total_std).powi(2));
         let rms = (square.sum::<f64>() / 4.0).sqrt();
         assert!((least..1.5).contains(&rms), "{name}: scatters by {rms} stated deviations");
     }
@@ -69,7 +70,7 @@ fn recordings_of_a_real_bench() {
     }
 }
 
-/// A mass that one or two magnets hold: Runge–Kutta with twenty steps per sample, a controller on noisy readings, amplifiers with a lag.
+/// A mass levitated by one or two magnets: Runge–Kutta with twenty steps per sample, a controller on noisy readings, amplifiers with a lag.
 struct Levitation {
     lambda: [f64; 2],
     gap_m: f64,
@@ -78,14 +79,14 @@ struct Levitation {
     bias_a: f64,
     /// Lag of the amplifiers, s.
     lag_s: f64,
-    /// Whether the controller has the speed from differences of its readings, and not the true one.
+    /// Whether the controller differentiates its readings instead of using the true speed.
     differences: bool,
-    /// The path, m, over the time, s.
+    /// The reference position, m, at a time, s.
     path_m: fn(f64) -> f64,
     seed: u64,
 }
 
-/// A smooth path of ±2 mm.
+/// A smooth trajectory of ±2 mm.
 fn smooth(time_s: f64) -> f64 {
     1.2e-3 * (0.7 * TAU * time_s).sin() + 0.8e-3 * (1.9 * TAU * time_s).sin()
 }
@@ -95,7 +96,7 @@ fn square(time_s: f64) -> f64 {
     1.5e-3 * (1.1 * TAU * time_s).sin().signum()
 }
 
-/// A slow path of ±2 mm.
+/// A slow trajectory of ±2 mm.
 fn slow(time_s: f64) -> f64 {
     2e-3 * (0.4 * TAU * time_s).sin()
 }
@@ -133,18 +134,18 @@ impl Levitation {
         for row in 0..rows {
             let reading = [state[0] + normal(10e-6), (i[0] + normal(5e-3)).max(0.0), i[1] + normal(5e-3)];
             out.push([row as f64 * STEP_S, reading[0], reading[1], reading[2]]);
-            let off = reading[0] - (self.path_m)(STEP_S * row as f64);
+            let error = reading[0] - (self.path_m)(STEP_S * row as f64);
             let change = 0.2 * (reading[0] - filtered);
             filtered += change;
-            let pull = 500.0 * off + 8.0 * if self.differences { change / STEP_S } else { state[1] };
-            let wanted = match self.bias_a {
+            let pull = 500.0 * error + 8.0 * if self.differences { change / STEP_S } else { state[1] };
+            let command = match self.bias_a {
                 0.0 => [0.0, (hold(reading[0]) + 0.6 * pull / hold(0.0)).clamp(0.0, 5.0)],
                 bias => [bias - 0.3 * pull, bias + 0.3 * pull].map(|i: f64| i.clamp(0.0, 5.0)),
             };
             for _ in 0..20 {
                 let h = STEP_S / 20.0;
                 for k in 0..2 {
-                    i[k] += h / self.lag_s * (wanted[k] - i[k]);
+                    i[k] += h / self.lag_s * (command[k] - i[k]);
                 }
                 state = runge_kutta(&state, 0.0, h, |_, s| [s[1], self.acceleration(*s, i)]);
             }
@@ -158,7 +159,7 @@ impl Levitation {
             return Axis { at_m: Some(0.0), ..below_one_magnet(MASS_KG, self.load_n) };
         }
         let mut axis = Axis::new(MASS_KG, vec![0, 1]);
-        axis.told[number("s")] = Some(self.gap_m);
+        axis.told[index("s")] = Some(self.gap_m);
         axis.at_m = Some(0.0);
         axis
     }
@@ -174,7 +175,7 @@ impl Levitation {
         (axial::answer(&axis, &recording).expect("an answer"), recording.notes)
     }
 
-    /// The answer to these rows is valid and right; the answer, and the notes on the recording.
+    /// The answer to these rows, which must be valid and correct, and the notes on the recording.
     fn right_answer(&self, what: &str, rows: &[[f64; 4]]) -> (Answer, Vec<String>) {
         let (answer, notes) = self.answer(rows);
         assert!(answer.valid, "{what}: {}", answer.verdict);
@@ -182,38 +183,37 @@ impl Levitation {
             let ratio = (lambda.value - self.lambda[*k]) / lambda.total_std;
             assert!(ratio.abs() < 4.0, "{what}: λ{} {lambda:?} is off by {ratio:.1} deviations", k + 1);
         }
-        let off = (answer.dynamics.value - self.dynamics) / answer.dynamics.total_std;
-        assert!(off.abs() < 4.0, "{what}: κ = {:?}", answer.dynamics);
+        let ratio = (answer.dynamics.value - self.dynamics) / answer.dynamics.total_std;
+        assert!(ratio.abs() < 4.0, "{what}: κ = {:?}", answer.dynamics);
         (answer, notes)
     }
 }
 
-/// An exact law needs none of the effects of real benches: nothing is worth mentioning as taken. A factor between statics and dynamics is found with its
-/// sign.
+/// With an exact law none of the effects of real benches is reported. A factor between statics and dynamics is found with its sign.
 #[test]
-fn a_simulation_has_the_effects_of_a_bench_that_it_was_given() {
-    for (what, of) in [("one magnet", ONE), ("two magnets", TWO), ("κ = 1.2", Levitation { dynamics: 1.2, ..ONE })] {
-        let (answer, _) = of.right_answer(what, &of.record(8000));
-        let words = answer.findings.join(" ");
-        assert_eq!(words.contains("weaker than the law"), of.dynamics > 1.0, "{what}: {words}");
+fn a_simulation_shows_only_its_own_effects() {
+    for (what, mass) in [("one magnet", ONE), ("two magnets", TWO), ("κ = 1.2", Levitation { dynamics: 1.2, ..ONE })] {
+        let (answer, _) = mass.right_answer(what, &mass.record(8000));
+        let findings = answer.findings.join(" ");
+        assert_eq!(findings.contains("weaker than the law"), mass.dynamics > 1.0, "{what}: {findings}");
         for absent in ["stronger", "wanders", "start at rest"] {
-            assert!(!words.contains(absent), "{what}: {words}");
+            assert!(!findings.contains(absent), "{what}: {findings}");
         }
     }
 }
 
-/// References that jump make currents that jump: none of it is taken for a slow force. On a slow path the rotor is held by currents that are too small to be
-/// seen beside their noise: they are known from the positions that the controller has read; without that κ would be several deviations too large.
+/// A reference that jumps makes the currents jump; this is not mistaken for a slow force. On a slow trajectory the control currents are smaller than
+/// their noise and are inferred from the positions that the controller reads; otherwise κ would be several deviations too large.
 #[test]
-fn neither_jumps_nor_currents_that_noise_hides_deceive() {
+fn jumps_and_currents_below_the_noise_do_not_mislead() {
     let jumping = Levitation { lag_s: 8e-3, path_m: square, dynamics: 1.1, seed: 11, ..ONE };
     let slowly = Levitation { lag_s: 2e-3, differences: true, path_m: slow, seed: 21, ..ONE };
-    for (of, rows) in [(&jumping, 10_000), (&slowly, 8000), (&Levitation { seed: 22, ..slowly }, 8000)] {
-        of.right_answer(&format!("seed {}", of.seed), &of.record(rows));
+    for (mass, rows) in [(&jumping, 10_000), (&slowly, 8000), (&Levitation { seed: 22, ..slowly }, 8000)] {
+        mass.right_answer(&format!("seed {}", mass.seed), &mass.record(rows));
     }
 }
 
-/// Missing rows and faults of the sensors are left out and named.
+/// Missing rows and sensor faults are excluded and named.
 #[test]
 fn faults_are_left_out_and_named() {
     let rows = ONE.record(8000);
@@ -236,17 +236,17 @@ fn faults_are_left_out_and_named() {
     }
 }
 
-/// λ that differ by 10 % are a disagreement, which is named.
+/// A disagreement between the λ of two recordings is reported.
 #[test]
-fn recordings_that_differ_are_told_apart() {
+fn recordings_that_differ_are_reported() {
     let other = Levitation { lambda: [0.0, 1.3e-4], seed: 5, ..ONE };
     let again = Levitation { seed: 6, ..ONE };
-    let [one, two, again] = [&ONE, &other, &again].map(|of| of.answer(&of.record(8000)).0);
+    let [one, two, again] = [&ONE, &other, &again].map(|mass| mass.answer(&mass.record(8000)).0);
     says(&axial::agreement([&one, &two]).expect("they differ"), &["The recordings differ", "by", "%"]);
     assert_eq!(axial::agreement([&one, &again]), None);
 }
 
-/// The command of the documents, its JSON, the scenario it saves, and what it refuses.
+/// The documented command: its JSON, the scenario it saves, and its refusals.
 #[test]
 fn the_command() {
     let folder = folder("axial");
@@ -260,7 +260,7 @@ fn the_command() {
     }
     let page = read(&folder, "report/index.html");
     says(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
-    // The saved answer agrees: nothing but the noise of rounding is left to find.
+    // The saved answer agrees up to rounding.
     let again = identified(&folder, &words("mpc.csv.gz --scenario found.toml"));
     let [first, second] = [&json, &again].map(|json| program::number(&json["operatingPoint"]["ki"]));
     below("ki of the saved scenario", (first / second - 1.0).abs(), 1e-3);

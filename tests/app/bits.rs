@@ -1,21 +1,21 @@
 //! The paper's simulation, bit for bit as recorded.
 //!
-//! The results are the same on every platform, so that any difference is a change of the equations or of the order in which they
-//! are computed. After an intended change, `BITS=write cargo test --release --test app bits::` rewrites the file; the
-//! difference in the file then shows what has moved, and by how much.
+//! The results are the same on every platform, so any difference is a change of the equations or of their order of evaluation.
+//! After an intended change, `BITS=write cargo test --release --test app bits::` rewrites the file; its diff shows what has
+//! changed, and by how much.
 
 use std::fmt::Write;
 use std::path::Path;
 
-use crate::program::of;
+use crate::program::scenario_and_run;
 
 /// Samples in the file: the first ones, around the first estimates and around the update, and the last.
 const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];
 
 /// Fails if, for instance, the sub-step of the plant or the order of a sum changes.
 #[test]
-fn the_papers_simulation_gives_the_bits_that_it_gave() {
-    let recording = of("paper", &[]).1.recording;
+fn the_papers_simulation_is_unchanged_to_the_bit() {
+    let recording = scenario_and_run("paper", &[]).1.recording;
     let mut text = String::from("signal");
     for k in SAMPLES {
         let _ = write!(text, ",{} s", recording.time_s[k]);
@@ -32,8 +32,8 @@ fn the_papers_simulation_gives_the_bits_that_it_gave() {
         std::fs::write(&path, &text).expect("a place to write");
     }
     let before = std::fs::read_to_string(&path).expect("the file");
-    let moved: Vec<_> = before.lines().zip(text.lines()).filter(|(a, b)| a != b).collect();
-    let few = &moved[..moved.len().min(3)];
-    assert!(moved.is_empty(), "{} signals have moved, among them\n{few:#?}", moved.len());
+    let changed: Vec<_> = before.lines().zip(text.lines()).filter(|(a, b)| a != b).collect();
+    let few = &changed[..changed.len().min(3)];
+    assert!(changed.is_empty(), "{} signals have moved, among them\n{few:#?}", changed.len());
     assert_eq!(before.lines().count(), text.lines().count(), "there are other signals than before");
 }

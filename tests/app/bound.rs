@@ -1,5 +1,5 @@
-//! The Cramér–Rao bound against the inverse of the Fisher information of the joint likelihood, written out as one large least-squares
-//! problem: for a rotor in one bearing, and for a shaft that tilts.
+//! The Cramér–Rao bound against the inverse Fisher information of the joint likelihood, written out as one large least-squares
+//! problem, for a rotor in one bearing and for a shaft that tilts.
 
 use std::f64::consts::TAU;
 
@@ -9,14 +9,14 @@ use nalgebra::{DMatrix, DVector};
 const SAMPLES: usize = 80;
 const STEP_S: f64 = 2e-4;
 const SPEED_RAD_S: f64 = 100.0 * TAU;
-/// Speeds up by a fifth of the speed in a revolution, so that the terms with ω̇ matter.
+/// The speed grows by a fifth per revolution, so that the terms in ω̇ matter.
 const ACCELERATION_RAD_S2: f64 = 0.2 * 100.0 * SPEED_RAD_S;
 
-/// A rotor in the plane between three magnets.
+/// A planar rotor between three magnets.
 fn planar() -> Rotor {
     Rotor {
-        // With these an error grows about twentyfold over the samples through the negative stiffness: enough to matter, and little enough for
-        // the large problem to be well conditioned.
+        // Over the samples the negative stiffness amplifies an error about twentyfold: enough to matter, and little enough to keep the large
+        // problem well conditioned.
         inertia: DVector::from_element(2, 9.0),
         gyroscopic: DMatrix::zeros(2, 2),
         directions: DMatrix::from_columns(
@@ -111,25 +111,25 @@ fn brute_force(rotor: &Rotor) -> Vec<f64> {
     let mut sensitivity = DMatrix::<f64>::identity(motion, unknowns);
     observe(&sensitivity);
     for (index, interval) in intervals(rotor).enumerate() {
-        let mut moving = DMatrix::<f64>::zeros(motion, motion);
+        let mut dynamics = DMatrix::<f64>::zeros(motion, motion);
         let mut force = DMatrix::<f64>::zeros(motion, unknowns);
         for a in 0..n {
-            moving[(a, n + a)] = 1.0;
+            dynamics[(a, n + a)] = 1.0;
             let m = rotor.inertia[a];
             for b in 0..n {
-                moving[(n + a, n + b)] = interval.omega_rad_s * rotor.gyroscopic[(a, b)] / m;
+                dynamics[(n + a, n + b)] = interval.omega_rad_s * rotor.gyroscopic[(a, b)] / m;
             }
             for magnet in 0..k {
                 let d = |b: usize| rotor.directions[(b, magnet)];
                 let gap = rotor.gap_m[magnet] - (0..n).map(|b| d(b) * interval.position_m[b]).sum::<f64>();
                 let (i, lambda) = (interval.current_a[magnet], rotor.lambda_nm2_a2[magnet]);
                 for b in 0..n {
-                    moving[(n + a, b)] += 2.0 * lambda * i * i / gap.powi(3) * d(a) * d(b) / m;
+                    dynamics[(n + a, b)] += 2.0 * lambda * i * i / gap.powi(3) * d(a) * d(b) / m;
                 }
                 force[(n + a, motion + magnet)] = i * i / (gap * gap) * d(a) / m;
                 force[(n + a, noises + k * index + magnet)] = 2.0 * lambda * i / (gap * gap) * d(a) / m;
             }
-            // U turns with the rotor: the force is that of the second derivative of −(cos θ, sin θ).
+            // U rotates with the rotor: its force is the second derivative of −(cos θ, sin θ).
             let [y, z] = &rotor.planes[0];
             for (at, quarter) in [(loads - 2, 0.0), (loads - 1, TAU / 4.0)] {
                 let (sin, cos) = (interval.theta_rad + quarter).sin_cos();
@@ -138,13 +138,13 @@ fn brute_force(rotor: &Rotor) -> Vec<f64> {
             }
             force[(n + a, loads + a)] = 1.0 / m;
         }
-        // ẋ = A x + B over the interval by its Taylor series.
-        let mut derivative = &moving * &sensitivity + force;
+        // ẋ = A x + B over the interval by Taylor series.
+        let mut derivative = &dynamics * &sensitivity + force;
         let mut factor = 1.0;
         for order in 1..12 {
             factor *= STEP_S / f64::from(order);
             sensitivity += &derivative * factor;
-            derivative = &moving * derivative;
+            derivative = &dynamics * derivative;
         }
         observe(&sensitivity);
     }
@@ -154,7 +154,7 @@ fn brute_force(rotor: &Rotor) -> Vec<f64> {
 }
 
 #[test]
-fn the_filter_has_the_covariance_of_the_whole_likelihood() {
+fn the_filter_has_the_covariance_of_the_joint_likelihood() {
     /// The filter starts with a wide but finite prior, and its covariance is rounded in every step.
     const TOLERANCE: f64 = 2e-4;
     // A prior of zero width cannot be written as a least-squares problem.

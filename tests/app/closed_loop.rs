@@ -1,6 +1,6 @@
-//! The closed loop: two independent implementations agree to the last bit, and reproduce the numbers of the method.
+//! The closed loop: two independent implementations agree bit for bit and reproduce the figures of the method.
 
-use crate::program::{column, lambda_errors, of, row};
+use crate::program::{column, lambda_errors, row, scenario_and_run};
 use crate::support::below;
 use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::bearing::rotor::RotorConfig;
@@ -25,7 +25,7 @@ fn rotor(of: &impl Fn(&str) -> f64) -> RotorConfig {
     rotor
 }
 
-/// The values that the scenarios set; all else is as the models have it by default.
+/// The values that the scenarios set; the others are the defaults of the models.
 fn plant_config(of: &impl Fn(&str) -> f64) -> PlantConfig {
     PlantConfig {
         rotor: rotor(of),
@@ -72,12 +72,12 @@ fn estimator_config(of: &impl Fn(&str) -> f64) -> EstimatorConfig {
     }
 }
 
-/// Compares signals of one row with the recording, bit for bit; `?` stands for Y and Z, other names of several values get an index.
-fn same(run: &Run, row: usize, signals: &[(&str, &[f64])]) {
+/// Compares signals of an element in one row with the recording, bit for bit; `?` stands for Y and Z, other names of several values get an index.
+fn same(run: &Run, row: usize, element: &str, signals: &[(&str, &[f64])]) {
     for (name, values) in signals {
         for (k, value) in values.iter().enumerate() {
             let index = if values.len() > 1 && !name.contains('?') { format!("[{}]", k + 1) } else { String::new() };
-            let name = name.replace('?', ["Y", "Z", ""][k]) + &index;
+            let name = format!("{element}.{}{index}", name.replace('?', ["Y", "Z", ""][k]));
             let recorded = column(run, &name)[row];
             let at_s = run.recording.time_s[row];
             let is_same = recorded.to_bits() == value.to_bits();
@@ -88,8 +88,8 @@ fn same(run: &Run, row: usize, signals: &[(&str, &[f64])]) {
 
 fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     let output = state.output();
-    for (name, values) in [
-        ("lambdaHat", &output.lambda_hat[..]),
+    let signals: [(&str, &[f64]); 14] = [
+        ("lambdaHat", &output.lambda_hat),
         ("lambdaRaw", &output.lambda_raw),
         ("lambdaStd", &output.lambda_std),
         ("lambdaStdTotal", &output.lambda_std_total),
@@ -103,16 +103,15 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
         ("p?Hat", &output.load_n),
         ("unbalance.magnitude", &output.unbalance_kg_m[..1]),
         ("unbalance.phase", &output.unbalance_phase_rad[..1]),
-    ] {
-        same(run, row, &[(&format!("{element}.{name}"), values)]);
-    }
+    ];
+    same(run, row, element, &signals);
 }
 
-/// The models in a loop written by hand here against the instances in the program's loop.
+/// The models in a hand-written loop against the instances in the program's loop.
 #[test]
-fn models_and_slaves_agree_bit_for_bit() {
+fn models_and_instances_agree_bit_for_bit() {
     for name in ["paper", "unbalanced", "turned", "standstill"] {
-        let (scenario, run) = of(name, &[]);
+        let (scenario, run) = scenario_and_run(name, &[]);
         let of = |element| values(&scenario, element);
         let plant = Plant::new(plant_config(&of("plant"))).expect("a plant");
         let controller = Controller::new(controller_config(&of("controller"))).expect("a controller");
@@ -136,38 +135,38 @@ fn models_and_slaves_agree_bit_for_bit() {
         for step in 0..=steps {
             let time_s = step as f64 * step_s;
             let at = plant.outputs(&rotor, &input, rotor.time_s);
-            same(
-                &run,
-                step,
-                &[
-                    ("plant.?", &rotor.position_m),
-                    ("plant.?m", &rotor.measured.position_m),
-                    ("plant.im", &rotor.measured.current_a),
-                    ("plant.theta", &[rotor.measured.theta_rad]),
-                    ("plant.F", &at.force_n),
-                    ("plant.F?", &at.resultant_n),
-                    ("plant.gap", &at.gap_m),
-                    ("plant.perturbation.?", &at.perturbation_n),
-                    ("controller.i", &command.current_a),
-                    ("controller.e?", &command.tracking_error_m),
-                    ("controller.p?Hat", &command.perturbation_n),
-                    ("controller.lambdaUsed", &command.lambda_used_nm2_a2),
-                    ("controller.F?des", &command.force_n),
-                ],
-            );
+            let of_plant: [(&str, &[f64]); 8] = [
+                ("?", &rotor.position_m),
+                ("?m", &rotor.measured.position_m),
+                ("im", &rotor.measured.current_a),
+                ("theta", &[rotor.measured.theta_rad]),
+                ("F", &at.force_n),
+                ("F?", &at.resultant_n),
+                ("gap", &at.gap_m),
+                ("perturbation.?", &at.perturbation_n),
+            ];
+            let of_controller: [(&str, &[f64]); 5] = [
+                ("i", &command.current_a),
+                ("e?", &command.tracking_error_m),
+                ("p?Hat", &command.perturbation_n),
+                ("lambdaUsed", &command.lambda_used_nm2_a2),
+                ("F?des", &command.force_n),
+            ];
+            same(&run, step, "plant", &of_plant);
+            same(&run, step, "controller", &of_controller);
             for ((name, _), estimate) in estimators.iter().zip(&estimates) {
                 same_estimate(&run, step, name, estimate);
             }
 
-            // Each receives the present sample, the previous estimate and command.
-            let seen = ControllerInput {
+            // Each receives the present sample, the previous estimate and the previous command.
+            let controller_input = ControllerInput {
                 position_m: rotor.measured.position_m,
                 lambda_hat_nm2_a2: estimates[0].output().lambda_hat,
                 lambda_valid: estimates[0].output().valid,
                 omega_rad_s: of("controller")("reference.omega"),
                 ..ControllerInput::default()
             };
-            let heard = EstimatorInput {
+            let estimator_input = EstimatorInput {
                 position_m: rotor.measured.position_m,
                 current_a: rotor.measured.current_a,
                 theta_rad: rotor.measured.theta_rad,
@@ -177,21 +176,22 @@ fn models_and_slaves_agree_bit_for_bit() {
             };
             input.current_a = command.current_a;
             plant.advance(&mut rotor, &input, time_s, step_s).expect("the rotor stays in the gap");
-            command = controller.sample(&mut tracking, &seen).expect("finite inputs");
+            command = controller.sample(&mut tracking, &controller_input).expect("finite inputs");
             for ((_, estimator), estimate) in estimators.iter().zip(&mut estimates) {
-                estimator.sample(estimate, &heard);
+                estimator.sample(estimate, &estimator_input);
             }
         }
     }
 }
 
-/// Per cent. Limit for predictionError with the right hold and no noise, with any bearing, because nothing of one is hard-coded, and from the
-/// measurements in the method with an unbalance of 20 N and a constant load.
+/// Limit in per cent for predictionError with the right hold and without noise: for any bearing, because none is hard-coded, and, from the
+/// measurements of the method, with an unbalance of 20 N and a constant load.
 const PREDICTION_ERROR_PERCENT: f64 = 0.005;
+
 #[test]
-fn the_force_constants_come_out() {
+fn prediction_error_finds_the_force_constants() {
     for (name, instants_s) in [("turned", &[0.1, 0.2, 0.4][..]), ("unbalanced", &[0.1])] {
-        let (scenario, run) = of(name, &[]);
+        let (scenario, run) = scenario_and_run(name, &[]);
         for at_s in instants_s {
             for error in lambda_errors(&scenario, &run, "predictionError", *at_s) {
                 below(&format!("{name} at {at_s} s: error of λ, %"), 100.0 * error.abs(), PREDICTION_ERROR_PERCENT);
@@ -200,19 +200,18 @@ fn the_force_constants_come_out() {
     }
 }
 
-/// Percentage points: effect of the tracking error before the update on the estimates of the paper's method.
+/// Effect of the tracking error before the update on the estimates of the paper's method, in percentage points.
 const TRACKING_POINTS: f64 = 0.7;
 
-/// On the paper's scenario the error of the paper's method is the one that the physics predicts.
+/// On the paper's scenario the paper's method has the error that the physics predicts.
 ///
-/// A perturbation `p sin ωt` in phase with the reference `Z = r_Z sin ωt` looks like a force of the magnets. The
-/// magnets give `m Z̈ − p sin ωt = −(m ω² r_Z + p) sin ωt` and the motion shows `−m ω² r_Z sin ωt`, so that all three
-/// force constants come out by the factor `m ω² r_Z/(m ω² r_Z + p)`: −4.14 % with p = 2 N. Four per cent, which were
-/// hoped for, are therefore out of its reach for at least one of them; what differs between the three is the tracking
-/// error.
+/// A perturbation `p sin ωt` in phase with the reference `Z = r_Z sin ωt` looks like a force of the magnets. The magnets
+/// exert `m Z̈ − p sin ωt = −(m ω² r_Z + p) sin ωt` and the motion shows `−m ω² r_Z sin ωt`, which scales all three
+/// force constants by `m ω² r_Z/(m ω² r_Z + p)`: −4.14 % with p = 2 N. An error of 4 % is therefore out of reach for at
+/// least one of them; the differences between the three come from the tracking error.
 #[test]
-fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
-    let (scenario, run) = of("paper", &[]);
+fn the_papers_method_is_biased_by_a_perturbation_in_phase_with_the_motion() {
+    let (scenario, run) = scenario_and_run("paper", &[]);
     let (plant, controller) = (values(&scenario, "plant"), values(&scenario, "controller"));
     let omega = controller("reference.omega");
     let force_n = plant("m") * omega * omega * controller("reference.rZ");
@@ -225,7 +224,7 @@ fn the_paper_s_method_is_off_by_the_part_of_the_perturbation_in_the_motion() {
 
 #[test]
 fn an_unbalance_is_identified_together_with_the_force_constants() {
-    let (scenario, run) = of("unbalanced", &[]);
+    let (scenario, run) = scenario_and_run("unbalanced", &[]);
     // The paper's method attributes the unbalance to the magnets.
     let errors = lambda_errors(&scenario, &run, "paper", 0.1);
     assert!(errors.iter().any(|error| error.abs() > 0.2), "the paper's method: {errors:?}");
@@ -235,7 +234,7 @@ fn an_unbalance_is_identified_together_with_the_force_constants() {
         ["magnitude", "phase"].map(|part| column(&run, &format!("predictionError.unbalance.{part}"))[row(&run, 0.1)]);
     let error = 100.0 * (magnitude / truth("unbalance.magnitude") - 1.0);
     below("error of the unbalance, in per cent", error.abs(), PREDICTION_ERROR_PERCENT);
-    /// Radian; the same part of the unbalance, across instead of along.
-    const PHASE: f64 = PREDICTION_ERROR_PERCENT / 100.0;
-    below("error of its phase", (phase - truth("unbalance.phase")).abs(), PHASE);
+    /// The same relative error of the unbalance, tangential instead of radial.
+    const PHASE_RAD: f64 = PREDICTION_ERROR_PERCENT / 100.0;
+    below("error of its phase", (phase - truth("unbalance.phase")).abs(), PHASE_RAD);
 }

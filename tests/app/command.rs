@@ -1,17 +1,17 @@
-//! The built program: its files, its messages, the exit codes that scripts rely on, and pipes whose reader has gone.
+//! The built program: its files, its messages, its exit codes, and closed pipes.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use crate::program::{cell, ends, folder, program, read, refuses, rows, said, words, write};
+use crate::program::{cell, decoded, exits, folder, program, read, refuses, rows, words, write};
 use crate::support::{MODELS, says};
 
 #[test]
 fn the_main_job_packages_runs_and_reports() {
     let folder = folder("command/main");
-    let (out, err) = ends(0, &folder, &[]);
+    let (out, err) = exits(0, &folder, &[]);
 
     let systems = ["MagneticBearing.ssp".into(), "MagneticSpindle.ssp".into()];
     for archive in MODELS[..6].iter().map(|model| format!("{model}.fmu")).chain(systems) {
@@ -27,7 +27,7 @@ fn the_main_job_packages_runs_and_reports() {
     assert_eq!(err, "", "nothing goes wrong, and nobody looks at a progress bar");
 }
 
-/// The numbers of a table in a folder, which are all finite.
+/// The numbers of a table in a folder, all of which must be finite.
 fn numbers(folder: &Path, name: &str) -> Vec<BTreeMap<String, f64>> {
     let of = |row: &BTreeMap<String, String>| row.keys().map(|name| (name.clone(), cell(row, name))).collect();
     let rows: Vec<BTreeMap<String, f64>> = rows(&read(folder, name)).iter().map(of).collect();
@@ -38,9 +38,9 @@ fn numbers(folder: &Path, name: &str) -> Vec<BTreeMap<String, f64>> {
 #[test]
 fn a_scenario_is_printed_changed_and_run() {
     let folder = folder("command/simulate");
-    let (text, _) = ends(0, &folder, &["simulate", "--print", "unbalanced"]);
+    let (text, _) = exits(0, &folder, &["simulate", "--print", "unbalanced"]);
     write(&folder, "mine.toml", text.replace("duration = \"0.4 s\"", "duration = \"30 ms\""));
-    let (out, _) = ends(0, &folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]);
+    let (out, _) = exits(0, &folder, &["simulate", "mine.toml", "--csv", "out.csv", "--report", "page"]);
     says(&out, &["out.csv", "page/index.html"]);
     let rows = numbers(&folder, "out.csv");
     assert_eq!(rows.len(), 301, "30 ms in steps of 100 µs, both ends included");
@@ -79,25 +79,25 @@ fn a_run_that_ends_early_keeps_what_it_has() {
     let folder = folder("command/early");
     // A load that no current of the controller can balance.
     let load = ["--set", "plant.pZ=-20000", "--set", "duration=0.2", "--csv", "out.csv", "--report", "page"];
-    let (_, err) = ends(1, &folder, &[&["simulate", "unbalanced"], &load[..]].concat());
+    let (_, err) = exits(1, &folder, &[&["simulate", "unbalanced"], &load[..]].concat());
     says(&err, &["the run ended early", "plant", "leaves the gap", "magnet", "t ="]);
     let digits = |word: &str| {
         word.trim_start_matches(['-', '0', '.']).chars().take_while(|c| *c != 'e').filter(char::is_ascii_digit).count()
     };
-    let numbers_said = err.split([' ', ',']).filter(|word| word.parse::<f64>().is_ok());
-    let long: Vec<&str> = numbers_said.filter(|word| digits(word) > 5).collect();
+    let printed = err.split([' ', ',']).filter(|word| word.parse::<f64>().is_ok());
+    let long: Vec<&str> = printed.filter(|word| digits(word) > 5).collect();
     assert!(long.is_empty(), "messages have few digits: {long:?} in {err}");
     let rows = numbers(&folder, "out.csv").len();
     assert!(rows > 1 && rows < 1999, "{rows} rows");
     says(&read(&folder, "page/index.html"), &["leaves the gap", "</html>"]);
-    // So do runs of studies.
+    // The runs of studies report it as well.
     for arguments in ["design --speed 1e9", "montecarlo paper --position-noise 1 --runs 1"] {
-        says(&ends(1, &folder, &words(arguments)).1, &["the run ended early", "leaves the gap"]);
+        says(&exits(1, &folder, &words(arguments)).1, &["the run ended early", "leaves the gap"]);
     }
 }
 
 #[test]
-fn what_cannot_be_written_is_named() {
+fn files_that_cannot_be_written_are_named() {
     let folder = folder("command/unwritable");
     write(&folder, "taken", "a file");
     write(&folder, "short.toml", SHORT);
@@ -108,14 +108,14 @@ fn what_cannot_be_written_is_named() {
         &["simulate", "short.toml", "--csv", "."],
         &["package", "--out", "taken"],
     ] {
-        says(&ends(1, &folder, arguments).1, &["error: ", arguments[arguments.len() - 1]]);
+        says(&exits(1, &folder, arguments).1, &["error: ", arguments[arguments.len() - 1]]);
     }
 }
 
 #[test]
-fn descriptions_go_where_they_are_wanted() {
+fn descriptions_are_written_to_the_folder() {
     let folder = folder("command/describe");
-    ends(0, &folder, &["describe", "--out", "."]);
+    exits(0, &folder, &["describe", "--out", "."]);
     for model in MODELS {
         let name = format!("modelName=\"{model}\"");
         says(&read(&folder, &format!("{model}.xml")), &["fmiVersion=\"2.0\"", &name]);
@@ -123,27 +123,27 @@ fn descriptions_go_where_they_are_wanted() {
 }
 
 #[test]
-fn help_says_what_there_is() {
+fn help_completions_and_version() {
     let folder = folder("command/help");
-    let (out, _) = ends(0, &folder, &["--help"]);
+    let (out, _) = exits(0, &folder, &["--help"]);
     says(&out, &["Without a command", "package", "simulate", "describe", "--version", "target/report/index.html"]);
     says(&out, &["Exit codes:", "3  an identification"]);
-    let (out, _) = ends(0, &folder, &["simulate", "--help"]);
+    let (out, _) = exits(0, &folder, &["simulate", "--help"]);
     says(&out, &["[plant]", "[all]", "--csv", "--report", "--print", "paper"]);
     for shell in ["bash", "zsh", "fish", "powershell"] {
-        let (out, _) = ends(0, &folder, &["completions", shell]);
+        let (out, _) = exits(0, &folder, &["completions", shell]);
         says(&out, &["magnetic-bearing", "simulate", "montecarlo"]);
     }
     // Sources without a repository have no commit.
     let here = Path::new(env!("CARGO_MANIFEST_DIR"));
     let head = || Command::new("git").current_dir(here).args(["rev-parse", "HEAD"]).output().expect("git").stdout;
     let commit = here.join(".git").exists().then(|| format!(" ({})", &String::from_utf8_lossy(&head())[..12]));
-    let (out, _) = ends(0, &folder, &["--version"]);
+    let (out, _) = exits(0, &folder, &["--version"]);
     assert_eq!(out.trim(), format!("magnetic-bearing {}{}", env!("CARGO_PKG_VERSION"), commit.unwrap_or_default()));
 }
 
 #[test]
-fn arguments_that_make_no_sense_are_answered_with_2() {
+fn invalid_arguments_exit_with_2() {
     let folder = folder("command/arguments");
     bench(&folder);
     for (arguments, words) in [
@@ -199,7 +199,7 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
     ] {
         refuses(&folder, &self::words(arguments), words);
     }
-    // Negative numbers are values.
+    // A negative number is a value, not an option.
     for [command, option, value] in [
         ["identify bench.csv", "--position-noise", "-1"],
         ["identify bench.csv", "--current-noise", "nan"],
@@ -221,17 +221,17 @@ fn arguments_that_make_no_sense_are_answered_with_2() {
 
 /// A short run of the unbalanced rotor, as a table.
 fn bench(folder: &Path) -> String {
-    ends(0, folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "bench.csv"]);
+    exits(0, folder, &["simulate", "unbalanced", "--set", "duration=0.1s", "--csv", "bench.csv"]);
     read(folder, "bench.csv")
 }
 
 #[test]
-fn recordings_that_cannot_be_used_are_answered_with_2() {
+fn unusable_recordings_exit_with_2() {
     let folder = folder("command/misread");
     let text = bench(&folder);
-    let (out, err) = ends(0, &folder, &["identify", "bench.csv"]);
+    let (out, err) = exits(0, &folder, &["identify", "bench.csv"]);
     assert_eq!(err, "", "{out}");
-    // Wrong headers and the messages for them.
+    // Wrong headers and their messages.
     let in_ma = [1, 2, 3].map(|k| (format!("plant.im[{k}] [A]"), format!("plant.im[{k}] [mA]")));
     let in_ma = in_ma.each_ref().map(|(from, to)| (from.as_str(), to.as_str()));
     for (changes, words) in [
@@ -250,7 +250,7 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
         for options in [&[][..], &["--hold", "auto", "--method", "all"]] {
             refuses(&folder, &[&["identify", "changed.csv"], options].concat(), &words);
         }
-        let (out, err) = ends(2, &folder, &["identify", "changed.csv", "--json", "-"]);
+        let (out, err) = exits(2, &folder, &["identify", "changed.csv", "--json", "-"]);
         says(&err, &words);
         let refusal: serde_json::Value = serde_json::from_str(&out).expect("one document");
         assert!(refusal["valid"] == false && refusal["findings"].is_array(), "{refusal}");
@@ -258,11 +258,11 @@ fn recordings_that_cannot_be_used_are_answered_with_2() {
 }
 
 #[test]
-fn json_on_the_standard_output_is_one_document_and_nothing_else() {
+fn json_on_standard_output_is_a_single_document() {
     let folder = folder("command/json");
     bench(&folder);
     let arguments = "identify bench.csv --rate 10kHz --hold auto --speed 3000 --json - --csv out.csv --report page";
-    let (out, err) = ends(0, &folder, &words(arguments));
+    let (out, err) = exits(0, &folder, &words(arguments));
     let document: serde_json::Value = serde_json::from_str(&out).unwrap_or_else(|error| panic!("{error}: {out}"));
     says(&document["notes"].to_string(), &["--speed is not used"]);
     says(&err, &["1001 samples of 100 µs", "page/index.html"]);
@@ -272,24 +272,24 @@ fn json_on_the_standard_output_is_one_document_and_nothing_else() {
 fn a_bearing_is_given_to_identify_as_to_simulate() {
     let folder = folder("command/bearing");
     bench(&folder);
-    // A file with the parameters alone.
+    // A file with parameters only.
     write(&folder, "mine.toml", "[all]\nm = \"6.6 kg\"\n");
     for (arguments, words) in [
         ("--set s=5.1e-4 --set m=6.8kg --set alpha[1]=179.5deg", "m = 6.8 kg, s = 0.51 mm, alpha = 179.5,"),
         ("--scenario mine.toml", "m = 6.6 kg"),
     ] {
-        says(&ends(0, &folder, &self::words(&format!("identify bench.csv {arguments}"))).0, &[words]);
+        says(&exits(0, &folder, &self::words(&format!("identify bench.csv {arguments}"))).0, &[words]);
     }
 }
 
-/// Runs the program, which has to end well, with a text on its standard input; standard output and standard error.
+/// Runs the program, which must succeed, with a text on its standard input; standard output and standard error.
 fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> (String, String) {
     use std::io::Write;
     let mut command = program(folder, arguments);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program runs");
     child.stdin.take().expect("its input").write_all(text.as_bytes()).expect("it reads");
-    let (code, out, err) = said(&child.wait_with_output().expect("it ends"));
+    let (code, out, err) = decoded(&child.wait_with_output().expect("it ends"));
     assert_eq!(code, 0, "{arguments:?}: {err}");
     (out, err)
 }
@@ -297,7 +297,7 @@ fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> (String, Str
 /// A scenario of 5 ms.
 const SHORT: &str = "title = \"Short\"\nduration = 5e-3\nstep = 1e-4\n";
 
-/// Fails if a line that could not be printed is forgotten, or reported again for every further line.
+/// Fails if a line that cannot be printed is ignored, or reported again for every further line.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_standard_output_is_an_error() {
@@ -305,17 +305,17 @@ fn a_full_standard_output_is_an_error() {
     write(&folder, "short.toml", SHORT);
     for arguments in [&["simulate", "short.toml"][..], &["simulate", "--print", "paper"], &["completions", "bash"]] {
         let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("the device");
-        let (code, _, err) = said(&program(&folder, arguments).stdout(full).output().expect("the program runs"));
+        let (code, _, err) = decoded(&program(&folder, arguments).stdout(full).output().expect("the program runs"));
         assert_eq!((code, err.lines().count()), (1, 1), "{arguments:?}: {err}");
         says(&err, &["error: standard output", "No space left"]);
     }
     for option in ["--csv", "--json"] {
-        let (_, err) = ends(1, &folder, &["simulate", "short.toml", option, "/dev/full"]);
+        let (_, err) = exits(1, &folder, &["simulate", "short.toml", option, "/dev/full"]);
         says(&err, &["error: /dev/full: No space left"]);
     }
-    // Reading it would not end, either.
+    // Reading this device would never end.
     write(&folder, "design.csv", "plant.m\n6.7\n");
-    says(&ends(1, &folder, &["sweep", "design.csv", "--out", "/dev/full"]).1, &["/dev/full", "not a regular file"]);
+    says(&exits(1, &folder, &["sweep", "design.csv", "--out", "/dev/full"]).1, &["/dev/full", "not a regular file"]);
 }
 
 #[test]
@@ -324,8 +324,8 @@ fn a_hyphen_is_the_standard_input_or_output() {
     write(&folder, "short.toml", SHORT);
     let design = "plant.m\n6.7\n6.8\n";
     write(&folder, "design.csv", design);
-    ends(0, &folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]);
-    ends(0, &folder, &["sweep", "design.csv", "--scenario", "short.toml", "--out", "rows.csv"]);
+    exits(0, &folder, &["simulate", "short.toml", "--csv", "out.csv", "--json", "out.json"]);
+    exits(0, &folder, &["sweep", "design.csv", "--scenario", "short.toml", "--out", "rows.csv"]);
     for (arguments, input, result, words) in [
         (&["simulate", "-", "--csv", "-"][..], SHORT, "out.csv", &["Short", "Estimated force constants"][..]),
         (&["simulate", "-", "--json", "-"], SHORT, "out.json", &["Short", "Estimated force constants"]),
@@ -339,13 +339,13 @@ fn a_hyphen_is_the_standard_input_or_output() {
 }
 
 #[test]
-fn values_are_changed_without_a_scenario_of_ones_own() {
+fn set_changes_values_of_a_scenario() {
     let folder = folder("command/set");
     write(&folder, "short.toml", format!("{SHORT}[controller]\nm = 6.0\nreference.rY = 1e-5\n"));
     let set = |code: i32, changes: &[&str]| {
         let changes = changes.iter().flat_map(|change| ["--set", change]);
         let arguments: Vec<_> = ["simulate", "short.toml", "--json", "-"].into_iter().chain(changes).collect();
-        ends(code, &folder, &arguments)
+        exits(code, &folder, &arguments)
     };
     let document = |(out, _): (String, String)| serde_json::from_str::<serde_json::Value>(&out).expect("a document");
     let lambda = "lambda=[1e-6, 2e-6, 3e-6]";
@@ -353,7 +353,7 @@ fn values_are_changed_without_a_scenario_of_ones_own() {
     assert!(found["duration"] == 3e-3 && found["end"] == 3e-3 && found["complete"] == true, "{found}");
     assert_eq!(found["lambda"], serde_json::json!([1e-6, 2e-6, 3e-6]));
     assert_eq!(found["changes"][0], "m=7");
-    // The same as a scenario with these values.
+    // A scenario with these values gives the same.
     let text = "title = \"Short\"\nduration = 3e-3\nstep = 1e-4\n[all]\nm = 7\n[plant]\nlambda = [1e-6, 2e-6, 3e-6]\npZ = -20\n\
                 [controller]\nreference.rY = 2e-5\n";
     let same = document(run_with_input(&folder, &["simulate", "-", "--json", "-"], text));
@@ -365,7 +365,7 @@ fn values_are_changed_without_a_scenario_of_ones_own() {
 }
 
 #[test]
-fn files_of_another_kind_are_not_overwritten() {
+fn foreign_files_are_not_overwritten() {
     let folder = folder("command/kinds");
     write(&folder, "short.toml", SHORT);
     for name in ["page", "fmu"] {
@@ -381,7 +381,7 @@ fn files_of_another_kind_are_not_overwritten() {
     ] {
         let before = if file == "short.toml" { SHORT } else { "notes" };
         write(&folder, file, before);
-        let (_, err) = ends(1, &folder, &words(arguments));
+        let (_, err) = exits(1, &folder, &words(arguments));
         says(&err, &[file, "it already exists"]);
         assert_eq!(read(&folder, file), before, "{arguments}");
         if file != "short.toml" {
@@ -392,7 +392,7 @@ fn files_of_another_kind_are_not_overwritten() {
     // The program overwrites its own files.
     for _ in 0..2 {
         let arguments = ["simulate", "short.toml", "--csv", "a.csv", "--json", "a.json", "--report", "page"];
-        ends(0, &folder, &arguments);
+        exits(0, &folder, &arguments);
     }
 }
 
@@ -401,27 +401,28 @@ fn failed_cases_are_counted() {
     let folder = folder("command/failed");
     write(&folder, "short.toml", SHORT);
     write(&folder, "design.csv", "plant.m\n6.7\n-1\n0\n");
-    // Also when all rows were there before.
+    // The second run finds all rows done.
     for out in ["rows.csv", "rows.csv", "-"] {
         let arguments = ["sweep", "design.csv", "--scenario", "short.toml", "--out", out];
-        says(&ends(1, &folder, &arguments).1, &["2 of 3 cases failed"]);
+        says(&exits(1, &folder, &arguments).1, &["2 of 3 cases failed"]);
     }
 }
 
 #[test]
 fn the_sensitivity_of_a_loop_is_a_table() {
-    let (out, _) = ends(0, &folder("command/sensitivity"), &["sensitivity", "axial"]);
+    let folder = folder("command/sensitivity");
+    let has_row = |out: &str| out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A'));
+    let (out, _) = exits(0, &folder, &["sensitivity", "axial"]);
     says(&out, &["Peak of the sensitivity function", "Zones of ISO 14839-3", "true λ"]);
-    assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
-    // Results that cannot be computed are errors, beside those that can.
-    let arguments = ["sensitivity", "axial", "--set", "lambda0=[1e-300, 1e-300]"];
-    let (out, err) = ends(1, &folder("command/sensitivity"), &arguments);
-    assert!(out.lines().any(|line| line.trim().starts_with("Xm") && line.ends_with('A')), "{out}");
+    assert!(has_row(&out), "{out}");
+    // A result that cannot be computed is an error; the others are printed.
+    let (out, err) = exits(1, &folder, &["sensitivity", "axial", "--set", "lambda0=[1e-300, 1e-300]"]);
+    assert!(has_row(&out), "{out}");
     says(&err, &["error: with the first guess of λ there is no sensitivity function: the loop does not settle"]);
     assert!(!err.contains("true λ"), "{err}");
 }
 
-/// A pipe that nobody reads.
+/// A pipe whose reader has gone.
 fn closed() -> Stdio {
     let (reader, writer) = std::io::pipe().expect("a pipe");
     drop(reader);
@@ -429,7 +430,7 @@ fn closed() -> Stdio {
 }
 
 #[test]
-fn a_closed_standard_output_ends_the_work_quietly_and_a_closed_standard_error_is_no_panic() {
+fn a_closed_standard_output_ends_the_program_quietly_and_a_closed_standard_error_does_not_panic() {
     let folder = folder("command/closed");
     write(&folder, "design.csv", "plant.m\n6.7\n6.8\n");
     for (arguments, output, errors, wanted) in [
@@ -444,16 +445,16 @@ fn a_closed_standard_output_ends_the_work_quietly_and_a_closed_standard_error_is
         ("sweep design.csv --out -", closed(), Stdio::piped(), 0),
     ] {
         let mut program = program(&folder, &words(arguments));
-        let (code, _, said) = said(&program.stdout(output).stderr(errors).output().expect("it runs"));
-        assert_eq!(code, wanted, "{arguments}: {said}");
-        assert!(!said.contains("error:"), "{arguments}: {said}");
+        let (code, _, err) = decoded(&program.stdout(output).stderr(errors).output().expect("it runs"));
+        assert_eq!(code, wanted, "{arguments}: {err}");
+        assert!(!err.contains("error:"), "{arguments}: {err}");
     }
 }
 
-/// An interrupted sweep keeps its rows and says so.
+/// An interrupted sweep keeps its rows.
 #[cfg(unix)]
 #[test]
-fn an_interrupted_sweep_says_how_to_go_on() {
+fn an_interrupted_sweep_says_how_to_continue() {
     let folder = folder("command/interrupted");
     let cases: String = (0..400).map(|case| format!("{}\n", 6.5 + 1e-3 * f64::from(case))).collect();
     write(&folder, "design.csv", format!("plant.m\n{cases}"));
@@ -465,7 +466,7 @@ fn an_interrupted_sweep_says_how_to_go_on() {
     }
     let interrupt = Command::new("kill").args(["-s", "INT", &sweep.id().to_string()]).status();
     assert!(interrupt.is_ok_and(|status| status.success()));
-    let (code, _, errors) = said(&sweep.wait_with_output().expect("it ends"));
+    let (code, _, errors) = decoded(&sweep.wait_with_output().expect("it ends"));
     assert_eq!(code, 130, "{errors}");
     says(&errors, &["interrupted", "rows.csv", "the same command"]);
 }

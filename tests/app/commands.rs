@@ -1,44 +1,37 @@
 //! Commands on all machines.
 
-use std::path::Path;
-
-use crate::program::{cell, folder, open, read, rows, write};
+use crate::program::{cell, folder, open, swept};
 use crate::support::{between, says};
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::studies::design::{self, Conditions, design};
 use magnetic_bearing::studies::montecarlo::{self, NOISE, figures};
 use magnetic_bearing::studies::statistics::rms;
-use magnetic_bearing::studies::sweep::Sweep;
 
-/// The scenario that is run of a machine.
+/// The built-in scenario of a machine.
 fn built_in(machine: &Machine) -> &'static str {
     if machine.name == "planar" { "unbalanced" } else { machine.name }
 }
 
 #[test]
-fn a_sweep_of_every_machine_tells_of_all_its_magnets() {
+fn a_sweep_of_every_machine_covers_all_magnets() {
     for machine in &MACHINES {
         let name = machine.name;
         let scenario = open(built_in(machine), &[]);
         let (magnets, load) = (machine.of_magnets("lambda"), machine.coordinates[0].load);
-        let folder = folder(&format!("sweep/{name}"));
-        write(&folder, "design.csv", format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1]));
-        let sweep = Sweep::open(&folder.join("design.csv"), Some(Path::new(built_in(machine))));
-        sweep.unwrap_or_else(|error| panic!("{error}")).run(&folder.join("rows.csv")).expect("rows");
-        let rows = rows(&read(&folder, "rows.csv"));
+        let design = format!("plant.{},plant.{load} [N]\n3e-6,5\n,-5\n-1,\n", magnets[1]);
+        let rows = swept(&folder(&format!("sweep/{name}")), &design, built_in(machine));
         for (row, load_n, changed) in [(&rows[0], 5.0, Some(3e-6)), (&rows[1], -5.0, None)] {
             assert_eq!((row["status"].as_str(), cell(row, "valid")), ("ok", 1.0), "{name}");
             for (k, magnet) in magnets.iter().enumerate() {
                 let of = |what: &str| cell(row, &format!("{} [N.m2/A2]", machine.of_magnets(what)[k]));
                 let truth = of("lambdaHat") / (1.0 + cell(row, &machine.of_magnets("error")[k]));
-                let wanted = changed.filter(|_| k == 1);
-                let wanted = wanted.unwrap_or_else(|| scenario.value("plant", magnet).expect("λ").as_f64());
+                let wanted = changed.filter(|_| k == 1).unwrap_or_else(|| scenario.number("plant", magnet));
                 assert!((truth / wanted - 1.0).abs() < 1e-9, "{name}, magnet {k}: {truth}");
                 let deviations = (of("lambdaHat") - truth) / of("lambdaStd");
                 assert!(deviations.abs() < 6.0, "{name}, magnet {k}: {deviations} standard deviations");
             }
-            // The load of the design is what the estimator sees.
+            // The estimator finds the load of the design.
             let load_hat = cell(row, &format!("{} [N]", machine.of_loads("p", "Hat")[0]));
             assert!((load_hat - load_n).abs() < 1.0, "{name}: {load_hat}");
             for reference in machine.of_references() {
@@ -53,9 +46,9 @@ fn a_sweep_of_every_machine_tells_of_all_its_magnets() {
     }
 }
 
-/// Errors of all λ in standard deviations, and the bound below them.
+/// Errors of all λ in stated standard deviations, and these over the Cramér–Rao bound.
 #[test]
-fn many_seeds_of_every_machine_agree_with_what_is_stated() {
+fn runs_of_every_machine_agree_with_the_stated_deviations() {
     for machine in &MACHINES {
         let name = machine.name;
         let study = montecarlo::study(name, &open(built_in(machine), &[]), NOISE, true, 6);
@@ -65,10 +58,10 @@ fn many_seeds_of_every_machine_agree_with_what_is_stated() {
         assert_eq!((figures.runs, figures.valid), (6, 6), "{name}: {:?}", figures.verdicts);
         assert_eq!(figures.rms.len(), machine.magnets(), "{name}");
         for (k, (stated, bound)) in figures.stated.iter().zip(&figures.bound).enumerate() {
-            // No unbiased estimate is better than the bound; the estimator states hardly more.
+            // No unbiased estimate beats the bound; the stated deviation is hardly larger.
             between(&format!("{name}, magnet {k}: stated/bound"), stated / bound, 0.9, 1.5);
         }
-        // Of 6 runs, in each of which the errors of all magnets are alike.
+        // Six runs only, and the errors of the magnets within a run are correlated.
         between(&format!("{name}: error/std"), rms(figures.normalised.iter().copied()), 0.3, 2.0);
         assert!(outcome.beyond() == 0, "{name}: {:?}", figures::worst(&outcome.trials));
         let table = montecarlo::table(&study, &outcome);
@@ -83,7 +76,7 @@ fn many_seeds_of_every_machine_agree_with_what_is_stated() {
 fn the_excitation_of_every_machine_can_be_designed() {
     for machine in &MACHINES {
         let name = machine.name;
-        // Spindles at rest alone, where the answer is known beforehand: their runs take long.
+        // Runs of spindles take long: only at rest, where the answer is known beforehand.
         let speeds = if machine.bearings.len() > 1 { &[0.0][..] } else { &[0.0, 3000.0] };
         for rpm in speeds.iter().copied() {
             let scenario = open(built_in(machine), &[]);
@@ -93,7 +86,7 @@ fn the_excitation_of_every_machine_can_be_designed() {
             let [alone, modulated] = precisions.each_ref().map(|precision| precision.last().expect("an instant"));
             assert_eq!((alone.len(), modulated.len()), (machine.magnets(), machine.magnets()));
             let recommended = design::is_modulation_recommended(&precisions);
-            // At rest constant forces do not tell force constants from loads.
+            // At rest, constant forces do not separate force constants from loads.
             assert!(rpm > 0.0 || recommended, "{name}: {precisions:?}");
             let advice = design::advice(&scenario, &conditions, &precisions);
             assert_eq!(advice.contains("F0.modulation = 0.5 at"), recommended, "{name}: {advice}");
@@ -104,7 +97,7 @@ fn the_excitation_of_every_machine_can_be_designed() {
 }
 
 #[test]
-fn names_of_another_machine_are_said_at_once() {
+fn names_of_another_machine_are_one_finding() {
     let without = |name: &str| {
         let (_, text) = BUILT_IN.iter().find(|(built_in, _)| *built_in == name).expect("a built-in scenario");
         text.lines().filter(|line| !line.starts_with("machine")).collect::<Vec<_>>().join("\n")
@@ -125,7 +118,7 @@ fn names_of_another_machine_are_said_at_once() {
             format!("machine = \"axial\"\n{}", without("unbalanced")),
             &[" more: these are names of the machine planar", "say machine = \"planar"],
         ),
-        // A misspelt name is one of no machine.
+        // A misspelt name belongs to no machine.
         (
             without("unbalanced").replace("unbalance.phase", "unbalance.phaze"),
             &["unbalance.phaze: ", "did you mean unbalance.phase?"],

@@ -1,4 +1,4 @@
-//! Contours of holes as tables of points: what is read, and what is refused with which message.
+//! Contours of holes as tables of points: reading and refusals.
 
 use crate::program::{folder, write};
 use magnetic_bearing::control::reference::HARMONICS;
@@ -8,7 +8,7 @@ use magnetic_bearing::simulation::scenario::{Scenario, built_in};
 /// A table of `count` points of an ellipse of 30 µm by 70 µm about (1, −2) µm, in the units of `head`.
 fn table(head: &str, count: usize, [angle, length_y, length_z]: [f64; 3]) -> String {
     let row = |k: usize| {
-        // No two distances between points are alike.
+        // Unevenly spaced points.
         let theta = std::f64::consts::TAU * (k as f64 + 0.3 * (k as f64).sin()) / count as f64;
         let (y, z) = (1e-6 + 30e-6 * theta.cos(), -2e-6 + 70e-6 * theta.sin());
         format!("\n{},{},{}", theta / angle, y / length_y, z / length_z)
@@ -16,7 +16,7 @@ fn table(head: &str, count: usize, [angle, length_y, length_z]: [f64; 3]) -> Str
     head.to_owned() + &(0..count).map(row).collect::<String>()
 }
 
-/// Fails if points are taken to lie at equal angles, or a unit is taken for another.
+/// Fails if points are assumed to lie at equal angles, or a unit is misread.
 #[test]
 fn points_at_any_angles_and_in_any_unit_give_their_series() {
     let degree = std::f64::consts::PI / 180.0;
@@ -39,7 +39,7 @@ fn points_at_any_angles_and_in_any_unit_give_their_series() {
     }
 }
 
-/// An ellipse that begins 90° from the axis y has neither cosines along y nor sines along z.
+/// An ellipse that begins 90° from the y axis has neither cosines along y nor sines along z.
 #[test]
 fn a_contour_may_begin_at_any_angle() {
     let folder = folder("contour");
@@ -57,21 +57,21 @@ fn a_contour_may_begin_at_any_angle() {
 
 /// The series cannot represent a corner; it reports its largest deviation.
 #[test]
-fn what_the_series_cannot_follow_is_told() {
+fn the_misfit_of_a_corner_is_reported() {
     let mut text = "theta [deg],Y [um],Z [um]".to_owned();
     for k in 0..360 {
         let y = if k < 180 { 40.0 } else { -40.0 };
         text += &format!("\n{k},{y},0");
     }
-    let strays_m = read(&text).expect("a series").largest_m;
-    assert!((1e-5..4e-5).contains(&strays_m), "{strays_m} m");
+    let largest_m = read(&text).expect("a series").largest_m;
+    assert!((1e-5..4e-5).contains(&largest_m), "{largest_m} m");
 }
 
 #[test]
-fn tables_that_make_no_sense_are_refused_by_name() {
+fn invalid_tables_are_refused_with_the_reason() {
     let good = table("theta [deg],Y [um],Z [um]", 48, [0.0175, 1e-6, 1e-6]);
     let few = format!("at least {} points", 2 * HARMONICS + 1);
-    // Points over half a revolution leave the other half open.
+    // Points over half a revolution.
     let half: String = (0..60).map(|k| format!("\n{},1,1", 0.01 * f64::from(k))).collect();
     for (text, words) in [
         (good.replace("theta [deg]", "angle [deg]"), "there is no column theta with its unit"),

@@ -1,4 +1,4 @@
-//! The standard deviations that `design` predicts are those of the runs.
+//! The standard deviations that `design` predicts against those of runs.
 
 use crate::program::open;
 use crate::support::{between, says};
@@ -18,7 +18,7 @@ fn unbalanced() -> Scenario {
 fn predictions_agree_with_runs() {
     const RUNS: usize = 40;
     /// Ratio of the rms error to the prediction; the scatter of forty runs is about 11 %.
-    const KEPT: [f64; 2] = [0.65, 1.4];
+    const LIMITS: [f64; 2] = [0.65, 1.4];
     let [alone, modulated] = design(&unbalanced(), &conditions(4500.0, 0.1)).expect("a good scenario");
     let mut study = montecarlo::study("", &unbalanced(), NOISE, true, RUNS);
     montecarlo::at_speed(&mut study.scenario, 4500.0);
@@ -27,21 +27,21 @@ fn predictions_agree_with_runs() {
         study.scenario.set("controller", "F0.modulation", modulation);
         study.scenario.set("controller", "F0.modulationFrequency", design::MODULATION.1);
         let figures = &study.run().expect("a good scenario").figures[0];
-        let promised = precision.last().expect("the instant asked for");
-        for ((k, found), promised) in (1..).zip(&figures.rms).zip(promised) {
-            let what = format!("modulation {modulation}, lambda[{k}]: promised {promised:.4}, found part");
-            between(&what, found / promised, KEPT[0], KEPT[1]);
+        let predicted = precision.last().expect("the instant asked for");
+        for ((k, found), predicted) in (1..).zip(&figures.rms).zip(predicted) {
+            let what = format!("modulation {modulation}, lambda[{k}]: predicted {predicted:.4}, ratio");
+            between(&what, found / predicted, LIMITS[0], LIMITS[1]);
         }
     }
 }
 
 #[test]
-fn modulation_is_recommended_where_the_path_is_weak() {
+fn modulation_is_recommended_where_the_excitation_is_weak() {
     let strong = conditions(3000.0, 0.1);
     let precisions = design(&unbalanced(), &strong).expect("a good scenario");
     assert!(!design::is_modulation_recommended(&precisions), "{precisions:?}");
     says(&design::advice(&unbalanced(), &strong, &precisions), &["The reference trajectory excites enough"]);
-    // At rest it is recommended for every machine, which another test says.
+    // At rest modulation is recommended; `commands` tests that for every machine.
     let rest = conditions(0.0, 0.2);
     let precisions = design(&unbalanced(), &rest).expect("a good scenario");
     assert!(worst_in_the_end(&precisions[1]) < 0.05 && worst_in_the_end(&precisions[0]) > 0.05, "{precisions:?}");
@@ -55,9 +55,9 @@ fn modulation_is_recommended_where_the_path_is_weak() {
     assert_eq!(design::table(&unbalanced(), &rest, &precisions).rows.len(), design::INSTANTS_S.len() + 1);
 }
 
-/// Neither is enough where the bound is beyond what is valid, or is none.
+/// Neither variant is recommended where the bound exceeds the limit of a valid estimate, or does not exist.
 #[test]
-fn what_is_not_known_is_not_enough() {
+fn no_advice_without_a_valid_estimate() {
     let good = conditions(3000.0, 0.01);
     let too_early = Conditions { instant_s: 1e-3, ..good.clone() };
     let [loud, quiet] = [[NOISE[0], 1e300], [1e-300, NOISE[1]]].map(|noise| Conditions { noise, ..good.clone() });

@@ -1,6 +1,6 @@
-//! Hostile courses: no valid estimate is wrong, whatever a bench does; and the study sees one that is.
+//! Hostile courses: no valid estimate is wrong, whatever a bench does, and the study detects one that is.
 //!
-//! `cargo run --release -- montecarlo --only hostile` prints them as a table, with as many seeds as one likes.
+//! `cargo run --release -- montecarlo --only hostile` prints them as a table, with any number of seeds.
 
 use std::f64::consts::TAU;
 
@@ -10,17 +10,17 @@ use magnetic_bearing::studies::montecarlo::hostile::altered::{self, Alter, Missi
 use magnetic_bearing::studies::montecarlo::hostile::{self, Asked, Case, Trial, VALID_FROM_S};
 use magnetic_bearing::studies::montecarlo::{NOISE, nominal};
 
-/// Seeds with which nothing was tuned.
+/// Seeds not used for tuning.
 const FIRST_SEED: u64 = 98_001;
 const RUNS: usize = 2;
 
-/// Part of all runs that may have a valid estimate beyond five of its deviations.
+/// Fraction of runs that may have a valid estimate off by more than five of its deviations.
 const MOST_WRONG: f64 = 0.01;
 
-/// Part of the time in which estimates that can be known are to be valid, in the mean over the runs of a course; 0.6 is wanted.
+/// Fraction of the time in which identifiable estimates must be valid, on average over the runs of a course; the goal is 0.6.
 const LEAST_VALID: f64 = 0.4;
 
-/// How often `valid` may change within a second, the first time included.
+/// Number of changes of `valid` allowed within a second, including the first.
 const MOST_CHANGES: usize = 5;
 
 #[test]
@@ -34,10 +34,10 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
         println!("{}", row.join("  "));
     }
     let mut misses = Vec::new();
-    for told in [true, false] {
-        let (wrong, runs) = hostile::wrong(&cases, &found, told);
+    for known in [true, false] {
+        let (wrong, runs) = hostile::wrong(&cases, &found, known);
         if wrong as f64 > MOST_WRONG * runs as f64 {
-            misses.push(format!("noise told {told}: {wrong} of {runs} runs are wrong, limit {MOST_WRONG}"));
+            misses.push(format!("noise known {known}: {wrong} of {runs} runs are wrong, limit {MOST_WRONG}"));
         }
     }
     for (case, trials) in cases.iter().zip(&found).filter(|(case, _)| case.course.asked != Asked::Nothing) {
@@ -53,21 +53,19 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// Models in which the loads alone walk keep λ. Without them the estimate is valid for little more than half of the time.
+/// Models in which only the loads are random walks retain λ. Without these models the estimate is valid little more than half of the time.
 #[test]
 fn a_load_that_changes_does_not_cost_lambda() {
     let courses = hostile::courses();
     let cases: Vec<_> =
         hostile::cases(&courses).into_iter().filter(|case| case.course.name == "load ramp 10 N/s").collect();
     let found = hostile::run(&cases, RUNS, FIRST_SEED).expect("good scenarios");
-    assert!(
-        found.len() == 2 && found.iter().flatten().all(|trial| trial.valid > 0.95 && !trial.is_beyond()),
-        "{found:?}"
-    );
+    assert_eq!(found.len(), 2);
+    assert!(found.iter().flatten().all(|trial| trial.valid > 0.95 && !trial.is_beyond()), "{found:?}");
 }
 
-/// The verdict on a recording of 1 s in which each λ is 0.1 % off by a deviation of 0.2 %, after a change of its signals; valid from
-/// the second sample on.
+/// The verdict on a recording of 1 s whose λ are 0.1 % off, with deviations of 0.2 %, and valid from the second sample on, after a
+/// change of its signals.
 fn judged(scenario: &Scenario, change: impl Fn(&str, &mut [f64])) -> Trial {
     let mut rows = vec![(true, 0.001, 0.002); 10_001];
     rows[0].0 = false;
@@ -79,7 +77,7 @@ fn judged(scenario: &Scenario, change: impl Fn(&str, &mut [f64])) -> Trial {
 }
 
 #[test]
-fn a_deviation_that_is_too_small_is_seen() {
+fn a_deviation_that_is_too_small_is_detected() {
     let scenario = nominal();
     let good = judged(&scenario, |_, _| ());
     assert!(!good.is_beyond() && good.valid == 1.0 && good.changes == 1, "{good:?}");
@@ -90,10 +88,10 @@ fn a_deviation_that_is_too_small_is_seen() {
         }
     });
     assert!(small.is_beyond() && (small.worst.ratio - 5.5).abs() < 1e-9, "{small:?}");
-    // One sample is enough, but it does not count while the estimate is not valid, or after contact.
+    // One sample is enough, but not while the estimate is invalid, or after contact.
     let [is_invalid, touches] = [("estimator.valid", 7000, 0.0), ("plant.touchdown.contact", 6000, 1.0)];
-    let [once, invalid, touched] = [None, Some(is_invalid), Some(touches)].map(|besides| {
-        judged(&scenario, |name, values| match besides {
+    let [once, invalid, touched] = [None, Some(is_invalid), Some(touches)].map(|change| {
+        judged(&scenario, |name, values| match change {
             Some((signal, row, value)) if name == signal => values[row] = value,
             _ if name == "estimator.lambdaHat[3]" => values[7000] *= 1.05,
             _ => (),
@@ -106,18 +104,18 @@ fn a_deviation_that_is_too_small_is_seen() {
 }
 
 #[test]
-fn what_is_counted_is_what_is_said() {
-    let still = judged(&nominal(), |name, values| {
+fn validity_and_its_changes_are_counted() {
+    let trial = judged(&nominal(), |name, values| {
         if name == "estimator.valid" {
             // Valid in every second sample of the last 50 ms.
             (0..values.len()).for_each(|row| values[row] = f64::from(u8::from(row >= 9500 && row % 2 == 0)));
         }
     });
-    assert!((still.valid - 0.025 / (1.0 - VALID_FROM_S)).abs() < 1e-3, "{still:?}");
-    assert_eq!(still.changes, 501);
+    assert!((trial.valid - 0.025 / (1.0 - VALID_FROM_S)).abs() < 1e-3, "{trial:?}");
+    assert_eq!(trial.changes, 501);
 }
 
-/// The truth of a λ that drifts is the one of the same instant.
+/// A drifting λ is compared at the same instant.
 #[test]
 fn an_estimate_that_follows_a_drift_is_right() {
     let courses = hostile::courses();
@@ -129,7 +127,7 @@ fn an_estimate_that_follows_a_drift_is_right() {
             (0..values.len()).for_each(|row| values[row] *= drift(row));
         }
     });
-    // As good as without drift, but for half a sample; and the deviation stays while λ grows by 2 %.
+    // As without drift, except for half a sample and a constant deviation while λ grows by 2 %.
     assert!((follows.worst.ratio - 0.51).abs() < 0.005, "{follows:?}");
     assert!(judged(&scenario, |_, _| ()).is_beyond(), "an estimate that does not follow");
 }
@@ -155,7 +153,7 @@ fn readings(alter: &Alter, samples: usize) -> Vec<Readings> {
 }
 
 #[test]
-fn readings_change_as_they_should() {
+fn alterations_of_readings() {
     const SAMPLES: usize = 100_000;
     let mean = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / SAMPLES as f64;
 
@@ -170,7 +168,7 @@ fn readings_change_as_they_should() {
     assert!((square.sqrt() / NOISE[1] - 1.0).abs() < 0.05, "{}", square.sqrt());
     assert!((product / square - (-TAU * 0.1f64).exp()).abs() < 0.05, "{}", product / square);
 
-    // An encoder: the mean speed is right, a single one is 0 or that of a count in a sample.
+    // An encoder: the mean speed is right, each reading is 0 or one count per sample.
     let encoder = readings(&altered::encoder(64.0), SAMPLES);
     let speed = mean(&mut encoder.iter().map(|readings| readings.omega_rad_s));
     assert!((speed / (50.0 * TAU) - 1.0).abs() < 1e-3, "{speed}");
@@ -179,16 +177,16 @@ fn readings_change_as_they_should() {
         counts.abs() < 1e-6 || (counts - 1.0).abs() < 1e-6
     }));
 
-    // Missing samples, and those that are left.
+    // Missing samples.
     let gaps: fn(u64, &mut _) -> bool = |number, _| number % 50 < 3;
     let repeated = readings(&altered::missing(Missing::Repeated, gaps), SAMPLES);
     let same = repeated.windows(2).filter(|pair| pair[0] == pair[1]).count();
     assert!((same as f64 / SAMPLES as f64 - 0.06).abs() < 0.001, "{same}");
     let no_numbers = readings(&altered::missing(Missing::NotANumber, gaps), SAMPLES);
-    // The first sample has none before it that it could repeat.
+    // The first sample has no predecessor to repeat.
     assert_eq!(no_numbers.iter().filter(|readings| readings.current_a[0].is_nan()).count(), same + 1);
 
-    // Late currents: those of the sample before, up to the instant.
+    // Late currents: those of the previous sample, up to the instant.
     let late = readings(&altered::late_currents(0.05), 600);
     assert_eq!([late[499].current_a[0], late[500].current_a[0], late[499].position_m[0]], [498.0, 500.0, 499.0]);
 }

@@ -1,11 +1,10 @@
-//! Answers from recordings with the imperfections of test benches, and what is said of those that give none.
+//! Answers from recordings with the imperfections of test benches, and the findings on recordings without an answer.
 
 mod faults;
 
 use crate::bench::Bench;
-use crate::program::{self, csv, folder, identified, number, open, pairs, ran, refuses};
+use crate::program::{self, csv, folder, identified, number, open, pairs, refuses, run_to_end};
 use crate::support::{between, library, says};
-use fmu_export::variable::Value;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification::{self, Results};
@@ -22,15 +21,15 @@ use magnetic_bearing::variables::Choice;
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 
-/// While an estimate is valid its error is to stay below so many of its standard deviations.
+/// While an estimate is valid, its error must stay below this many of its standard deviations.
 const CONFIDENT: f64 = 5.0;
 
 /// A run of the unbalanced rotor.
 fn run(noise: [f64; 2], duration_s: f64) -> (Scenario, Recording) {
     let mut scenario = montecarlo::study("", &open("unbalanced", &[]), noise, false, 1).scenario;
-    scenario.set("plant", "sensor.seed", Value::Integer(11));
+    scenario.set("plant", "sensor.seed", 11);
     scenario.duration_s = duration_s;
-    let recording = ran(&scenario).recording;
+    let recording = run_to_end(&scenario).recording;
     (scenario, recording)
 }
 
@@ -39,7 +38,7 @@ fn config(samples: &Samples) -> EstimatorConfig {
     EstimatorConfig { step_s: samples.step_s, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
 }
 
-/// The samples of a table that needs no arguments.
+/// The samples of a table that can be read without options.
 #[track_caller]
 fn read(text: &str) -> Samples {
     Samples::read(text.as_bytes(), &Reading::default()).expect("a usable recording")
@@ -52,21 +51,21 @@ fn samples_of(recording: &Recording) -> Samples {
 
 /// The samples of a run of a scenario.
 fn simulated(scenario: &Scenario) -> Samples {
-    samples_of(&ran(scenario).recording)
+    samples_of(&run_to_end(scenario).recording)
 }
 
-/// The estimator of the planar rotor with what these tests change of its configuration.
+/// The estimator of the planar rotor with the settings that these tests change.
 fn estimator(config: &EstimatorConfig) -> Element {
     let model_type = library::find(PLANAR.models[2].0).expect("a model of this project");
     let mut element = Element { name: "estimator".into(), model_type, settings: Vec::new() };
-    let of = &config.tolerance;
+    let tolerance = &config.tolerance;
     for (name, value) in [
         ("Ts", config.step_s),
         ("Tf", config.window_s),
         ("epsilon", config.epsilon_s),
-        ("tolerance.s", of.gap_m),
-        ("tolerance.alpha", of.alpha_rad),
-        ("tolerance.positionGain", of.position_gain),
+        ("tolerance.s", tolerance.gap_m),
+        ("tolerance.alpha", tolerance.alpha_rad),
+        ("tolerance.positionGain", tolerance.position_gain),
     ] {
         element.set(name, value);
     }
@@ -87,7 +86,7 @@ fn estimate(track: &Track, row: usize) -> [[f64; 3]; 2] {
     ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| track.of(&format!("{name}[{k}]"))[row]))
 }
 
-/// The estimate after a sample is within its standard deviations.
+/// The error of the estimate after a sample is within its standard deviations.
 #[track_caller]
 fn is_within(track: &Track, row: usize) {
     let [hat, std] = estimate(track, row);
@@ -97,7 +96,7 @@ fn is_within(track: &Track, row: usize) {
     }
 }
 
-/// The answer is valid, and λ are right within four of their deviations. Returns the estimates.
+/// The answer is valid, and λ are correct within four of their deviations. Returns the estimates.
 #[track_caller]
 fn is_right(what: &str, answer: &identify::Answer) -> likelihood::Identification {
     assert!(answer.valid, "{what}: {} {:?}", answer.verdict, answer.findings);
@@ -109,15 +108,15 @@ fn is_right(what: &str, answer: &identify::Answer) -> likelihood::Identification
     found
 }
 
-/// The answer is not valid, and says so in these words.
+/// The answer is not valid, and its verdict contains these words.
 #[track_caller]
 fn is_refused(answer: &identify::Answer, words: &str) {
     assert!(!answer.valid && answer.verdict.contains(words), "{words}: {} {:?}", answer.verdict, answer.findings);
 }
 
-/// The estimator of the loop and the one over the recording of its run are the same.
+/// The estimator over a recording gives the same as the one in the loop.
 #[test]
-fn a_recording_says_what_the_loop_said() {
+fn a_recording_gives_the_estimates_of_the_loop() {
     let (_, recording) = run(montecarlo::NOISE, 0.15);
     let samples = samples_of(&recording);
     assert_eq!(samples.len(), recording.time_s.len());
@@ -135,17 +134,17 @@ fn the_hold_is_found() {
     let text = csv(&run(montecarlo::NOISE, 0.1).1);
     let measured = read(&text);
     let stated = stated(&config(&measured));
-    let residuals = Holds::of(&measured, &stated).0.map(|(_, less)| less);
-    assert!(residuals[0] < residuals[1] && residuals[0] < residuals[2], "held before: {residuals:?}");
+    let deficits = Holds::of(&measured, &stated).0.map(|(_, deficit)| deficit);
+    assert!(deficits[0] < deficits[1] && deficits[0] < deficits[2], "held before: {deficits:?}");
     let columns = pairs(&[("im[1]", "controller.i[1]"), ("im[2]", "controller.i[2]"), ("im[3]", "controller.i[3]")]);
     let issued = Samples::read(text.as_bytes(), &Reading { columns, ..Reading::default() }).expect("a good recording");
     let holds = Holds::of(&issued, &stated);
-    let residuals = holds.0.map(|(_, less)| less);
-    assert!(residuals[1] < residuals[0] && residuals[1] < residuals[2], "held after: {residuals:?}");
-    // Commands that are stated to be measured are no answer, whatever else fits.
+    let deficits = holds.0.map(|(_, deficit)| deficit);
+    assert!(deficits[1] < deficits[0] && deficits[1] < deficits[2], "held after: {deficits:?}");
+    // Commands stated to be measured currents give no answer, however well the rest fits.
     let stated = Question { holds: Some(holds), ..question(&issued, &[]) };
     is_refused(&identify::answer(std::slice::from_ref(&issued), stated), "--hold heldAfter");
-    // Commands have no noise: the error is a good deal smaller.
+    // Commands have no noise: the error is much smaller.
     let track = track(&issued, &EstimatorConfig { hold: Hold::HeldAfter, ..config(&issued) });
     let last = track.last_valid().unwrap_or_else(|| panic!("{}", track.verdict()));
     is_within(&track, last);
@@ -153,27 +152,30 @@ fn the_hold_is_found() {
     assert!(errors.iter().all(|error| error.abs() < 4e-3), "{errors:?}");
 }
 
-/// A lag that is worth as little as this on the stretch moved λ by 20 of its deviations over the whole recording.
+/// A lag worth only 2.7 in log-likelihood on the stretch moved λ by 20 of its deviations over the whole recording.
 #[test]
-fn a_lag_counts_where_it_explains_more_than_chance() {
+fn a_lag_counts_only_if_it_explains_more_than_chance() {
     let of = |hold, lag| Currents { hold, lag };
     let readings = |plain: f64, lagging: f64| {
-        let of_each =
-            [(Hold::HeldAfter, false, plain), (Hold::HeldBefore, true, 12.0), (Hold::HeldAfter, true, lagging)];
-        let [after, before, late] = of_each.map(|(hold, lag, less)| (of(hold, lag), less));
-        Holds([(of(Hold::HeldBefore, false), 26.7), after, (of(Hold::Linear, false), 11.6), before, late])
+        Holds([
+            (of(Hold::HeldBefore, false), 26.7),
+            (of(Hold::HeldAfter, false), plain),
+            (of(Hold::Linear, false), 11.6),
+            (of(Hold::HeldBefore, true), 12.0),
+            (of(Hold::HeldAfter, true), lagging),
+        ])
     };
     assert_eq!(readings(2.7, 0.0).most_likely(), of(Hold::HeldAfter, true));
     assert_eq!(readings(0.5, 0.0).most_likely(), of(Hold::HeldAfter, false));
     assert_eq!(readings(0.0, 0.3).most_likely(), of(Hold::HeldAfter, false));
 }
 
-/// Where the lag that suits best is negative, as by chance in half of the recordings of currents without one, a lag explains nothing.
+/// A negative lag, the best fit of half of the recordings of currents without a lag by chance, counts as none.
 #[test]
-fn no_current_leads_what_it_follows() {
+fn a_negative_lag_is_none() {
     let (mut scenario, _) = run(montecarlo::NOISE, 0.1);
     let leading = (101..107).filter(|seed| {
-        scenario.set("plant", "sensor.seed", Value::Integer(*seed));
+        scenario.set("plant", "sensor.seed", *seed);
         let samples = simulated(&scenario);
         let [(plain, without), .., (lagging, with), _] = Holds::of(&samples, &stated(&config(&samples))).0;
         assert!(lagging.lag && lagging.hold == plain.hold);
@@ -182,10 +184,10 @@ fn no_current_leads_what_it_follows() {
     between("recordings in which a lag is negative", leading.count() as f64, 1.0, 5.0);
 }
 
-/// Fails if ± does not hold by how much λ differs with a reading of the currents that is as likely, or holds what a delay makes of it.
+/// Fails if ± omits the difference of λ under an equally likely reading of the currents, or includes the effect of a delay on it.
 #[test]
-fn readings_that_are_as_likely_are_in_the_deviation() {
-    let samples = read(&csv(&run(montecarlo::NOISE, 0.1).1));
+fn equally_likely_readings_widen_the_deviation() {
+    let samples = samples_of(&run(montecarlo::NOISE, 0.1).1);
     let asked = question(&samples, &[]);
     let open = Question { as_likely: vec![Hold::Linear], ..asked.clone() };
     let [alone, both] = [asked, open].map(|question| identify::answer(std::slice::from_ref(&samples), question));
@@ -195,14 +197,14 @@ fn readings_that_are_as_likely_are_in_the_deviation() {
     }
 }
 
-/// The recording that the documents offer to try needs no arguments.
+/// The example recording of the documentation needs no options.
 #[test]
-fn the_recording_to_try_is_read_as_it_stands() {
+fn the_example_recording_needs_no_options() {
     is_right("docs/recording.csv", &ask(&[read(include_str!("../../docs/recording.csv"))], &[]));
 }
 
-/// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, remarks before the header, a clock
-/// with jitter, positions and currents missing here and there, the angle in wrapped degrees, no speed.
+/// The recording in tests/data: semicolons, decimal commas, German names, ms, µm and mA, comments before the header, clock
+/// jitter, occasional missing positions and currents, the angle in wrapped degrees, no speed.
 #[test]
 fn a_recording_with_all_imperfections() {
     let text = include_str!("../data/bench.csv");
@@ -219,14 +221,14 @@ fn a_recording_with_all_imperfections() {
 }
 
 #[test]
-fn what_cannot_be_used_is_said() {
+fn unusable_tables_are_refused_with_the_reason() {
     let header = "time,Ym,Zm,im[1],im[2],im[3]\n";
     let with_times = |time_s: fn(f64) -> f64| {
         let rows = (0..50).map(|j| format!("{},1e-5,1e-5,1,1,1\n", time_s(f64::from(j))));
         header.to_owned() + &rows.collect::<String>()
     };
     let back = "in lines 3, 4, 5, 6, 7 and 20 more, first from 25 s to 24 s";
-    // A comma parts the columns here, and so is no decimal one.
+    // Commas separate the columns here, so they are not decimal commas.
     for (text, words) in [
         ("", "no header"),
         ("time,Ym\n0,0\n", "--column Zm="),
@@ -236,14 +238,14 @@ fn what_cannot_be_used_is_said() {
     ] {
         says(&Samples::read(text.as_bytes(), &Reading::default()).expect_err(words).to_string(), &[words]);
     }
-    // A pace that is not even is no obstacle if a rate is told.
+    // An uneven sampling rate is accepted if the table is resampled.
     let uneven = with_times(|j| 1e-4 * (j + 0.4 * j.sin()));
-    let of = |resample_s| Samples::read(uneven.as_bytes(), &Reading { resample_s, ..Reading::default() });
-    assert!(of(None).is_err() && of(Some(1e-4)).is_ok());
+    let resampled = |resample_s| Samples::read(uneven.as_bytes(), &Reading { resample_s, ..Reading::default() });
+    assert!(resampled(None).is_err() && resampled(Some(1e-4)).is_ok());
 }
 
 #[test]
-fn results_can_be_read_back() {
+fn results_as_json_table_and_page() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
     let samples = samples_of(&recording);
     let tracks = vec![track(&samples, &config(&samples))];
@@ -271,9 +273,9 @@ fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
     identify::answer(samples, question(&samples[0], tolerances))
 }
 
-/// A level of noise that is not stated is found beside one that is.
+/// One noise level may be stated and the other estimated.
 #[test]
-fn one_level_of_noise_may_be_stated() {
+fn one_noise_level_may_be_stated() {
     let samples = samples_of(&run([2e-6, 3e-2], 0.8).1);
     for stated in [[2e-6, 0.0], [0.0, 3e-2]] {
         let mut question = question(&samples, &[]);
@@ -285,7 +287,7 @@ fn one_level_of_noise_may_be_stated() {
 }
 
 #[test]
-fn the_answer_is_that_of_the_whole_recording() {
+fn the_answer_covers_the_whole_recording() {
     let samples = samples_of(&run(montecarlo::NOISE, 0.4).1);
     let alone = ask(std::slice::from_ref(&samples), &[]);
     let wide = ask(std::slice::from_ref(&samples), &[("s", "2%"), ("alpha", "1deg")]);
@@ -300,7 +302,7 @@ fn the_answer_is_that_of_the_whole_recording() {
         for id in ["constants", "positions", "residuals", "budget", "currents"] {
             assert!(page.contains(&format!("<figure id=\"{id}\">")), "no figure {id}");
         }
-        // Prediction errors are noise: of the sample, and of what the samples before leave unknown.
+        // Prediction errors contain the noise of the sample and the uncertainty left by earlier samples.
         let errors = &found.conditions[0].prediction_errors_m;
         let square = errors.iter().flatten().map(|error| error * error).sum::<f64>() / (2.0 * errors[0].len() as f64);
         assert!((1.0..2.0).contains(&(square.sqrt() / montecarlo::NOISE[0])), "{} m rms", square.sqrt());
@@ -308,7 +310,7 @@ fn the_answer_is_that_of_the_whole_recording() {
     }
     let std = |answer: &identify::Answer| answer.found.as_ref().map_or(f64::NAN, |found| found.lambda[0].total_std);
     assert!(std(&wide) > 3.0 * std(&alone) && std(&twice) < 0.8 * std(&alone));
-    // A typical bench is known to per cents only, whatever the noise.
+    // A typical bench limits the precision to per cents, whatever the noise.
     assert!(alone.typical().expect("estimates").iter().all(|std| (0.02..0.1).contains(std)));
     let json = wide.said().json;
     for key in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "unbalance", "bench", "budget", "noise", "verdict"] {
@@ -319,7 +321,7 @@ fn the_answer_is_that_of_the_whole_recording() {
 
 #[test]
 fn tolerances_have_units() {
-    let of = |name: &str, value: &str| identify::tolerance(name, value, &stated(&EstimatorConfig::default()));
+    let stated = stated(&EstimatorConfig::default());
     for (name, value, count, std) in [
         ("s", "2%", 1, 0.02),
         ("s", "10 µm", 1, 0.02),
@@ -330,7 +332,7 @@ fn tolerances_have_units() {
         ("current.offset", "10mA", 3, 0.01),
         ("delay", "20us", 1, 2e-5),
     ] {
-        let found = of(name, value).unwrap_or_else(|why| panic!("{why}"));
+        let found = identify::tolerance(name, value, &stated).unwrap_or_else(|why| panic!("{why}"));
         assert_eq!(found.len(), count, "{name}");
         assert!(found.iter().all(|(_, got)| (got / std - 1.0).abs() < 1e-9), "{name}={value}: {found:?}");
     }
@@ -342,19 +344,18 @@ fn tolerances_have_units() {
         ("s", "150%", "less than 100 %"),
         ("m", "wide", "in %, ppm, kg, g"),
     ] {
-        let why = of(name, value).expect_err("refused");
-        assert!(why.contains(words), "{why}");
+        says(&identify::tolerance(name, value, &stated).expect_err("refused"), &[words]);
     }
 }
 
-/// A table `[tolerance]` of the scenario says the same as `--tolerance`, which goes before it.
+/// A table `[tolerance]` in the scenario acts as `--tolerance`, which takes precedence.
 #[test]
-fn a_scenario_tells_tolerances() {
+fn a_scenario_may_state_tolerances() {
     let folder = folder("identify/tolerance");
     program::write(&folder, "good.csv", csv(&run(montecarlo::NOISE, 0.2).1));
-    let tell = |table: &str| program::write(&folder, "mine.toml", format!("[tolerance]\n{table}"));
-    // The data that the budget says are told of these parameters, unless there are none.
-    let is_told = |more: &[&str], wanted: &[(&str, Option<f64>)]| {
+    let state = |table: &str| program::write(&folder, "mine.toml", format!("[tolerance]\n{table}"));
+    // The tolerances of these parameters that the budget lists as stated, if any.
+    let has_stated = |more: &[&str], wanted: &[(&str, Option<f64>)]| {
         let json = identified(&folder, &[&["--scenario", "mine.toml", "good.csv"], more].concat());
         for (name, wanted) in wanted {
             let mut lines = json["budget"].as_array().expect("a budget").iter();
@@ -364,39 +365,40 @@ fn a_scenario_tells_tolerances() {
             assert!((found, *wanted) == (None, None) || (ratio - 1.0).abs() < 1e-9, "{name}: {found:?}, {wanted:?}");
         }
     };
-    tell("s = \"10 µm\"\nalpha = \"0.5 deg\"\nsensor.offset = 5e-6\n");
+    state("s = \"10 µm\"\nalpha = \"0.5 deg\"\nsensor.offset = 5e-6\n");
     let alpha_rad = 0.5_f64.to_radians();
-    is_told(&[], &[("s", Some(0.02)), ("alpha[3]", Some(alpha_rad)), ("sensor.offset[z]", Some(5e-6)), ("m", None)]);
-    is_told(&["--tolerance", "s=1%"], &[("s", Some(0.01))]);
+    has_stated(&[], &[("s", Some(0.02)), ("alpha[3]", Some(alpha_rad)), ("sensor.offset[z]", Some(5e-6)), ("m", None)]);
+    has_stated(&["--tolerance", "s=1%"], &[("s", Some(0.01))]);
     for (table, words) in
         [("gap = \"1 %\"\n", "gap is not a parameter of a bench"), ("s = \"wide\"\n", "a number above 0 is wanted")]
     {
-        tell(table);
+        state(table);
         refuses(&folder, &["identify", "--scenario", "mine.toml", "good.csv"], &[words]);
     }
 }
 
-/// Tolerances of the on-line estimator hold here as well.
+/// The tolerances of the on-line estimator apply here as well.
 #[test]
-fn tolerances_of_the_estimator_are_those_of_the_bench() {
+fn tolerances_of_the_estimator_apply_to_the_bench() {
     use magnetic_bearing::estimation::Tolerance;
     let tolerance = Tolerance { gap_m: 1e-5, position_gain: 0.01, alpha_rad: 0.02, ..Tolerance::default() };
     let config = EstimatorConfig { tolerance, ..EstimatorConfig::default() };
     let found = identify::of_estimator(&stated(&config), &estimator(&config));
-    let of = |name: &str| {
+    let std = |name: &str| {
         let at = likelihood::by_name(&stated(&config).parameters(), name).expect("a parameter");
-        found.iter().find(|(of, _)| *of == at).map(|(_, std)| *std)
+        found.iter().find(|(index, _)| *index == at).map(|(_, std)| *std)
     };
     assert_eq!(found.len(), 6, "{found:?}");
-    assert!(of("s").is_some_and(|std| (std - 0.02).abs() < 1e-12) && of("alpha[3]") == Some(0.02) && of("m").is_none());
-    // Each of two independent gains has the variance of mean and half difference together.
-    let [mean, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| of(name).expect("a tolerance"));
+    assert!(std("s").is_some_and(|std| (std - 0.02).abs() < 1e-12));
+    assert!(std("alpha[3]") == Some(0.02) && std("m").is_none());
+    // The variance of each of two independent gains is the sum of those of mean and half difference.
+    let [mean, half] = ["sensor.gain", "sensor.gainDifference"].map(|name| std(name).expect("a tolerance"));
     assert!((mean.hypot(half) - 0.01).abs() < 1e-12);
 }
 
-/// Currents in a table of their own: held ones at four times the rate, and points of a continuous current at another rate.
+/// Currents in a separate table: held ones at four times the rate, and points of a continuous current at another rate.
 #[test]
-fn currents_may_have_a_table_of_their_own() {
+fn currents_may_have_a_separate_table() {
     let (_, recording) = run(montecarlo::NOISE, 0.15);
     let whole = csv(&recording);
     let with =
@@ -404,7 +406,7 @@ fn currents_may_have_a_table_of_their_own() {
     let held = [1, 2, 3].map(|k| recording.get(&format!("plant.im[{k}]")).expect("a column"));
     let mut currents = String::from("Time [ms];Coil A [mA];Coil B [mA];Coil C [mA]\n");
     for n in 0..4 * (recording.time_s.len() - 1) {
-        // Held before: the sample at the end of an interval and those within it are the same.
+        // Held before: the sample at the end of an interval equals those within it.
         let [a, b, c] = held.map(|column| 1e3 * column[n.div_ceil(4)]);
         currents += &format!("{:.4};{a:.9};{b:.9};{c:.9}\n", 0.025 * n as f64).replace('.', ",");
     }
@@ -416,7 +418,7 @@ fn currents_may_have_a_table_of_their_own() {
         estimate(&track, track.last_valid().expect("an estimate"))[0]
     });
     for (one, other) in one.iter().zip(&other) {
-        // The table begins and ends with an interval less, and has nine digits.
+        // The second table is an interval shorter at both ends, and has nine digits.
         assert!((one / other - 1.0).abs() < 1e-3, "{one} in one table, {other} in two");
     }
 
@@ -431,10 +433,10 @@ fn currents_may_have_a_table_of_their_own() {
     for (k, values) in apart.currents(Hold::Linear).iter().enumerate() {
         for (j, value) in values.iter().enumerate().filter(|(_, value)| !value.is_nan()) {
             let time_s = apart.start_s + j as f64 * apart.step_s;
-            // A chord of a seventh of a millisecond is off by at most 0.13 mA here.
+            // Linear interpolation over a seventh of a millisecond is off by at most 0.13 mA here.
             assert!((value - sine(time_s, k)).abs() < 2e-4, "{value} A at {time_s} s, wanted {}", sine(time_s, k));
         }
-        // The hole of 7.1 ms, and the end after 142.9 ms.
+        // The gap of 7.1 ms, and the end after 142.9 ms.
         let missing = values.iter().filter(|value| value.is_nan()).count();
         assert!((100..160).contains(&missing), "{missing} samples without a current");
     }
@@ -458,33 +460,33 @@ fn disc(m_kg: f64, gap_m: f64) -> Body {
     Body::Disc { m_kg, gap_m, alpha_rad: Bench::default().alpha.to_vec() }
 }
 
-/// The question to it, with its geometry as it is.
+/// The question about a recording of a bench whose mass and gap are stated correctly.
 fn question_to(bench: &Bench, samples: &Samples) -> Question {
     let mut question = question(samples, &[]);
     question.stated.parts[0].body = disc(bench.m, bench.s);
     question
 }
 
-/// A slow force is taken if the likelihood asks for it, unless it is stated that there is none (`--set force.slow=0`).
+/// A slow force is included if the likelihood requires it, unless it is excluded (`--set force.slow=0`).
 #[test]
-fn a_slow_force_may_be_ruled_out() {
+fn a_slow_force_may_be_excluded() {
     let bench = Bench { seconds: 2.0, slow_force: 0.1, seed: 51, ..Bench::default() };
     let samples = recorded(&bench);
     let level = |slow_force: Option<bool>| {
         let question = Question { slow_force, ..question_to(&bench, &samples) };
         let answer = identify::answer(std::slice::from_ref(&samples), question);
-        let is_told = answer.findings.iter().any(|finding| finding.contains("A slow force"));
+        let is_reported = answer.findings.iter().any(|finding| finding.contains("A slow force"));
         let level = answer.found.expect("estimates").conditions[0].parts[0].slow_force_n;
-        assert_eq!(is_told, level > 0.0, "{:?}", answer.findings);
+        assert_eq!(is_reported, level > 0.0, "{:?}", answer.findings);
         level
     };
     assert!(level(None) > 0.0 && level(Some(true)) > 0.0);
     assert_eq!(level(Some(false)), 0.0);
 }
 
-/// A parameter that would move λ may be a consequence of another one, which the residuals ask for more.
+/// A parameter that would move λ may only mimic another one, which improves the residuals more.
 #[test]
-fn the_verdict_begins_with_what_the_residuals_ask_for_most() {
+fn the_verdict_begins_with_the_parameter_that_improves_the_residuals_most() {
     let bench = Bench { seconds: 1.0, runout2: [2e-7, 0.0, 0.0, 0.0], seed: 61, ..Bench::default() };
     let samples = recorded(&bench);
     let answer = identify::answer(std::slice::from_ref(&samples), question_to(&bench, &samples));
@@ -492,30 +494,20 @@ fn the_verdict_begins_with_what_the_residuals_ask_for_most() {
     assert!(answer.verdict.starts_with(wanted), "{}", answer.verdict);
 }
 
-/// The parameter that the residuals ask for most may move λ by far more than a step from the stated value shows: here by 7.5 deviations.
+/// The parameter that improves the residuals most may move λ by far more than one step from the stated value predicts: here by 7.5 deviations.
 #[test]
-fn the_parameter_that_the_residuals_ask_for_most_is_tried() {
-    let lambda = [2.35e-6, 1.65e-6, 2.07e-6];
-    let bench = Bench {
-        seconds: 0.6,
-        lag: 2e-5,
-        position_noise: 1e-6,
-        current_noise: 0.0,
-        seed: 81,
-        lambda,
-        ..Bench::default()
-    };
+fn the_parameter_that_improves_the_residuals_most_is_tried() {
+    let (lambda, position_noise, current_noise) = ([2.35e-6, 1.65e-6, 2.07e-6], 1e-6, 0.0);
+    let bench = Bench { seconds: 0.6, lag: 2e-5, position_noise, current_noise, seed: 81, lambda, ..Bench::default() };
     let samples = recorded(&bench);
     let mut question = question_to(&bench, &samples);
     question.stated.hold = Hold::HeldAfter;
-    is_refused(
-        &identify::answer(std::slice::from_ref(&samples), question),
-        "ask most for delay (positions later than currents), and with it λ2 differs by",
-    );
+    let words = "ask most for delay (positions later than currents), and with it λ2 differs by";
+    is_refused(&identify::answer(std::slice::from_ref(&samples), question), words);
 }
 
-/// Amplifiers with a lag behind what is recorded, half a sample time and one and a half: the answer says how long it is, whether commands are recorded when they take effect
-/// or a sample time later; whatever a sample is taken for, no wrong answer is valid.
+/// Magnet currents lag behind the recorded ones by 0.4 or 1.5 sample times. The lag is found whether commands are recorded when they take effect or a
+/// sample time later; whatever hold is assumed, no wrong answer is valid.
 #[test]
 fn a_lag_of_the_amplifiers_is_found() {
     for (seed, lag, late) in [(72, 4e-5, true), (74, 1.5e-4, false)] {

@@ -1,6 +1,4 @@
-//! The layers: what each may use, and what it may not do.
-//!
-//! All rules are in one table. They apply to code only, not to comments and strings.
+//! The layers: forbidden dependencies and calls of each. The rules apply to code only, not to comments and strings.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -8,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// Words, or files and folders.
 type Words = &'static [&'static str];
 
-/// Elementary functions whose last bits differ from platform to platform. Square roots are exact by IEEE 754 and allowed.
+/// Elementary functions whose last bits depend on the platform. Square roots are exact by IEEE 754 and allowed.
 const ELEMENTARY: &[&str] = &[
     "acos", "acosh", "asin", "asinh", "atan", "atan2", "atanh", "cbrt", "cos", "cosh", "exp", "exp2", "exp_m1",
     "hypot", "ln", "ln_1p", "log", "log10", "log2", "mul_add", "powf", "powi", "sin", "sin_cos", "sinh", "tan", "tanh",
@@ -17,11 +15,11 @@ const ELEMENTARY: &[&str] = &[
 const PRINTING: Words = &["println!", "eprintln!", "print!", "eprint!", "dbg!"];
 const SYSTEM: Words = &["std::fs", "std::env", "std::net", "std::process", "std::thread", "std::time", "File::"];
 
-/// Folders, words that must not occur there, and why.
+/// Folders, words forbidden there, and the reasons.
 const RULES: &[(&str, Words, &str)] = &[
     ("src/bearing", &["crate::plant", "crate::control", "crate::estimation"], "the bearing comes before its users"),
     ("src/plant", &["crate::control", "crate::estimation"], "the plant knows neither controller nor estimator"),
-    // Equations take the description of their variables from here.
+    // Equations use it to describe their variables.
     ("src/variables.rs", &["crate::", "Row", "Table", "Model", "Instance", "fmi"], "variables know nothing of FMI"),
     ("src/fmu", OVER, NAME_IT),
     ("fmu-export/src", OVER, NAME_IT),
@@ -37,10 +35,10 @@ const RULES: &[(&str, Words, &str)] = &[
     ("fmu-export/src", &["#[test]"], "tests belong in tests/, for the crate as well"),
 ];
 
-/// The same with files and folders that are exempt.
+/// The same with exempt files and folders.
 const RULES_WITH_EXEMPTIONS: &[(&str, Words, Words, &str)] = &[
     ("fmu-export", &["magnetic_bearing"], &["fmu-export/tests"], "the crate exports any model"),
-    // The packager runs in a program, not in an FMU, and says what it has written. Resources are files that the importer names.
+    // The packager runs in a program, not in an FMU, and prints what it has written. Resources are files that the importer names.
     ("fmu-export/src", PRINTING, &["fmu-export/src/package"], "FMUs send messages to the importer's logger"),
     ("fmu-export/src", SYSTEM, OF_IMPORTERS, "FMUs touch nothing but what the importer hands them"),
     ("fmu-export/src", &["unsafe"], UNSAFE_FILES, UNSAFE),
@@ -52,10 +50,10 @@ const OF_IMPORTERS: Words = &["fmu-export/src/package", "fmu-export/src/resource
 const PROGRAM: Words =
     &["crate::simulation", "crate::studies", "crate::report", "crate::cli", "crate::package", "crate::output"];
 
-/// Names besides that only the equations must not use.
+/// Further names forbidden to the equations only.
 const FMUS: Words = &["crate::fmu", "fmu_export"];
 
-/// This would reach another layer without naming the crate.
+/// Reaches another layer without naming the crate.
 const OVER: Words = &["super::super"];
 const NAME_IT: &str = "name the crate instead";
 
@@ -63,7 +61,7 @@ const NAME_IT: &str = "name the crate instead";
 const EQUATIONS: [&str; 6] =
     ["src/bearing", "src/plant", "src/control", "src/estimation", "src/invalid.rs", "src/machine.rs"];
 
-/// The last two hold the hook that is called at unloading, and the functions that a library exports.
+/// The last two hold the hook called at unloading and the functions that a library exports.
 const UNSAFE_FILES: Words = &[
     "fmu-export/src/interface",
     "fmu-export/src/fmi2",
@@ -110,18 +108,18 @@ fn code(text: &str) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// Whether the line contains the word, not as a part of a longer one.
+/// Whether the line contains the word, not as part of a longer one.
 fn holds(line: &str, word: &str) -> bool {
-    let part = |letter: Option<char>| letter.is_some_and(|letter| letter.is_alphanumeric() || letter == '_');
+    let is_letter = |letter: Option<char>| letter.is_some_and(|letter| letter.is_alphanumeric() || letter == '_');
     line.match_indices(word).any(|(at, _)| {
         let before = line[..at].chars().next_back();
         let after = line[at + word.len()..].chars().next();
         let open_ended = word.ends_with(|last: char| !last.is_alphanumeric());
-        !part(before) && (open_ended || !part(after))
+        !is_letter(before) && (open_ended || !is_letter(after))
     })
 }
 
-/// The lines of code in a folder: their place, and they without comments and strings.
+/// The lines of code in a folder: file, line number, and text without comments and strings.
 fn lines(folder: &str) -> Vec<(PathBuf, usize, String)> {
     let files = files(&project().join(folder));
     assert!(!files.is_empty(), "{folder} is there");
@@ -132,7 +130,7 @@ fn lines(folder: &str) -> Vec<(PathBuf, usize, String)> {
     files.iter().flat_map(of).collect()
 }
 
-fn breaches(folder: &str, words: Words, exempt: Words, reason: &str) -> Vec<String> {
+fn violations(folder: &str, words: Words, exempt: Words, reason: &str) -> Vec<String> {
     let mut found = Vec::new();
     let is_exempt = |file: &PathBuf| exempt.iter().any(|path| file.starts_with(project().join(path)));
     for (file, number, line) in lines(folder).into_iter().filter(|(file, ..)| !is_exempt(file)) {
@@ -158,11 +156,11 @@ fn every_layer_keeps_to_its_rules() {
     let rules = equations.chain(RULES.iter().copied()).map(|(folder, words, reason)| (folder, words, &[][..], reason));
     let rules = rules.chain(RULES_WITH_EXEMPTIONS.iter().copied());
     let found: Vec<String> =
-        rules.flat_map(|(folder, words, exempt, reason)| breaches(folder, words, exempt, reason)).collect();
+        rules.flat_map(|(folder, words, exempt, reason)| violations(folder, words, exempt, reason)).collect();
     assert!(found.is_empty(), "\n{}", found.join("\n"));
 }
 
-/// Elementary functions come from the crate libm, so that every platform gives the same bits.
+/// Elementary functions come from the crate libm, so that all platforms give the same bits.
 #[test]
 fn equations_take_elementary_functions_from_libm() {
     for (file, number, line) in EQUATIONS.into_iter().flat_map(lines) {
@@ -173,31 +171,31 @@ fn equations_take_elementary_functions_from_libm() {
     }
 }
 
-/// Every unsafe block, and every unsafe implementation, has a sentence that says why it is sound.
+/// Every unsafe block and implementation has a comment that states why it is sound.
 #[test]
 fn unsafe_blocks_say_why() {
     let mut blocks = 0;
     let mut files =
         ["fmu-export/src", "fmu-export/tests", "tests"].map(|folder| files(&project().join(folder))).concat();
-    // The bindings are types alone, and this file speaks of blocks without having one.
+    // The bindings are types only, and this file mentions blocks without having one.
     files.retain(|file| !file.ends_with("bindings.rs") && !file.ends_with("layers.rs"));
     for file in files {
         let text = fs::read_to_string(&file).expect("a source file");
         let lines: Vec<&str> = text.lines().collect();
         for (number, _) in code(&text).filter(|(_, line)| line.contains("unsafe {") || line.contains("unsafe impl")) {
             blocks += 1;
-            // The sentence is above the statement, which may begin some lines before the block.
+            // The comment is above the statement, which may begin some lines before the block.
             let above = &lines[number.saturating_sub(8)..number];
-            let said = above.iter().any(|line| line.trim_start().starts_with("// SAFETY: "));
-            assert!(said, "{}:{number}: an unsafe block without a SAFETY sentence", file.display());
+            let is_explained = above.iter().any(|line| line.trim_start().starts_with("// SAFETY: "));
+            assert!(is_explained, "{}:{number}: an unsafe block without a SAFETY sentence", file.display());
         }
     }
     assert!(blocks > 40, "only {blocks} unsafe blocks were found: does this test still see them?");
 }
 
-/// The rules can fail.
+/// The search for words can fail.
 #[test]
-fn the_search_finds_what_it_looks_for() {
+fn words_are_found_in_code_only() {
     for (text, word, is_found) in [
         ("use crate::cli::main;", "crate::cli", true),
         ("    println!(\"here\");", "println!", true),

@@ -2,7 +2,6 @@
 
 use crate::bench::Bench;
 use crate::support::{below, between};
-use fmu_export::variable::Value;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::identify::likelihood::{self, *};
@@ -14,8 +13,8 @@ fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
     (0..N).map(|n| rows.iter().map(|row| row[n]).collect()).collect()
 }
 
-/// The recording of a bench, with its noise if that is told.
-fn recording(bench: &Bench, told: bool) -> Recording {
+/// The recording of a bench, with its noise levels if they are known.
+fn recording(bench: &Bench, noise_known: bool) -> Recording {
     let recorded = bench.record();
     Recording {
         step_s: bench.step,
@@ -27,8 +26,8 @@ fn recording(bench: &Bench, told: bool) -> Recording {
         position_error_m: Vec::new(),
         square_error_a2: Vec::new(),
         hold: Hold::HeldBefore,
-        position_noise_m: told.then_some(bench.position_noise),
-        current_noise_a: told.then_some(bench.current_noise),
+        position_noise_m: noise_known.then_some(bench.position_noise),
+        current_noise_a: noise_known.then_some(bench.current_noise),
     }
 }
 
@@ -49,30 +48,30 @@ fn options(bench: &Bench) -> Options {
     Options { parts: vec![Part::new(body, 0, 0)], slow_force: false, leaves_out: true }
 }
 
-fn tell(options: &mut Options, name: &str, knowledge: Knowledge) {
+fn know(options: &mut Options, name: &str, knowledge: Knowledge) {
     let mut named = options.bench().filter(|parameter| parameter.name == name);
     named.next().unwrap_or_else(|| panic!("no parameter {name}")).knowledge = knowledge;
 }
 
 /// The estimate of a parameter of the bench.
 fn of_bench(found: &Identification, name: &str) -> Estimate {
-    let of = found.bench.iter().find(|of| of.parameter.name == name);
-    of.unwrap_or_else(|| panic!("no parameter {name}")).estimate
+    let named = found.bench.iter().find(|estimated| estimated.parameter.name == name);
+    named.unwrap_or_else(|| panic!("no parameter {name}")).estimate
 }
 
-/// How many of its deviations an estimate is off.
+/// The error of an estimate is below this many of its deviations.
 #[track_caller]
 fn is_near(what: &str, estimate: &Estimate, truth: f64, deviations: f64) {
     let error = (estimate.value - truth) / estimate.total_std;
     assert!(error.abs() < deviations, "{what}: {error} standard deviations of {estimate:?}");
 }
 
-/// A bench of which everything is off by its typical tolerance, drawn.
+/// A bench with every error drawn from its typical tolerance, and the errors.
 fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
     let noise: [Noise; 28] = Noise::channels(seed);
     let drawn = options(&base).parts[0].parameters.clone().into_iter().zip(noise).map(|(parameter, mut noise)| {
         let value = parameter.typical * noise.standard_normal();
-        // Sensors do not know the future.
+        // Sensors are causal.
         if parameter.name == "delay" { value.abs() } else { value }
     });
     let d: Vec<f64> = drawn.collect();
@@ -96,13 +95,13 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
     (bench, d)
 }
 
-/// A bench that is off in everything, or in nothing, converges to within its deviations, from a second to more rows than the likelihood is believed.
+/// A bench with all errors or none converges to within its deviations, from short recordings to more rows than the likelihood is trusted for.
 #[test]
 fn all_parameters_of_a_bench_are_found_at_once() {
-    let off = [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)];
-    let off = off.map(|(seed, seconds)| drawn(seed, Bench { seconds, ..Bench::default() }));
+    let imperfect = [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)];
+    let imperfect = imperfect.map(|(seed, seconds)| drawn(seed, Bench { seconds, ..Bench::default() }));
     let exact = (Bench { seconds: 3.0, seed: 45, ..Bench::default() }, vec![0.0; 28]);
-    for (bench, truth) in off.into_iter().chain([exact]) {
+    for (bench, truth) in imperfect.into_iter().chain([exact]) {
         let what = format!("seed {}", bench.seed);
         let mut options = options(&bench);
         options.bench().for_each(|parameter| parameter.knowledge = Knowledge::Tolerance(parameter.typical));
@@ -110,24 +109,25 @@ fn all_parameters_of_a_bench_are_found_at_once() {
         assert!(found.converged, "{what}: {} iterations", found.iterations);
         is_right(&what, &found, &bench);
         assert_eq!(found.bench.len(), truth.len(), "{what}");
-        for (of, truth) in found.bench.iter().zip(truth) {
-            is_near(&format!("{what}, {}", of.parameter.name), &of.estimate, truth, 5.0);
+        for (found, truth) in found.bench.iter().zip(truth) {
+            is_near(&format!("{what}, {}", found.parameter.name), &found.estimate, truth, 5.0);
         }
     }
 }
 
-/// Recordings at two speeds share λ, unbalance and bench; each has its load. The deviation of the run-out is 0.38 of that from one.
+/// Recordings at two speeds share λ, unbalance and bench; each has its own load. The deviation of the run-out is 0.38 of that from one speed.
 #[test]
-fn two_speeds_tell_run_out_better_than_one() {
+fn two_speeds_determine_run_out_better_than_one() {
     let base = Bench { seconds: 0.5, runout1: [2e-6, 0.0, 0.0, 0.0], ..Bench::default() };
     let slow = Bench { load: [5.0, -30.0], seed: 46, omega: std::f64::consts::TAU * 30.0, ..base.clone() };
     let fast = Bench { load: [10.0, -20.0], seed: 47, omega: std::f64::consts::TAU * 60.0, ..base };
     let mut options = options(&slow);
     for name in ["runout1.forward.cos", "runout1.forward.sin"] {
-        tell(&mut options, name, Knowledge::Tolerance(5e-6));
+        know(&mut options, name, Knowledge::Tolerance(5e-6));
     }
     let both = [&slow, &fast].map(|bench| recording(bench, false));
-    let [together, alone] = [&both[..], &both[..1]].map(|of| likelihood::identify(of, &options).unwrap());
+    let [together, alone] =
+        [&both[..], &both[..1]].map(|recordings| likelihood::identify(recordings, &options).unwrap());
     let [both, one] = [&together, &alone].map(|found| of_bench(found, "runout1.forward.cos"));
     assert!(together.converged && both.total_std < 0.5 * one.total_std, "{both:?} {one:?}");
     is_near("run-out", &both, 2e-6, 4.0);
@@ -139,7 +139,7 @@ fn two_speeds_tell_run_out_better_than_one() {
 }
 
 #[test]
-fn a_change_of_lambda_is_found_and_both_parts_are_told() {
+fn a_change_of_lambda_is_found_with_the_values_before_and_after() {
     let bench = Bench { seconds: 1.0, update_s: 0.0, change: [0.6, 0.05], seed: 41, ..Bench::default() };
     let found = identified(&bench, &options(&bench));
     let [Contradiction { rows, what: Change::Lambda(lambda), .. }] = &found.contradictions[..] else {
@@ -154,7 +154,7 @@ fn a_change_of_lambda_is_found_and_both_parts_are_told() {
 }
 
 #[test]
-fn an_impact_is_left_out() {
+fn an_impact_is_excluded() {
     let bench = Bench { seconds: 0.6, impact: [0.4, 60.0], seed: 42, ..Bench::default() };
     let found = identified(&bench, &options(&bench));
     let is_impact = |part: &Contradiction| matches!(part.what, Change::Disturbed { .. }) && part.rows.contains(&4003);
@@ -162,9 +162,9 @@ fn an_impact_is_left_out() {
     is_right("an impact", &found, &bench);
 }
 
-/// A current that is not known for a while tells nothing: what stands in its place does not matter, and λ keeps its standard deviation.
+/// A current that is temporarily unknown carries no information: the value in its place does not matter, and λ stays within its deviation.
 #[test]
-fn a_current_that_is_not_known_is_not_used() {
+fn an_unknown_current_is_not_used() {
     let bench = Bench { seconds: 1.0, seed: 44, ..Bench::default() };
     let of = |instead_a: f64| {
         let mut recording = recording(&bench, true);
@@ -184,7 +184,7 @@ fn a_current_that_is_not_known_is_not_used() {
     }
 }
 
-/// A force that wanders is found by its likelihood, and its level; a recording without it shows none.
+/// A random-walk force and its level are found by likelihood; a recording without one shows none.
 #[test]
 fn a_slow_force_is_found_by_its_likelihood() {
     const LEVEL: f64 = 0.1;
@@ -194,11 +194,10 @@ fn a_slow_force_is_found_by_its_likelihood() {
         identified(&bench, &Options { slow_force, ..options(&bench) })
     };
     let [without, plain, found] = [of(0.0, false), of(LEVEL, false), of(LEVEL, true)];
-    let [gain, asked] = [without, plain].map(|of| of.gain_by_slow_force);
     let level = found.conditions[0].parts[0].slow_force_n;
 
-    below("gain without a slow force", gain, by_chance);
-    assert!(asked > by_chance, "{asked} with a slow force");
+    below("gain without a slow force", without.gain_by_slow_force, by_chance);
+    assert!(plain.gain_by_slow_force > by_chance, "{} with a slow force", plain.gain_by_slow_force);
     between("level in N/√s", level, 0.7 * LEVEL, 1.4 * LEVEL);
     is_right("a slow force", &found, &Bench::default());
 }
@@ -213,16 +212,16 @@ fn the_result_does_not_depend_on_the_number_of_threads() {
     assert_eq!(of(1), of(4));
 }
 
-/// A tolerance of the mass scales λ and the unbalance, and nothing else.
+/// A tolerance of the mass widens λ and the unbalance in proportion.
 #[test]
-fn a_tolerance_of_the_mass_widens_in_proportion() {
+fn a_tolerance_of_the_mass_widens_deviations_in_proportion() {
     const MASS: f64 = 0.01;
     let bench = Bench { seconds: 0.5, seed: 49, ..Bench::default() };
     let mut options = options(&bench);
     let exact = identified(&bench, &options);
-    tell(&mut options, "m", Knowledge::Tolerance(MASS));
+    know(&mut options, "m", Knowledge::Tolerance(MASS));
     let within = identified(&bench, &options);
-    let estimates = |of: &Identification| [of.lambda.clone(), vec![of.unbalance[0].magnitude]].concat();
+    let estimates = |found: &Identification| [found.lambda.clone(), vec![found.unbalance[0].magnitude]].concat();
     for (exact, within) in estimates(&exact).into_iter().zip(estimates(&within)) {
         assert_eq!(exact.value, within.value);
         let wanted = exact.total_std.hypot(MASS * exact.value);
@@ -237,24 +236,24 @@ fn mass_and_current_gain_are_not_separated_from_lambda() {
     let bench = Bench { seconds: 0.5, seed: 44, ..Bench::default() };
     let mut options = options(&bench);
     for name in ["m", "current.gain[2]", "sensor.offset[y]"] {
-        tell(&mut options, name, Knowledge::Free);
+        know(&mut options, name, Knowledge::Free);
     }
     let found = identified(&bench, &options);
-    let held: Vec<&str> = found.bench.iter().filter(|of| of.is_held).map(|of| &*of.parameter.name).collect();
-    assert_eq!(held, ["m", "current.gain[2]"]);
+    let held = found.bench.iter().filter(|estimated| estimated.is_held).map(|held| &*held.parameter.name);
+    assert_eq!(held.collect::<Vec<_>>(), ["m", "current.gain[2]"]);
     assert!(of_bench(&found, "sensor.offset[y]").total_std < 5e-6);
 }
 
-/// Runs of one drawn bearing (`montecarlo --only "identify: drawn bearings, noise known"` and its seed) with other noise, the position noise scaled.
+/// Runs of one drawn bearing (`montecarlo --only "identify: drawn bearings, noise known"` and its seed) with different noise, the position noise scaled.
 fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
     let studies = offline::studies(1);
     let study = studies.iter().find(|study| study.title == "identify: drawn bearings, noise known").unwrap();
     in_order(runs, &|run| {
         let mut scenario = study.case(bearing, 0);
         let noise = position_noise * scenario.real("sensor.positionNoise").unwrap();
-        scenario.set("plant", "sensor.seed", Value::Integer(800_000 + run as i32));
+        scenario.set("plant", "sensor.seed", 800_000 + run as i32);
         for element in ["plant", "estimator"] {
-            scenario.set(element, "sensor.positionNoise", Value::Real(noise));
+            scenario.set(element, "sensor.positionNoise", noise);
         }
         let run = simulate::run_for(&scenario, wanted).unwrap();
         let offline = study.offline.as_ref().unwrap();
@@ -262,15 +261,15 @@ fn runs_of(bearing: u64, position_noise: f64, runs: usize) -> Vec<Trial> {
     })
 }
 
-/// A bearing that is excited mostly by noise, 82 nm and 23 mA: the maximum of the likelihood is off by 4.7 bounds after 5 s. Instruments free it of them, and
-/// know how far.
+/// A bearing excited mostly by noise, 82 nm and 23 mA: the maximum of the likelihood is off by 4.7 bounds after 5 s. Instrumental variables remove this
+/// bias and state the remaining error.
 #[test]
-fn a_bearing_that_noise_excites_is_found_without_bias() {
+fn a_bearing_excited_by_noise_is_found_without_bias() {
     let trials = runs_of(92_025, 1.0, 8);
     for k in 0..3 {
         let mean = |f: fn(f64, f64, f64) -> f64| {
             let last = trials.iter().map(|trial| trial.samples.last().unwrap());
-            last.map(|of| f(of.error[k], of.std[k], of.bound[k])).sum::<f64>() / trials.len() as f64
+            last.map(|sample| f(sample.error[k], sample.std[k], sample.bound[k])).sum::<f64>() / trials.len() as f64
         };
         below(&format!("λ{k}, bounds off on average"), mean(|error, _, bound| error / bound).abs(), 1.5);
         below(&format!("λ{k}, error in deviations"), mean(|error, std, _| (error / std).powi(2)).sqrt(), 1.7);
@@ -278,11 +277,11 @@ fn a_bearing_that_noise_excites_is_found_without_bias() {
     }
 }
 
-/// At 1000 rpm with 0.23 µm and 29 mA the gains of the filter follow λ so closely that little of what seems known is: ± without that part of the
-/// sensitivity was 1.3 %, the error up to 9. With 12 nm and 41 mA the filter believes the positions, and noise of the currents in its stiffness would
-/// look like an offset of 50 µm. From six turns on the stiffness is free of it.
+/// At 1000 rpm with 0.23 µm and 29 mA the filter gains depend so strongly on λ that little of the apparent information is real: ± without that part of
+/// the sensitivity was 1.3 %, the error up to 9 %. With 12 nm and 41 mA the filter trusts the positions, and current noise in its stiffness would look
+/// like an offset of 50 µm. After six revolutions the stiffness is free of it.
 #[test]
-fn bearings_that_the_noise_may_deceive_are_not_known_too_well() {
+fn deviations_are_not_too_small_under_misleading_noise() {
     for trial in runs_of(131_025, 1.0, 2) {
         assert!(trial.worst.ratio < 4.0, "{:?}", trial.worst);
     }
@@ -291,7 +290,7 @@ fn bearings_that_the_noise_may_deceive_are_not_known_too_well() {
     }
 }
 
-/// Noise that grows with the gap: its power is found with an honest ±, and its level is that at the nominal gap.
+/// Noise that grows with the gap: its exponent is found with a realistic ±, and its level is that at the nominal gap.
 #[test]
 fn noise_may_grow_with_the_gap() {
     let errors = in_order(12, &|run| {

@@ -1,4 +1,4 @@
-//! The studies: random draws, the bound over a recording, the figures of hand-made samples.
+//! The studies: random draws, the bound over a recording, statistics of hand-made samples.
 
 use crate::support::below;
 use magnetic_bearing::simulation::recording::{Column, Recording};
@@ -10,11 +10,11 @@ use magnetic_bearing::studies::montecarlo::figures::{Figures, Sample, judge, wan
 use magnetic_bearing::studies::montecarlo::{self, INSTANTS_S, NOISE, nominal};
 
 #[test]
-fn drawn_bearings_are_in_their_ranges_and_the_same_again() {
+fn drawn_bearings_are_in_range_and_reproducible() {
     let mut slow = 0;
     for seed in 0..200 {
-        let told = seed % 2 == 0;
-        let scenario = cases::drawn(&nominal(), seed, told);
+        let noise_known = seed % 2 == 0;
+        let scenario = cases::drawn(&nominal(), seed, noise_known);
         let value = |name: &str| scenario.number("plant", name);
         let (m, s) = (value("m"), value("s"));
         assert!((2.0..=15.0).contains(&m) && (3e-4..=8e-4).contains(&s), "{m} kg, {s} m");
@@ -35,22 +35,21 @@ fn drawn_bearings_are_in_their_ranges_and_the_same_again() {
             assert_eq!(scenario.number(element, "Ts"), value("sensor.Ts"));
         }
         for name in ["sensor.positionNoise", "sensor.currentNoise"] {
-            assert_eq!(scenario.number("estimator", name), if told { value(name) } else { 0.0 }, "{name}");
+            assert_eq!(scenario.number("estimator", name), if noise_known { value(name) } else { 0.0 }, "{name}");
         }
-        let again = cases::drawn(&nominal(), seed, told);
+        let again = cases::drawn(&nominal(), seed, noise_known);
         assert_eq!(again.elements[0].settings, scenario.elements[0].settings);
-        let other = cases::drawn(&nominal(), seed + 1, told);
+        let other = cases::drawn(&nominal(), seed + 1, noise_known);
         assert_ne!(other.elements[0].settings, scenario.elements[0].settings);
     }
     assert!((5..=40).contains(&slow), "{slow} of 200 at 1000 rpm, one in ten is meant");
 }
 
-/// Numbers in per cent at 35 ms, 0.1 and 0.2 s of an independent program, a Kalman filter in numpy with another transition that
-/// goes over the recordings of the same runs, with 0.1 µm and 1 µm. `scripts/peers.py` has
-/// such a filter as well and gives the same digits.
+/// Bounds in per cent at 35 ms, 0.1 and 0.2 s from an independent program, a Kalman filter in numpy with a different transition,
+/// over the recordings of the same runs, with 0.1 µm and 1 µm. The filter in `scripts/peers.py` gives the same digits.
 #[test]
-fn the_bound_of_the_nominal_bearing_is_that_of_another_program() {
-    /// The numbers have four digits, and the transitions differ by the stiffness at a time scale of one sample.
+fn the_bound_of_the_nominal_bearing_agrees_with_another_program() {
+    /// The numbers have four digits, and the transitions differ by the effect of the stiffness within one sample.
     const TOLERANCE: f64 = 1e-3;
     let expected = [
         [[0.1835, 0.3667, 0.4596], [0.1049, 0.2272, 0.2764], [0.0736, 0.1652, 0.2002]],
@@ -74,7 +73,7 @@ fn the_bound_of_the_nominal_bearing_is_that_of_another_program() {
     }
 }
 
-/// Each tolerance makes its own error of the right size, in the estimator or in the sensors.
+/// Each tolerance causes an error of its own size, in the estimator or in the sensors.
 #[test]
 fn errors_within_tolerances_are_drawn() {
     const DRAWS: u64 = 2000;
@@ -95,12 +94,12 @@ fn errors_within_tolerances_are_drawn() {
             of(&scenario).powi(2)
         };
         let ratio = ((0..DRAWS).map(square).sum::<f64>() / DRAWS as f64).sqrt() / tolerance.std;
-        // Three standard errors of the rms of so many draws.
+        // Three standard errors of the rms of this many draws.
         assert!((ratio - 1.0).abs() < 3.0 / (2.0 * DRAWS as f64).sqrt(), "{name}: rms {ratio} of the tolerance");
     }
 }
 
-/// A hand-made recording of an estimator of the nominal bearing: valid at each row or not, all λ off by that part, with that relative deviation.
+/// A hand-made recording of an estimator of the nominal bearing; per row: validity, relative error of all λ, relative deviation.
 pub fn recorded(rows: &[(bool, f64, f64)]) -> Recording {
     let time_s = (0..rows.len()).map(|row| row as f64 * 1e-4).collect();
     let mut recording = Recording { time_s, ..Recording::default() };
@@ -129,7 +128,7 @@ fn a_run_is_judged_by_its_valid_samples() {
     let valid: Vec<bool> = trial.samples.iter().map(|sample| sample.valid).collect();
     assert_eq!(valid, [true, false, true]);
 
-    // The first λ rises by 5 % after row 2: what was right before is wrong until the estimate follows or is not valid.
+    // The first λ rises by 5 % after row 2: the estimate is wrong until it follows or is not valid.
     cases::step_of_lambda(&mut scenario, 0, 0.05, 2e-4);
     let rows = [0.01, 0.01, 0.01, 0.01, 0.02].map(|std| (true, 0.0, std));
     let trial = judged(&scenario, &rows, &[2e-4, 4e-4]);
@@ -167,10 +166,9 @@ fn figures_are_over_valid_samples() {
     assert!(Figures::new(0.1, &[&samples[2]]).rms[0].is_nan(), "no valid estimate, no figure");
 }
 
-/// Every error of a bench, drawn, is found by maximum likelihood that is told its tolerance; without being told, some of them would be
-/// wrong by 40 deviations.
+/// Maximum likelihood finds every drawn error of a bench if its tolerance is stated; otherwise some answers would be wrong by 40 deviations.
 #[test]
-fn errors_of_a_bench_are_estimated_with_the_rest() {
+fn errors_of_a_bench_are_estimated_with_lambda() {
     let mut studies = montecarlo::studies(1);
     studies.retain(|study| study.title.starts_with("identify: bench error"));
     assert_eq!(studies.len(), 13);

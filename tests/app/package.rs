@@ -1,4 +1,4 @@
-//! The archives: reproducible, complete, and each part valid for its readers.
+//! The archives: reproducible, complete, and valid for the tools that read them.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::fs;
@@ -7,7 +7,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::{Arc, LazyLock};
 
-use crate::program::folder;
+use crate::program::{folder, open};
 use crate::support::{MODELS, says};
 use fmu_export::package::{Written, binaries_of, platform};
 use fmu_export::variable::{Type, Value, Variable};
@@ -15,7 +15,7 @@ use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu::catalogue;
 use magnetic_bearing::machine::MACHINES;
 use magnetic_bearing::package;
-use magnetic_bearing::simulation::scenario::{Element, Scenario};
+use magnetic_bearing::simulation::scenario::Element;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 
@@ -24,7 +24,7 @@ fn systems() -> impl Iterator<Item = String> {
     MACHINES.iter().map(|machine| format!("{}.ssp", machine.models[0].0))
 }
 
-/// Packages all machines into a folder of that name: names and contents of the archives.
+/// Packages all machines into the named folder: names and contents of the archives.
 fn packaged(name: &str) -> Vec<(String, Vec<u8>)> {
     let binaries = package::binaries(&[]).expect("the library is built with the tests");
     let folder = folder(&format!("package/{name}"));
@@ -61,7 +61,7 @@ pub fn members(bytes: &[u8]) -> BTreeMap<String, Vec<u8>> {
     members
 }
 
-/// The members of the archive of that name.
+/// The members of the named archive.
 fn archive(name: &str) -> BTreeMap<String, Vec<u8>> {
     members(bytes_of(name))
 }
@@ -75,9 +75,9 @@ fn text(members: &BTreeMap<String, Vec<u8>>, name: &str) -> String {
     String::from_utf8(members[name].clone()).unwrap_or_else(|_| panic!("{name} is UTF-8"))
 }
 
-/// Fails if a member holds the time.
+/// Fails if a member contains the time.
 #[test]
-fn two_packagings_give_the_same_bytes() {
+fn packaging_is_reproducible() {
     let of = |ending: &'static str| MODELS.iter().map(move |model| format!("{model}{ending}"));
     let wanted = of(".fmu").chain(of("_fmi3.fmu")).chain(systems());
     assert!(ARCHIVES.iter().map(|(name, _)| name.clone()).eq(wanted), "FMUs, then those of FMI 3.0, then systems");
@@ -86,10 +86,9 @@ fn two_packagings_give_the_same_bytes() {
     }
 }
 
-/// No member contains the time or the owner, and no text the place of the build.
-/// Fails if a member holds the folder of the project.
+/// No member contains the time or the owner, and no text the folder of the project.
 #[test]
-fn archives_hold_no_traces_of_their_making() {
+fn archives_contain_no_traces_of_the_build() {
     for (_, bytes) in ARCHIVES.iter() {
         let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
         for index in 0..archive.len() {
@@ -111,16 +110,16 @@ fn archives_hold_no_traces_of_their_making() {
     }
 }
 
-/// Fails if there is a member more, or less, or the names of the sensors are left out of the documentation.
+/// Fails if there is a member too many or too few, or the documentation omits a variable.
 #[test]
-fn an_fmu_holds_what_it_should_and_nothing_else() {
+fn an_fmu_contains_exactly_its_members() {
     let platform = platform().expect("a platform that FMI 2.0 knows");
-    // The library as it was built, but for the folders of this machine in it.
+    // The library as built, except for the folders of this machine in it.
     let library = binaries_of(&package::built_library().expect("the library")).expect("the library");
     let library = library.places(Standard::Fmi2)[0].content.to_vec();
     for (kind, bytes) in fmus() {
         let name = kind.info.name;
-        // Streaming readers find it first.
+        // Streaming readers need the description first.
         let mut archive = ZipArchive::new(Cursor::new(bytes)).expect("a zip archive");
         assert_eq!(archive.by_index(0).expect("a member").name().expect("a name"), "modelDescription.xml");
         let mut members = members(bytes);
@@ -151,7 +150,7 @@ fn an_fmu_holds_what_it_should_and_nothing_else() {
     }
 }
 
-/// The names and namespaces that all tools accept.
+/// Prefixes and namespaces that all tools accept.
 const SPACES: [(&str, &str); 4] = [
     ("ssd", "http://ssp-standard.org/SSP1/SystemStructureDescription"),
     ("ssc", "http://ssp-standard.org/SSP1/SystemStructureCommon"),
@@ -163,9 +162,9 @@ fn named<'a>(root: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Nod
     root.descendants().filter(move |node| node.is_element() && node.tag_name().name() == name)
 }
 
-/// Fails if an FMU in the system has a byte more.
+/// Fails if an FMU in a system differs by a byte.
 #[test]
-fn the_systems_hold_the_fmus_as_they_are() {
+fn systems_contain_the_fmus_unchanged() {
     for (name, structures, sets, fmus) in [
         (
             "MagneticBearing",
@@ -194,7 +193,7 @@ fn component<'a>(node: Node<'a, 'a>) -> (&'a str, Arc<ModelType>) {
     (node.attribute("name").expect("a name"), kind)
 }
 
-/// The variable of that name.
+/// The named variable.
 fn variable<'k>(kind: &'k ModelType, name: &str) -> &'k Variable {
     let found = kind.variables().iter().find(|variable| variable.name == name);
     found.unwrap_or_else(|| panic!("{}.{name} is no variable", kind.info.name))
@@ -221,14 +220,14 @@ fn the_default_system_is_the_same_without_its_enumerations() {
     }
 }
 
-/// How many settings of an element a parameter set has: an enumeration at its start value may be left out.
-fn said(part: &Element) -> usize {
+/// Number of settings of an element in its parameter set: an enumeration at its start value may be omitted.
+fn settings_in_set(part: &Element) -> usize {
     let variables = part.model_type.variables();
-    let is_said = |(index, value): &&(usize, Value)| {
+    let is_stated = |(index, value): &&(usize, Value)| {
         let variable = &variables[*index];
         !matches!(variable.data_type, Type::Enumeration { .. }) || variable.start() != *value
     };
-    part.settings.iter().filter(is_said).count()
+    part.settings.iter().filter(is_stated).count()
 }
 
 /// All elements have one of these namespaces.
@@ -239,7 +238,7 @@ fn are_of(root: Node<'_, '_>, file: &str, prefixes: &[&str]) {
     }
 }
 
-/// All of these units are declared.
+/// These units are declared.
 fn has_units<'a>(root: Node<'a, 'a>, file: &str, mut units: impl Iterator<Item = &'a str>) {
     let declared: HashSet<_> = named(root, "Unit").filter_map(|unit| unit.attribute("name")).collect();
     let missing = units.find(|unit| !unit.is_empty() && !declared.contains(unit));
@@ -248,7 +247,7 @@ fn has_units<'a>(root: Node<'a, 'a>, file: &str, mut units: impl Iterator<Item =
 
 /// Fails if a connection ends at `i[9]`.
 #[test]
-fn systems_connect_what_exists_and_name_what_is_there() {
+fn systems_connect_existing_variables_and_name_existing_files() {
     let paper = ("MagneticBearing.ssp".to_owned(), "PaperSimulation.ssd", "paper");
     let sets = MACHINES.iter().map(|machine| if machine.name == "planar" { "unbalanced" } else { machine.name });
     let mut names = HashSet::new();
@@ -263,7 +262,7 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         }
         says(&text, &["<ssd:SystemStructureDescription ", "version=\"1.0\""]);
         are_of(root, file, &["ssd", "ssc", "osp", "oms"]);
-        // OMSimulator opens all structures of an archive, finds its step at the end of the system, and wants names that differ.
+        // OMSimulator opens all structures of an archive, reads its step at the end of the system, and requires distinct names.
         assert!(names.insert(root.attribute("name").expect("a name").to_owned()), "{file}: its name is another's");
         let last = named(root, "System").next().and_then(|node| node.last_element_child()).expect("a last element");
         assert_eq!(last.tag_name().name(), "Annotations", "{file}");
@@ -275,18 +274,17 @@ fn systems_connect_what_exists_and_name_what_is_there() {
             let source = source.attribute("source").expect("a source");
             assert!(system.contains_key(source), "{file}: {source} is not in the archive");
         }
-        // One set for every element that has settings, bound at the element: some tools look nowhere else.
-        let scenario = Scenario::open(Path::new(set)).expect("a scenario of the program");
+        // One set for every element with settings, bound at the element: some tools look only there.
+        let scenario = open(set, &[]);
         for node in named(root, "Component") {
             let (element, _) = component(node);
             let bound: Vec<_> = named(node, "ParameterBinding").filter_map(|node| node.attribute("source")).collect();
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
-            let wanted: Vec<_> =
-                (said(part) > 0).then(|| format!("resources/{set}-{element}.ssv")).into_iter().collect();
-            assert_eq!(bound, wanted, "{file}: {element}");
+            let wanted = (settings_in_set(part) > 0).then(|| format!("resources/{set}-{element}.ssv"));
+            assert_eq!(bound, wanted.iter().collect::<Vec<_>>(), "{file}: {element}");
         }
 
-        // Connectors by element and name: kind, type, unit. They are those of the variables, and there are none at the root.
+        // Connectors by element and name: kind, type, unit. They match the variables, and there are none at the root.
         let mut connectors = HashMap::new();
         for node in named(root, "Component") {
             let (element, kind) = component(node);
@@ -302,7 +300,7 @@ fn systems_connect_what_exists_and_name_what_is_there() {
         assert_eq!(named(root, "Connector").count(), connectors.len(), "{file}: connectors belong to components alone");
         has_units(root, file, connectors.values().map(|(_, _, unit)| *unit));
 
-        // Each output with its input, and all connections of the loop.
+        // Connections join outputs to inputs of the same type and unit, and are those of the loop.
         let mut found = Vec::new();
         for connection in named(root, "Connection") {
             let end = |element, connector| {
@@ -341,16 +339,16 @@ pub fn parameters(text: &str) -> BTreeMap<String, f64> {
     named(document.root_element(), "Parameter").map(|node| of(node).expect("a name and a value")).collect()
 }
 
-/// Fails if a value of a parameter set is another.
+/// Fails if a value in a parameter set differs.
 #[test]
-fn parameter_sets_give_what_the_scenarios_say() {
+fn parameter_sets_have_the_values_of_the_scenarios() {
     let system = archive("MagneticBearing.ssp");
     for name in ["paper", "unbalanced"] {
-        let scenario = Scenario::open(Path::new(name)).expect("a scenario of the program");
+        let scenario = open(name, &[]);
         for part in &scenario.elements[..3] {
             let file = format!("resources/{name}-{}.ssv", part.name);
-            assert_eq!(system.contains_key(&file), said(part) > 0, "{file}");
-            if said(part) == 0 {
+            assert_eq!(system.contains_key(&file), settings_in_set(part) > 0, "{file}");
+            if settings_in_set(part) == 0 {
                 continue;
             }
             let text = text(&system, &file);
@@ -371,13 +369,17 @@ fn parameter_sets_give_what_the_scenarios_say() {
                 assert_eq!(unit, of_table.unit_name(), "{file}: {name}");
             }
             let found = (values.len(), named(root, "Parameter").count());
-            assert_eq!(found, (said(part), said(part)), "{file}: every setting of the scenario, once");
+            assert_eq!(
+                found,
+                (settings_in_set(part), settings_in_set(part)),
+                "{file}: every setting of the scenario, once"
+            );
         }
     }
 }
 
-/// The bytes of an FMU do not depend on whether tests were built before: the tests' dependencies enable no feature of a crate
-/// that the library is made of.
+/// The bytes of an FMU do not depend on whether tests were built before: the dependencies of the tests enable no feature of a
+/// crate in the library.
 #[test]
 fn tests_do_not_change_the_library() {
     let features = |edges: &str| {

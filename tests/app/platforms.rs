@@ -1,6 +1,6 @@
-//! Binaries of several platforms in one archive: what is accepted, where it is placed, and what is refused with which message.
+//! Binaries of several platforms in one archive: acceptance, placement, refusals.
 //!
-//! Most binaries here are file headers only; real ones are built and run by `scripts/test-platforms`.
+//! Most binaries here are only file headers; `scripts/test-platforms` builds and runs real ones.
 
 use crate::package::members;
 use crate::program::{folder, run, write};
@@ -16,13 +16,13 @@ const ARM: u16 = 183;
 const MACH_X86: u32 = 0x0100_0007;
 const MACH_ARM: u32 = 0x0100_000c;
 
-/// A file with other bytes from one place on.
+/// A file with these bytes from an offset on.
 fn with<const N: usize>(mut file: Vec<u8>, at: usize, bytes: [u8; N]) -> Vec<u8> {
     file[at..at + N].copy_from_slice(&bytes);
     file
 }
 
-/// An ELF file of a machine and a kind; 3 is a shared library.
+/// An ELF file of a machine and a type; 3 is a shared library.
 fn elf_of(machine: u16, kind: u16) -> Vec<u8> {
     with(with(with(vec![0; 64], 0, *b"\x7fELF\x02\x01"), 16, kind.to_le_bytes()), 18, machine.to_le_bytes())
 }
@@ -58,7 +58,7 @@ fn names(binaries: &Binaries) -> Vec<&'static str> {
     binaries.platforms().map(|platform| platform.name).collect()
 }
 
-/// Folders with the binaries in them.
+/// Folders and the binaries in them.
 fn places(binaries: &Binaries) -> Vec<(&'static str, Vec<u8>)> {
     binaries.places(Standard::Fmi2).into_iter().map(|place| (place.folder, place.content.to_vec())).collect()
 }
@@ -87,7 +87,7 @@ fn every_platform_has_its_folder() {
     assert_eq!(places(&all), listed.into_iter().zip(contents).collect::<Vec<_>>());
     let endings: Vec<_> = all.places(Standard::Fmi2).iter().map(|place| place.ending).collect();
     assert_eq!(endings, ["so", "dll", "dylib", "so", "dylib"]);
-    // FMI 3.0 has other names, and each folder holds the library for its platform alone.
+    // FMI 3.0 has other names, and each folder contains the library for its platform only.
     let places: Vec<_> = all.places(Standard::Fmi3 { arrays: false });
     let folders: Vec<_> = places.iter().map(|place| place.folder).collect();
     assert_eq!(folders, ["x86_64-linux", "x86_64-windows", "x86_64-darwin", "aarch64-linux", "aarch64-darwin"]);
@@ -95,7 +95,7 @@ fn every_platform_has_its_folder() {
 }
 
 #[test]
-fn darwin64_holds_the_code_for_both_processors() {
+fn darwin64_contains_the_code_for_both_processors() {
     let made = universal();
     let word = |at: usize| u32::from_be_bytes(made[at..at + 4].try_into().expect("four bytes"));
     assert_eq!([word(0), word(4)], [0xcafe_babe, 2]);
@@ -105,7 +105,7 @@ fn darwin64_holds_the_code_for_both_processors() {
         assert_eq!(offset % (1 << align), 0, "macOS maps the parts as pages");
         assert_eq!(made[offset as usize..][..size as usize], dylib(machine));
     }
-    // It serves every processor that it holds.
+    // It serves each processor that it has code for.
     for given in ["darwin64", "aarch64-darwin"] {
         let both = binaries(&[(given, made.clone())]);
         assert_eq!(names(&both), ["darwin64", "aarch64-darwin"]);
@@ -114,7 +114,7 @@ fn darwin64_holds_the_code_for_both_processors() {
 }
 
 #[test]
-fn arm_binaries_lie_where_importers_look_if_there_is_room() {
+fn arm_binaries_are_also_where_importers_look_if_that_is_free() {
     for (given, wanted) in [
         (&[("aarch64-linux", elf(ARM))][..], [("linux64", elf(ARM)), ("aarch64-linux", elf(ARM))]),
         (&[("aarch64-linux", elf(ARM)), ("linux64", elf(X86))], [("linux64", elf(X86)), ("aarch64-linux", elf(ARM))]),
@@ -127,7 +127,7 @@ fn arm_binaries_lie_where_importers_look_if_there_is_room() {
 }
 
 #[test]
-fn files_that_are_not_of_the_platform_are_refused() {
+fn files_for_other_platforms_are_refused() {
     let broken_universal = [0xca, 0xfe, 0xba, 0xbe, 0, 0, 0, 1].to_vec();
     let kind_of_dylib = with(dylib(MACH_X86), 12, 2_u32.to_le_bytes());
     let far = with(dll(), 0x3c, u32::MAX.to_le_bytes());
@@ -162,13 +162,13 @@ fn built() -> Vec<u8> {
     fs::read(built_library().expect("the library is built with the tests")).expect("a library")
 }
 
-/// Packages with these binaries.
+/// Runs `package` with these binaries.
 fn package(folder: &Path, binaries: &[&str]) -> (i32, String, String) {
     let options = binaries.iter().flat_map(|binary| ["--binary", binary]);
     run(folder, &["package", "--out", "out"].into_iter().chain(options).collect::<Vec<_>>())
 }
 
-/// The libraries of an FMU that was packaged.
+/// The libraries in a packaged FMU.
 fn libraries(folder: &Path) -> Vec<(String, Vec<u8>)> {
     let members = members(&fs::read(folder.join("out/MagneticBearing.fmu")).expect("an archive"));
     members.into_iter().filter(|(name, _)| name.starts_with("binaries/")).collect()
@@ -176,22 +176,22 @@ fn libraries(folder: &Path) -> Vec<(String, Vec<u8>)> {
 
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-fn the_command_adds_platforms_and_says_so() {
+fn the_command_adds_and_lists_platforms() {
     let folder = folder("platforms/adds");
     // A Linux library with the machine number of another processor.
     write(&folder, "some name.so", with(built(), 18, ARM.to_le_bytes()));
-    let (code, said, errors) = package(&folder, &["aarch64-linux=some name.so"]);
+    let (code, out, errors) = package(&folder, &["aarch64-linux=some name.so"]);
     assert_eq!(code, 0, "{errors}");
     let archives = MODELS[..6].iter().map(|model| format!("{model}.fmu"));
     for archive in archives.chain(["MagneticBearing.ssp".to_owned()]) {
-        let line = said.lines().find(|line| line.contains(archive.as_str())).unwrap_or_default();
-        assert!(line.ends_with("for linux64, aarch64-linux"), "{archive}: {said}");
+        let line = out.lines().find(|line| line.contains(archive.as_str())).unwrap_or_default();
+        assert!(line.ends_with("for linux64, aarch64-linux"), "{archive}: {out}");
     }
     let libraries = libraries(&folder);
     let names: Vec<&str> = libraries.iter().map(|(name, _)| name.as_str()).collect();
     assert_eq!(names, ["binaries/aarch64-linux/MagneticBearing.so", "binaries/linux64/MagneticBearing.so"]);
 
-    // One for the own platform takes the place of the built one.
+    // A binary for this platform replaces the built one.
     let other = [built(), b"another".to_vec()].concat();
     write(&folder, "lib.so", &other);
     let (code, _, errors) = package(&folder, &["linux64=lib.so"]);
@@ -202,7 +202,7 @@ fn the_command_adds_platforms_and_says_so() {
 
 #[test]
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
-fn the_command_refuses_what_makes_no_sense() {
+fn the_command_refuses_invalid_binaries() {
     let folder = folder("platforms/refuses");
     write(&folder, "lib.so", elf(X86));
     write(&folder, "library.so", built());

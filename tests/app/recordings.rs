@@ -1,4 +1,4 @@
-//! Reading recordings: times, rates, encodings, separators, units, headers, and units that were misread.
+//! Reading recordings: times, rates, encodings, separators, units, headers, misread units.
 
 use std::io::Write;
 
@@ -7,17 +7,14 @@ use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
 use crate::program::pairs;
 use crate::support::{Random, says};
 
-/// Speed of the rotor in the recordings below, in rad/s.
-const OMEGA: f64 = 100.0 * std::f64::consts::PI;
-
-/// A recording of an orbit at 10 kHz, whose time cells are told. 0.1 µm and 10 mA of noise, equally distributed.
+/// A recording of an orbit with uniformly distributed noise of 0.1 µm and 10 mA.
 struct Bench {
     rows: usize,
     omega_rad_s: f64,
     step_s: f64,
 }
 
-const BENCH: Bench = Bench { rows: 10_001, omega_rad_s: OMEGA, step_s: 1e-4 };
+const BENCH: Bench = Bench { rows: 10_001, omega_rad_s: 100.0 * std::f64::consts::PI, step_s: 1e-4 };
 
 impl Bench {
     /// Time, positions, currents, unwrapped angle and speed of every row, in SI units.
@@ -34,7 +31,7 @@ impl Bench {
         (0..self.rows).map(row).collect()
     }
 
-    /// A table with the given times; rows without one are dropped.
+    /// A table with the given time stamps; rows without one are dropped.
     fn with_times(&self, header: &str, time: impl Fn(usize) -> Option<String>) -> String {
         let mut text = format!("{header},Ym [m],Zm [m],im[1] [A],im[2] [A],im[3] [A],theta [rad]\n");
         for (j, [_, y, z, a, b, c, theta, _]) in self.values().into_iter().enumerate() {
@@ -52,7 +49,7 @@ fn zipped(bytes: &[u8]) -> Vec<u8> {
     encoder.write_all(bytes).and_then(|()| encoder.finish()).expect("a vector takes everything")
 }
 
-/// Equally distributed over ±`size`.
+/// Uniformly distributed over ±`size`.
 fn jitter(seed: u64, rows: usize, size: f64) -> Vec<f64> {
     let mut random = Random::new(seed);
     (0..rows).map(|_| random.between(-size, size)).collect()
@@ -61,7 +58,7 @@ fn jitter(seed: u64, rows: usize, size: f64) -> Vec<f64> {
 /// The stamp of a row; none if the row was lost.
 type Stamp<'a> = &'a dyn Fn(usize) -> Option<String>;
 
-/// A number with so many decimals.
+/// A number with this many decimals.
 fn text(decimals: usize, number: f64) -> Option<String> {
     Some(format!("{number:.decimals$}"))
 }
@@ -72,12 +69,12 @@ fn at(row: usize) -> f64 {
 }
 
 #[test]
-fn the_pace_is_a_straight_line_through_the_stamps() {
+fn the_sample_time_is_the_slope_of_a_line_through_the_stamps() {
     let rows = BENCH.rows;
     let jittered = jitter(1, rows, 5e-6);
     let jittered = |j: usize| text(7, at(j) + jittered[j]);
     let mut lost = jitter(5, rows, 1.0);
-    // The first and the last row are there.
+    // The first and the last row are not lost.
     (lost[0], lost[rows - 1], lost[(rows - 1) / 7]) = (1.0, 1.0, 1.0);
     let late: Vec<f64> = jitter(2, rows, 1.0).iter().map(|u| 2e-6 * -(0.5 + 0.5 * u).max(1e-9).ln()).collect();
     let epoch = 1_763_735_894_u64;
@@ -126,9 +123,9 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
         let samples = Samples::read(BENCH.with_times(header, stamp).as_bytes(), &Reading::default());
         let samples = samples.unwrap_or_else(|error| panic!("{name}: {error}"));
         println!("{name}: {:?}", samples.notes);
-        // The pace is known to a part of a sample over the whole recording.
-        let off = (samples.step_s / step_s - 1.0).abs() * count as f64;
-        assert!(off < 0.05, "{name}: {} s, off by {off:.3} samples at the end", samples.step_s);
+        // Over the whole recording the error stays below a fraction of a sample.
+        let error = (samples.step_s / step_s - 1.0).abs() * count as f64;
+        assert!(error < 0.05, "{name}: {} s, off by {error:.3} samples at the end", samples.step_s);
         assert_eq!(samples.len(), count, "{name}: {:?}", samples.notes);
         assert!(samples.notes.iter().any(|note| note.contains(words)), "{name}: {words} in {:?}", samples.notes);
         assert_eq!(samples.implausible(&[5e-4]), [""; 0], "{name}");
@@ -136,7 +133,7 @@ fn the_pace_is_a_straight_line_through_the_stamps() {
 }
 
 #[test]
-fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
+fn stamps_that_contradict_a_constant_rate_are_refused_and_named() {
     let rows = BENCH.rows;
     let (wild, lost) = (jitter(3, rows, 4e-5), jitter(4, rows, 1.0));
     let back = "time does not rise by a sample in line 6003, first from 600 ms to 100 µs";
@@ -171,7 +168,7 @@ fn stamps_that_contradict_an_even_pace_are_refused_and_named() {
 }
 
 #[test]
-fn a_rate_may_be_told() {
+fn a_rate_may_be_stated() {
     let read = |text: &str, rate: &str| {
         let rate_s = (!rate.is_empty()).then(|| rate_s(rate).expect("a rate"));
         Samples::read(text.as_bytes(), &Reading { rate_s, ..Reading::default() })
@@ -184,7 +181,7 @@ fn a_rate_may_be_told() {
     let stamps = BENCH.with_times("time [s]", |j| text(7, 1.0001 * at(j)));
     assert_eq!(read(&stamps, "10 kHz").expect("clocks may differ").step_s, 1e-4);
     says(&refused(&stamps, "9600 Hz"), &["104.1667 µs apart, the time stamps 100.01 µs"]);
-    // One change of the stamps tells no pace.
+    // A single change of the stamps does not determine the rate.
     let coarse = BENCH.with_times("time [s]", |j| text(0, at(j)));
     says(&refused(&coarse, ""), &["rounded to 1 s in", "known to 50 % only; --rate is wanted"]);
     assert_eq!(read(&coarse, "10kHz").expect("a usable recording").step_s, 1e-4);
@@ -259,16 +256,16 @@ fn encodings_separators_and_decimal_commas() {
 const NAMES: [&str; 8] = ["time", "Ym", "Zm", "im[1]", "im[2]", "im[3]", "theta", "omega"];
 const SI: [&str; 8] = ["s", "m", "m", "A", "A", "A", "rad", "rad/s"];
 
-/// Some of the signals of rows of values, as they are after a division by their factors.
+/// A table of some of the signals, with values divided by their factors.
 fn table(signals: &[usize], units: [&str; 8], factors: [f64; 8], values: &[[f64; 8]]) -> String {
     let line = |cell: &dyn Fn(usize) -> String| signals.iter().map(|at| cell(*at)).collect::<Vec<_>>().join(";") + "\n";
     let head = line(&|at| format!("{} [{}]", NAMES[at], units[at]));
     head + &values.iter().map(|row| line(&|at| format!("{:e}", row[at] / factors[at]))).collect::<String>()
 }
 
-/// Every unit by every name, in the header, in capitals, told.
+/// Every unit by every name, in the header or stated.
 #[test]
-fn units_go_by_many_names() {
+fn units_have_many_names() {
     use std::f64::consts::{PI, TAU};
     let cases: [(usize, f64, &[&str]); 18] = [
         (0, 1.0, &["s", "sec"]),
@@ -292,10 +289,10 @@ fn units_go_by_many_names() {
     ];
     let values = Bench { rows: 400, ..BENCH }.values();
     let cases = cases.into_iter().flat_map(|(at, factor, names)| names.iter().map(move |unit| (at, *unit, factor)));
-    for ((at, unit, factor), told) in cases.flat_map(|case| [(case, false), (case, true)]) {
+    for ((at, unit, factor), stated) in cases.flat_map(|case| [(case, false), (case, true)]) {
         let (mut header, mut factors) = (SI, [1.0; 8]);
-        (header[at], factors[at]) = (if told { "kg" } else { unit }, factor);
-        let units = if told { pairs(&[(NAMES[at], unit)]) } else { Vec::new() };
+        (header[at], factors[at]) = (if stated { "kg" } else { unit }, factor);
+        let units = if stated { pairs(&[(NAMES[at], unit)]) } else { Vec::new() };
         let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], header, factors, &values);
         let samples = Samples::read(text.as_bytes(), &Reading { units, ..Reading::default() });
         let samples = samples.unwrap_or_else(|error| panic!("{unit}: {error}"));
@@ -319,7 +316,7 @@ fn units_go_by_many_names() {
 }
 
 #[test]
-fn all_that_is_wrong_with_a_header_is_said_at_once() {
+fn all_errors_of_a_header_are_reported_at_once() {
     let reading = Reading {
         columns: pairs(&[("theta", "Winkel"), ("Xm", "a")]),
         units: pairs(&[("im[2]", "kA")]),
@@ -368,9 +365,8 @@ fn sensors_that_are_not_connected_are_named() {
     }
 }
 
-/// A row that a logger wrote twice is left out.
 #[test]
-fn a_row_that_came_twice_is_left_out() {
+fn a_row_written_twice_is_excluded() {
     let text = BENCH.with_times("time [s]", |j| text(4, at(j)));
     let lines: Vec<&str> = text.lines().collect();
     let twice = [&lines[..500], &lines[499..]].concat().join("\n");
@@ -380,7 +376,7 @@ fn a_row_that_came_twice_is_left_out() {
     assert_eq!((once.position_m, once.start_s), (twice.position_m, twice.start_s));
 }
 
-/// How a signal is misread: its place, the unit of its values, which is this factor, and the unit that the header says.
+/// A misread signal: index, true unit of its values, factor of that unit, and the unit in the header.
 type Misread = (usize, &'static str, f64, &'static str);
 
 const MISREAD: [Misread; 15] = [
@@ -401,14 +397,14 @@ const MISREAD: [Misread; 15] = [
     (7, "Hz", std::f64::consts::TAU, "rad/s"),
 ];
 
-/// Findings on a recording of which some signals are misread, with angle and speed or one of them.
+/// Findings on a recording with misread signals, with angle and speed or one of them.
 fn suspected(bench: &Bench, misread: &[Misread], rotation: &[usize], wrapped: bool) -> Vec<String> {
     let (mut units, mut factors) = (SI, [1.0; 8]);
-    for (signal, _, factor, said) in misread {
+    for (signal, _, factor, unit) in misread {
         // All positions, or all currents.
         let end = [1, 3, 3, 6, 6, 6, 7, 8][*signal];
         for at in *signal..end {
-            (units[at], factors[at]) = (said, *factor);
+            (units[at], factors[at]) = (unit, *factor);
         }
     }
     let mut values = bench.values();
@@ -420,9 +416,9 @@ fn suspected(bench: &Bench, misread: &[Misread], rotation: &[usize], wrapped: bo
     Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers").implausible(&[5e-4])
 }
 
-/// Sample times, speeds and ways to know the angle under which a misread unit must be seen.
+/// A misread unit is detected at several sample times and speeds, with the angle, the speed or both.
 #[test]
-fn no_misread_unit_goes_unnoticed() {
+fn every_misread_unit_is_detected() {
     for (step_s, rpm, rows) in
         [(1e-4, 3000.0, 2000), (1e-4, 1000.0, 3000), (2e-5, 1000.0, 10_000), (5e-5, 7200.0, 2000), (1e-4, 6000.0, 2000)]
     {
@@ -432,19 +428,18 @@ fn no_misread_unit_goes_unnoticed() {
             assert_eq!(suspected(&bench, &[], rotation, wrapped), [""; 0], "{what}");
             for misread in MISREAD.into_iter().filter(|(signal, ..)| *signal < 6 || rotation.contains(signal)) {
                 let found = suspected(&bench, &[misread], rotation, wrapped);
-                let (signal, is, _, said) = misread;
-                // The right proposal is among them.
-                let proposal = format!("--unit {}={is}", NAMES[signal]);
+                let (signal, unit, _, read_as) = misread;
+                let proposal = format!("--unit {}={unit}", NAMES[signal]);
                 let is_proposed = found.iter().any(|finding| finding.contains(&proposal));
-                assert!(is_proposed, "{is} read as {said}, {what}: {proposal} in {found:?}");
+                assert!(is_proposed, "{unit} read as {read_as}, {what}: {proposal} in {found:?}");
             }
         }
     }
 }
 
-/// Misreadings cannot hide each other.
+/// Misread units do not hide each other.
 #[test]
-fn misread_units_together_are_seen() {
+fn several_misread_units_are_detected() {
     let bench = Bench { rows: 1000, ..BENCH };
     for (n, one) in MISREAD.into_iter().enumerate() {
         for other in MISREAD[n + 1..].iter().filter(|other| other.0 != one.0) {

@@ -1,4 +1,4 @@
-//! The report page: one file that loads nothing, well-formed, reproducible, and true to the recording.
+//! The report page: a single file that loads nothing, well-formed, reproducible, and faithful to the recording.
 
 use std::f64::consts::TAU;
 use std::sync::LazyLock;
@@ -13,14 +13,14 @@ use quick_xml::Reader;
 use quick_xml::events::Event as Xml;
 use serde_json::Value as Json;
 
-use crate::program::{column, of, ran};
+use crate::program::{column, run_to_end, scenario_and_run};
 use crate::support::says;
 
-/// Limit of the data, so that the page of a long run can be mailed and opens at once.
+/// Limit of the data, so that the page of a long run can be mailed and opens quickly.
 const DATA_LIMIT_BYTES: usize = 2_000_000;
 
-/// The run of the paper's scenario.
-static PAPER: LazyLock<(Scenario, Run)> = LazyLock::new(|| of("paper", &[]));
+/// The paper's scenario and its run.
+static PAPER: LazyLock<(Scenario, Run)> = LazyLock::new(|| scenario_and_run("paper", &[]));
 
 /// The page of a run of the paper's scenario.
 fn page_of(scenario: &Scenario, run: &Run) -> String {
@@ -30,14 +30,14 @@ fn page_of(scenario: &Scenario, run: &Run) -> String {
 /// The page of the paper's run.
 static PAGE: LazyLock<String> = LazyLock::new(|| page_of(&PAPER.0, &PAPER.1));
 
-/// The page of the paper's run with another recording.
+/// The page of the paper's run after a change to its recording.
 fn changed(change: impl FnOnce(&mut Recording)) -> String {
     let mut recording = PAPER.1.recording.clone();
     change(&mut recording);
     page_of(&PAPER.0, &Run { recording, error: None, messages: Vec::new() })
 }
 
-/// The page without the contents of its scripts, and these contents with their opening tags.
+/// The page without the contents of its scripts; these contents, with their opening tags.
 fn taken_apart(page: &str) -> (String, Vec<(&str, &str)>) {
     let (mut text, mut scripts, mut rest) = (String::new(), Vec::new(), page);
     while let Some(start) = rest.find("<script") {
@@ -50,7 +50,7 @@ fn taken_apart(page: &str) -> (String, Vec<(&str, &str)>) {
     (text + rest, scripts)
 }
 
-/// Parses the page as XML, where only the void elements of HTML stay open; no element loads anything.
+/// Parses the page as XML, in which only the void elements of HTML stay open; no element loads anything.
 fn assert_elements_sound(html: &str) {
     const VOID: [&str; 3] = ["meta", "br", "input"];
     let mut reader = Reader::from_str(html);
@@ -85,19 +85,19 @@ fn assert_elements_sound(html: &str) {
     assert!(open.is_empty(), "never closed: {open:?}");
 }
 
-/// The data of every plot, and those of the animation.
+/// The data of every plot and of the animation.
 fn data(page: &str) -> Vec<Json> {
     let (_, scripts) = taken_apart(page);
     let data = scripts.iter().filter(|(open, _)| open.contains("application/json"));
     data.map(|(_, text)| serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text:.80}"))).collect()
 }
 
-/// Well-formed, loads nothing, contains no address, and its data are valid.
+/// The page is well-formed, loads nothing, contains no address, and has valid data.
 fn assert_sound(page: &str) {
     assert_sound_within(page, DATA_LIMIT_BYTES);
 }
 
-/// The same with a limit of its own.
+/// The same with a different limit of the data.
 fn assert_sound_within(page: &str, limit_bytes: usize) {
     assert!(page.starts_with("<!DOCTYPE html>"));
     let (text, scripts) = taken_apart(page);
@@ -113,14 +113,14 @@ fn assert_sound_within(page: &str, limit_bytes: usize) {
     data(page);
 }
 
-/// Numbers as they are packed.
+/// Unpacks numbers.
 fn numbers(of: &Json, name: &str) -> Vec<f32> {
     let text = of[name]["bdata"].as_str().unwrap_or_else(|| panic!("no {name} in {of:.80}"));
     let bytes = base64::engine::general_purpose::STANDARD.decode(text).expect("base64");
     bytes.chunks_exact(4).map(|four| f32::from_le_bytes(four.try_into().expect("four"))).collect()
 }
 
-/// The instants of a trace, which are told by the first and their distance where they are even.
+/// The instants of a trace: evenly spaced ones are stored as the first and the spacing.
 fn instants(trace: &Json) -> Vec<f32> {
     match (trace["x0"].as_f64(), trace["dx"].as_f64()) {
         (Some(x0), Some(dx)) => (0..numbers(trace, "y").len()).map(|at| (x0 + at as f64 * dx) as f32).collect(),
@@ -128,20 +128,20 @@ fn instants(trace: &Json) -> Vec<f32> {
     }
 }
 
-/// The traces of that name of the plots within an element.
+/// The traces of this name in the plots within an element.
 fn traces(part: &str, name: &str) -> Vec<Json> {
     let all = data(part).into_iter().flat_map(|plot| plot["data"].as_array().cloned().unwrap_or_default());
     all.filter(|trace| trace["name"] == name).collect()
 }
 
-/// The element of that name and id.
+/// The element with this name and id.
 fn element<'p>(page: &'p str, name: &str, id: &str) -> &'p str {
     let start = page.find(&format!("<{name} id=\"{id}\">")).unwrap_or_else(|| panic!("no {name} {id}"));
     let end = page[start..].find(&format!("</{name}>")).unwrap();
     &page[start..start + end]
 }
 
-/// The figure of that id.
+/// The figure with this id.
 fn figure<'p>(page: &'p str, id: &str) -> &'p str {
     element(page, "figure", id)
 }
@@ -152,7 +152,7 @@ fn answer(page: &str) -> &str {
 }
 
 #[test]
-fn the_page_holds_everything_and_loads_nothing() {
+fn the_page_is_complete_and_loads_nothing() {
     assert_sound(&PAGE);
     // Anchor, figures of the paper, plots.
     let expected = [
@@ -180,7 +180,7 @@ fn the_page_holds_everything_and_loads_nothing() {
     let sensitivity = figure(&PAGE, "sensitivity");
     assert!(traces(sensitivity, "y").len() == 2 && traces(sensitivity, "z").len() == 2);
     says(&data(sensitivity)[0]["layout"]["shapes"].to_string(), &["zone A: below 3 (9.5 dB)"]);
-    assert!(*PAGE == page_of(&PAPER.0, &ran(&PAPER.0)), "the same run makes the same page");
+    assert!(*PAGE == page_of(&PAPER.0, &run_to_end(&PAPER.0)), "the same run makes the same page");
 }
 
 #[test]
@@ -193,13 +193,13 @@ fn the_first_screen_states_the_answer_and_the_verdict() {
     let animation = &data(answer)[0];
     assert_eq!(numbers(animation, "y").len(), 4001);
     assert_eq!(animation["events"][0][1], "update");
-    // The best estimate leads, and that of the controller stands beside it. Each states its own limit; the load in phase with the trajectory is
-    // a matter of the paper's method alone.
+    // The best estimate comes first, then that of the controller. Each states its own limit; the load in phase with the trajectory affects
+    // only the paper's method.
     let (best, used) = answer.split_once("the estimate that the controller uses").expect("a heading");
     says(best, &["<code>predictionError</code>", "below 5 %"]);
     says(used, &["<code>paper</code>", "below 25 %", "look like magnets weaker"]);
     assert!(!best.contains("<code>paper</code>") && !best.contains("look like magnets weaker"), "{best}");
-    // A verdict that fails is stated with its words and since when.
+    // A failed verdict is stated with its reason and time.
     let disabled = 3.0;
     let failed = changed(|recording| {
         for column in recording.columns.iter_mut().filter(|column| column.name.starts_with("predictionError.v")) {
@@ -213,18 +213,18 @@ fn the_first_screen_states_the_answer_and_the_verdict() {
 #[test]
 fn the_data_are_those_of_the_recording() {
     let y = traces(figure(&PAGE, "tracking"), "position").remove(0);
-    let (shown, is) = (numbers(&y, "y"), column(&PAPER.1, "plant.Y"));
-    assert_eq!(shown.len(), is.len());
-    for (shown, is) in shown.iter().zip(is) {
-        assert!((f64::from(*shown) - is * 1e6).abs() < 1e-4, "{shown} µm, {is} m");
+    let (shown, recorded) = (numbers(&y, "y"), column(&PAPER.1, "plant.Y"));
+    assert_eq!(shown.len(), recorded.len());
+    for (shown, recorded) in shown.iter().zip(recorded) {
+        assert!((f64::from(*shown) - recorded * 1e6).abs() < 1e-4, "{shown} µm, {recorded} m");
     }
-    // Every sample 0.1 ms after the other, from 0.
+    // Samples every 0.1 ms, from 0.
     assert!((y["dx"].as_f64().unwrap() - 0.1).abs() < 1e-9 && y["x0"] == 0.0);
     assert!(y["hovertemplate"].as_str().unwrap().ends_with("µm<extra></extra>"));
 }
 
 #[test]
-fn what_is_not_valid_is_dotted_and_what_happened_is_marked() {
+fn invalid_estimates_are_dotted_and_events_are_marked() {
     let valid = column(&PAPER.1, "predictionError.valid").iter().position(|valid| *valid == 1.0).expect("valid");
     let valid_ms = valid as f32 / 10.0;
     let [solid, dotted] = ["λ̂₁", "λ̂₁ not valid"].map(|name| traces(answer(&PAGE), name).remove(0));
@@ -240,7 +240,7 @@ fn what_is_not_valid_is_dotted_and_what_happened_is_marked() {
     let shaded: Vec<_> = shapes.iter().filter(|shape| shape["type"] == "rect").collect();
     assert!(shaded.len() == 1 && shaded[0]["x0"] == 0.0, "{shaded:?}");
     assert!((shaded[0]["x1"].as_f64().unwrap() - f64::from(valid_ms)).abs() < 0.11, "{shaded:?}");
-    // The band is two standard deviations wide, either way.
+    // The band is ± two standard deviations wide.
     let band = plot["data"].as_array().unwrap().iter().find(|trace| trace["fill"] == "toself").expect("a band");
     let (x, y) = (numbers(band, "x"), numbers(band, "y"));
     let edges: Vec<f32> = x.iter().zip(&y).filter(|(at, _)| (**at - x[40]).abs() < 0.01).map(|(_, y)| *y).collect();
@@ -250,8 +250,8 @@ fn what_is_not_valid_is_dotted_and_what_happened_is_marked() {
 }
 
 #[test]
-fn without_the_paper_nothing_speaks_of_it() {
-    let (scenario, run) = of("standstill", &[("duration", "0.05")]);
+fn pages_of_other_scenarios_do_not_mention_the_paper() {
+    let (scenario, run) = scenario_and_run("standstill", &[("duration", "0.05")]);
     let page = experiment::page("standstill".as_ref(), "", &scenario, &run);
     assert_sound(&page);
     let (text, _) = taken_apart(&page[page.find("<main>").unwrap()..page.find("id=\"parameters\"").unwrap()]);
@@ -259,8 +259,8 @@ fn without_the_paper_nothing_speaks_of_it() {
 }
 
 #[test]
-fn a_run_without_update_or_with_another_speed_in_the_end_compares_nothing() {
-    let (scenario, run) = of("paper", &[("update.mode", "never"), ("duration", "0.1")]);
+fn a_run_without_update_or_with_a_change_of_speed_compares_nothing() {
+    let (scenario, run) = scenario_and_run("paper", &[("update.mode", "never"), ("duration", "0.1")]);
     let page = page_of(&scenario, &run);
     assert_sound(&page);
     assert_eq!(traces(figure(&page, "orbit"), "End of the run").len(), 2);
@@ -275,16 +275,16 @@ fn a_run_without_update_or_with_another_speed_in_the_end_compares_nothing() {
     assert!(!faster.contains("Before the update") && PAGE.contains("Before the update"));
 }
 
-/// Fails if the phase or the sign of the perturbation is left out of the note, or the end of the run.
+/// Fails if the note ignores the phase or the sign of the perturbation, or the end of the run.
 #[test]
-fn notes_are_where_they_hold() {
+fn notes_appear_only_where_they_apply() {
     let short = [("duration", "0.05"), ("update.mode", "never")];
     for (change, is_in_phase, words) in [
         (("perturbation.phaseZ", "1 rad"), false, ""),
         (("perturbation.amplitudeZ", "2 N"), true, "look like magnets weaker by"),
         (("perturbation.amplitudeZ", "-2 N"), true, "look like magnets stronger by"),
     ] {
-        let (scenario, run) = of("paper", &[&short[..], &[change]].concat());
+        let (scenario, run) = scenario_and_run("paper", &[&short[..], &[change]].concat());
         let note = experiment::tables("paper".as_ref(), &scenario, &run).remove(0).note;
         assert_eq!(note.contains("in phase"), is_in_phase, "{change:?}: {note}");
         assert!(note.contains(words) && !note.contains("its greatest error after"), "{change:?}: {note}");
@@ -292,7 +292,7 @@ fn notes_are_where_they_hold() {
 }
 
 #[test]
-fn missing_columns_leave_out_their_figure_with_a_sentence() {
+fn missing_columns_replace_their_figure_by_a_sentence() {
     let forces_and_currents = &["plant.F", "plant.im", "controller.u["][..];
     for (gone, id) in [(forces_and_currents, "currents"), (&["predictionError.lambda", "paper"], "methods")] {
         let is_gone = |name: &str| gone.iter().any(|start| name.starts_with(start));
@@ -304,9 +304,9 @@ fn missing_columns_leave_out_their_figure_with_a_sentence() {
 }
 
 #[test]
-fn short_runs_and_broken_values_are_drawn_as_far_as_they_go() {
+fn short_runs_and_invalid_values_are_drawn() {
     for duration in ["1e-4", "3e-4", "0.015"] {
-        let (scenario, run) = of("paper", &[("duration", duration), ("update.mode", "never")]);
+        let (scenario, run) = scenario_and_run("paper", &[("duration", duration), ("update.mode", "never")]);
         assert_sound(&page_of(&scenario, &run));
     }
     for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, f64::MAX, 1e-300] {
@@ -319,7 +319,7 @@ fn short_runs_and_broken_values_are_drawn_as_far_as_they_go() {
 }
 
 #[test]
-fn a_long_run_makes_no_longer_page() {
+fn the_page_of_a_long_run_is_thinned() {
     let repeated = changed(|recording| {
         recording.time_s = (0..100_000).map(|at| f64::from(at) * 1e-4).collect();
         for column in &mut recording.columns {
@@ -346,8 +346,8 @@ fn thinning_keeps_a_single_peak() {
 }
 
 #[test]
-fn text_of_any_kind_is_harmless() {
-    let (mut scenario, run) = of("standstill", &[("duration", "0.01")]);
+fn text_is_escaped() {
+    let (mut scenario, run) = scenario_and_run("standstill", &[("duration", "0.01")]);
     let text = "a < b & \"c\" </script><script>";
     (scenario.title, scenario.description) = (text.into(), text.into());
     let page = experiment::page(text.as_ref(), text, &scenario, &Run { error: Some(text.into()), ..run });

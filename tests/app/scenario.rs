@@ -1,4 +1,4 @@
-//! Scenario files: what is understood, and that every refusal names the key, the value, and what is expected.
+//! Scenario files: accepted notations, and refusals that name the key, the value, and the expectation.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ fn parse(head: &str, tables: &str) -> Result<Scenario, String> {
     Scenario::parse("test.toml", &text).map_err(|error| error.to_string())
 }
 
-/// The message for a scenario that cannot be read, or cannot begin.
+/// The message for a scenario that cannot be read or started.
 #[track_caller]
 fn refusal(head: &str, tables: &str) -> String {
     match parse(head, tables).map(|scenario| simulate::run(&scenario)) {
@@ -30,7 +30,7 @@ fn refusal(head: &str, tables: &str) -> String {
 }
 
 #[test]
-fn the_scenarios_of_the_program_are_sound() {
+fn the_built_in_scenarios_are_sound() {
     for (name, text) in BUILT_IN {
         let opened = Scenario::open(Path::new(name)).unwrap_or_else(|error| panic!("{error}"));
         let parsed = Scenario::parse(name, text).unwrap_or_else(|error| panic!("{error}"));
@@ -43,7 +43,7 @@ fn the_scenarios_of_the_program_are_sound() {
 }
 
 #[test]
-fn values_come_in_every_notation() {
+fn values_in_every_notation() {
     let scenario = parse(
         "",
         "[all]\nm = 7\nlambda0 = [1e-6, 2e-6, 3e-6]\n[plant]\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
@@ -52,7 +52,6 @@ fn values_come_in_every_notation() {
          [estimator]\nm = 6.0\nenable = false\nTf = \"20 ms\"\n",
     )
     .expect("sound");
-    let value = |element, name| scenario.value(element, name).unwrap_or_else(|| panic!("{element}.{name}"));
     for (element, name, wanted) in [
         ("plant", "m", 7.0),
         ("plant", "Y0", 2e-5),
@@ -66,20 +65,20 @@ fn values_come_in_every_notation() {
         ("controller", "reference.rY", 2e-5),
         ("estimator", "Tf", 0.02),
     ] {
-        /// Part of the value: a conversion of units is one rounded division.
+        /// Relative; a conversion of units is one rounded division.
         const ROUNDING: f64 = 2.0 * f64::EPSILON;
-        let is = value(element, name).as_f64();
-        assert!((is / wanted - 1.0).abs() <= ROUNDING, "{element}.{name} is {is}, expected {wanted}");
+        let found = scenario.number(element, name);
+        assert!((found / wanted - 1.0).abs() <= ROUNDING, "{element}.{name} is {found}, expected {wanted}");
     }
     for (element, name, wanted) in [
         ("plant", "sensor.seed", Some(Value::Integer(-4))),
         ("controller", "update.mode", Some(Value::Integer(3))),
         ("controller", "reference.lobes", Some(Value::Integer(5))),
         ("estimator", "enable", Some(Value::Boolean(false))),
-        // Other values are those of the table.
+        // Values not given are the defaults.
         ("controller", "F0", Some(Value::Real(20.0))),
         ("plant", "nothing", None),
-        // The common table reaches every element that knows the name; the element's own table takes precedence.
+        // The common table applies to every element with such a variable; the element's own table takes precedence.
         ("controller", "m", Some(Value::Real(7.0))),
         ("estimator", "m", Some(Value::Real(6.0))),
         ("controller", "lambda0[2]", Some(Value::Real(2e-6))),
@@ -90,7 +89,7 @@ fn values_come_in_every_notation() {
 }
 
 #[test]
-fn estimators_beside_the_loop_differ_in_their_method_alone() {
+fn estimators_beside_the_loop_differ_only_in_their_method() {
     let scenario = parse("compare = [\"paper\", \"predictionError\"]", "[estimator]\nTf = \"10 ms\"\n").expect("sound");
     let names: Vec<_> = scenario.elements.iter().map(|element| element.name.as_str()).collect();
     assert_eq!(names, ["plant", "controller", "estimator", "paper", "predictionError"]);
@@ -104,10 +103,10 @@ fn estimators_beside_the_loop_differ_in_their_method_alone() {
 }
 
 #[test]
-fn what_cannot_be_understood_or_run_is_refused_by_name() {
-    // Head, tables, and the words that the refusal must hold.
+fn errors_are_refused_by_name() {
+    // Head, tables, and words in the refusal.
     const CASES: &[(&str, &str, &[&str])] = &[
-        // Unknown names, with a suggestion where one is near.
+        // Unknown names, with a suggestion if one is similar.
         ("", "[plant]\nlamda = [1e-6, 1e-6, 1e-6]", &["[plant]", "lamda", "did you mean lambda?"]),
         ("", "[controller]\nreference.ry = 1e-5", &["[controller]", "reference.ry", "did you mean reference.rY?"]),
         ("", "[controller]\nupdate.tim = 0.1", &["update.tim", "did you mean update.time?"]),
@@ -150,7 +149,7 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         ("step = -1e-4", "", &["step = ", "above 0"]),
         ("step = nan", "", &["step = nan", "above 0"]),
         ("duration = 1e-3\nstep = 2e-3", "", &["step = 0.002", "at most the duration"]),
-        // Machines, and names that one of them does not have.
+        // Machines, and names that they lack.
         ("machine = \"pump\"", "", &["machine = \"pump\"", "planar, spindle, planar4, spindle4, axial"]),
         ("machine = \"planer4\"", "", &["did you mean planar4?"]),
         ("machine = \"planar4\"", "[estimator]\nmethod = 0.1", &["method", "there is no variable of this name"]),
@@ -169,7 +168,7 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
         // Comparisons.
         ("compare = [\"best\"]", "", &["compare = \"best\"", "one of paperLiteral (1)"]),
         ("compare = [\"paper\", \"paper\"]", "", &["compare = \"paper\"", "twice"]),
-        // Values that a model refuses: `fmu::instances` has more of them.
+        // Values that a model refuses; `fmu::instances` has more.
         ("", "[plant]\nm = nan", &["[plant]", "m = NaN kg", "a finite number"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = \"0.7 ms\"", &["[estimator]", "Tf = ", "8"]),
         ("", "[estimator]\nmethod = \"paper\"\nTf = 0.02005", &["[estimator]", "Tf = 0.02005 s", "whole number of Ts"]),
@@ -193,33 +192,33 @@ fn what_cannot_be_understood_or_run_is_refused_by_name() {
 }
 
 #[test]
-fn all_findings_are_told_at_once() {
-    let said = refusal(
+fn all_findings_are_reported_at_once() {
+    let message = refusal(
         "duration = 0\nstep = -1\ncompare = [\"best\"]",
         "[all]\nmass = 1\nalpha = 3\n[plant]\nm = true\nlamda = 1\ni = [1.0, 1.0, 1.0]\n[controller]\nupdate.mode = \"now\"\n\
          [estimator]\nTf = \"2 m\"\n",
     );
     let words =
         ["duration", "step", "best", "mass", "alpha", "m = true", "lamda", "i[1]", "i[2]", "i[3]", "update.mode", "Tf"];
-    says(&said, &words);
-    let lines = said.lines().count();
-    assert_eq!(lines, 1 + words.len(), "one line for the file, one for each finding: {said}");
+    says(&message, &words);
+    assert_eq!(message.lines().count(), 1 + words.len(), "one line for the file, one for each finding: {message}");
 
-    // An unknown top-level key, or one of another type, hides no other finding.
-    let said = refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
-    says(&said, &["durration", "did you mean duration?", "duration = 0", "compare is refused", "profile is"]);
-    says(&said, &["lamda", "plan in line"]);
-    assert_eq!(said.lines().count(), 7, "one line for the file, one for each finding: {said}");
+    // An unknown top-level key, or one of the wrong type, hides no other finding.
+    let message =
+        refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
+    says(&message, &["durration", "did you mean duration?", "duration = 0", "compare is refused", "profile is"]);
+    says(&message, &["lamda", "plan in line"]);
+    assert_eq!(message.lines().count(), 7, "one line for the file, one for each finding: {message}");
 
-    let said = refusal(
+    let message = refusal(
         "",
         "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nmethod = \"paper\"\nTf = 1e-4\n",
     );
-    says(&said, &["[plant] m", "[plant] s", "[controller] Ts", "[controller] F0", "[estimator] Tf"]);
+    says(&message, &["[plant] m", "[plant] s", "[controller] Ts", "[controller] F0", "[estimator] Tf"]);
 }
 
 #[test]
-fn errors_of_syntax_name_the_line_and_what_is_missing_is_named() {
+fn syntax_errors_name_the_line_and_missing_keys_are_named() {
     for (text, words) in [
         ("title = \"A test\"\nduration = 0.1\nstep = \n", "line 3"),
         ("title = \"A test\"\n[plant\nm = 1\n", "line 2"),

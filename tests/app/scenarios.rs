@@ -1,8 +1,8 @@
-//! The built-in scenarios, each with what it demonstrates.
+//! The built-in scenarios and the effects that they demonstrate.
 
 use std::path::Path;
 
-use crate::program::{column, error_m, lambda_errors, of, open, ran, row, values_within};
+use crate::program::{column, error_m, lambda_errors, open, row, run_to_end, scenario_and_run, values_within};
 use crate::support::{below, says};
 use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
@@ -12,12 +12,12 @@ fn largest(run: &Run, name: &str, from_s: f64, to_s: f64) -> f64 {
     values_within(run, name, from_s, to_s).into_iter().fold(0.0, |most, value| most.max(value.abs()))
 }
 
-/// No amplifier chatters. Fails (68 times in 10 ms) if λ moves to its estimate in small steps, one per sample, and each step lets the
-/// smallest force start from the forces measured: nothing then holds it at F0, and the coil that carries it empties.
+/// No amplifier chatters. Fails (68 times in 10 ms) if λ approaches its estimate in small steps, one per sample, and each step restarts the
+/// smallest force from the measured forces: nothing then holds it at F0, and the coil that carries it loses its current.
 #[test]
-fn every_scenario_runs_to_its_end_and_has_its_page() {
+fn every_scenario_runs_to_its_end_and_has_a_page() {
     for scenario in BUILT_IN.into_iter().map(|(name, _)| open(name, &[])).filter(|of| of.machine.name == "planar") {
-        let run = ran(&scenario);
+        let run = run_to_end(&scenario);
         let name = &scenario.title;
         let page = experiment::page(Path::new(name), "", &scenario, &run);
         says(&page, &[name, "Figures of the bearing", "largest displacement / clearance of"]);
@@ -34,12 +34,12 @@ fn every_scenario_runs_to_its_end_and_has_its_page() {
 
 /// Ten seeds of the sensor noise, none of them selected.
 #[test]
-fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
+fn the_experiment_finds_the_constants_despite_amplifiers_and_noise() {
     let mut scenario = open("experiment", &[]);
     scenario.elements.truncate(3);
     for seed in 1..=10 {
         scenario.set("plant", "sensor.seed", seed);
-        let run = ran(&scenario);
+        let run = run_to_end(&scenario);
         for (k, error) in lambda_errors(&scenario, &run, "estimator", 0.19).into_iter().enumerate() {
             below(&format!("seed {seed}: relative error of λ{} at 0.19 s", k + 1), error.abs(), 0.01);
         }
@@ -48,30 +48,30 @@ fn the_experiment_finds_the_constants_through_amplifiers_and_noise() {
     }
 }
 
-/// Weak amplifiers have an effect while they are at their limit and not after.
+/// Weak amplifiers have an effect while they are at their limit, but not afterwards.
 ///
-/// Fails if `limited` is not set. A controller that uses the voltage it commanded is little worse: each sample of the
-/// currents gives the state of the coils again, so that nothing winds up.
+/// Fails if `limited` is not set. A controller that uses its commanded voltage is little worse: each current sample updates the
+/// state of the coils, so nothing winds up.
 #[test]
-fn amplifiers_at_their_limit_leave_nothing_behind() {
-    let (mut scenario, free) = of("experiment", &[]);
+fn amplifiers_at_their_limit_have_no_lasting_effect() {
+    let (mut scenario, free) = scenario_and_run("experiment", &[]);
     scenario.elements.truncate(3);
-    // A load step needs more than the amplifiers can give.
+    // A load step that exceeds the amplifiers.
     let text = "title = \"x\"\nduration = \"1 s\"\nstep = \"100 µs\"\n[[profile]]\nof = [\"plant.pZ\"]\n\
                 time = [\"0.25 s\", \"0.2501 s\", \"0.26 s\", \"0.2601 s\"]\nvalue = [\"-20 N\", \"-120 N\", \"-120 N\", \"-20 N\"]\n";
     scenario.profiles = Scenario::parse("x", text).expect("sound").profiles;
     for element in ["plant", "controller"] {
         scenario.set(element, "coil.uMax", 60.0);
     }
-    let run = ran(&scenario);
+    let run = run_to_end(&scenario);
     assert_eq!(largest(&run, "controller.limited", 0.25, 0.27), 1.0, "the limit is reached");
     assert!(error_m(&run, "", 0.25, 0.27) > 5.0 * error_m(&free, "", 0.25, 0.27), "and has an effect");
     below("error 40 ms later, m", error_m(&run, "", 0.31, 0.4), 1.2e-6);
 }
 
-/// How often each voltage goes from one limit to the other between two samples, at most in 10 ms.
+/// Largest number of limit-to-limit changes of each voltage within 10 ms.
 fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
-    /// Part of the limit from which an amplifier counts as at its limit.
+    /// Fraction of the limit from which an amplifier counts as limited.
     const AT_LIMIT: f64 = 0.999;
     let limit_v = AT_LIMIT * scenario.value("controller", "coil.uMax").expect("a parameter").as_f64();
     let samples = (10e-3 / scenario.step_s).round() as usize;
@@ -83,11 +83,11 @@ fn chatter(scenario: &Scenario, run: &Run) -> [usize; 3] {
     })
 }
 
-/// Both drives. The load acts before the first current, and is compensated within 20 ms.
+/// With both drives. The load acts before the first current, and is compensated within 20 ms.
 #[test]
-fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
+fn at_standstill_the_modulation_excites_the_currents_but_not_the_rotor() {
     for drive in ["current", "voltage"] {
-        let (_, run) = of("standstill", &[("plant.drive", drive), ("controller.drive", drive)]);
+        let (_, run) = scenario_and_run("standstill", &[("plant.drive", drive), ("controller.drive", drive)]);
         below(&format!("{drive}: radius while the load is compensated, m"), error_m(&run, "", 0.0, 0.02), 10e-6);
         below(&format!("{drive}: radius, m"), error_m(&run, "", 0.02, 0.6), 1e-6);
         for k in 1..=3 {
@@ -98,19 +98,19 @@ fn at_standstill_the_modulation_moves_the_currents_and_not_the_rotor() {
     }
 }
 
-/// The accuracy that industry requires, and more.
+/// Better than the accuracy that industry requires.
 #[test]
 fn circle_and_hole_are_cut_within_half_a_micrometre() {
-    // The circle has no update, and steady state after 50 ms; the estimate of the hole becomes valid at about 0.39 s.
+    // The circle has no update and is in steady state after 50 ms; the estimate of the hole becomes valid at about 0.39 s.
     for (name, from_s) in [("circle", 0.05), ("hole", 0.45)] {
-        let (_, run) = of(name, &[]);
+        let (_, run) = scenario_and_run(name, &[]);
         below(&format!("{name}: radial error, m"), error_m(&run, "", from_s, 0.6), 0.5e-6);
     }
 }
 
 #[test]
 fn lift_off_takes_the_rotor_from_the_ring_to_its_reference() {
-    let (_, run) = of("lift-off", &[]);
+    let (_, run) = scenario_and_run("lift-off", &[]);
     assert_eq!(column(&run, "plant.touchdown.contact")[0], 1.0, "it begins on the ring");
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.01, 1.0), 0.0, "the ring is left within 10 ms, for good");
     below("deviation from the reference while lifted, m", error_m(&run, "", 0.01, 0.06), 5e-6);
@@ -118,8 +118,8 @@ fn lift_off_takes_the_rotor_from_the_ring_to_its_reference() {
 }
 
 #[test]
-fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
-    let (_, run) = of("coil-loss", &[]);
+fn a_lost_coil_drops_the_rotor_onto_the_ring_and_its_return_lifts_it() {
+    let (_, run) = scenario_and_run("coil-loss", &[]);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.0, 0.2), 0.0);
     below("current of the open coil, A: noise alone", largest(&run, "plant.im[3]", 0.2005, 0.2995), 0.03);
     assert_eq!(largest(&run, "plant.touchdown.contact", 0.2, 0.3), 1.0, "it falls");
@@ -131,21 +131,21 @@ fn a_lost_coil_lets_the_rotor_fall_onto_the_ring_and_a_found_one_lifts_it() {
 }
 
 #[test]
-fn the_run_up_drives_plant_and_path_together() {
-    let (scenario, run) = of("run-up", &[]);
+fn the_run_up_drives_plant_and_reference_together() {
+    let (scenario, run) = scenario_and_run("run-up", &[]);
     let omega = column(&run, "plant.omegam");
     let rpm = |omega: f64| omega * 30.0 / std::f64::consts::PI;
     below("speed at the start, rpm", (rpm(omega[1]) - 1500.0).abs(), 1e-6);
     below("speed at the end, rpm", (rpm(omega[omega.len() - 1]) - 6000.0).abs(), 1e-6);
     let half = row(&run, 0.5);
-    // The speed of the step before, one step of 5.6 rpm.
+    // The speed is that of the previous step, 0.56 rpm less.
     below("speed half way, rpm", (rpm(omega[half]) - 3750.0).abs(), 6.0);
     // With noise of 0.1 µm the window of the estimator is shortest where the speed is low.
     for error in lambda_errors(&scenario, &run, "estimator", 0.9) {
         below("relative error of λ̂ at 0.9 s", error.abs(), 0.02);
     }
     below("radial error at 3000 rpm and below, m", error_m(&run, "", 0.1, 0.35), 1.5e-6);
-    // With constants that are known, coils follow: 30 ms after the update no magnet pulls with less than four fifths of F0.
+    // With known constants the coils follow: from 30 ms after the update on, every magnet pulls with more than 0.8 F0.
     let update = column(&run, "estimator.valid").iter().position(|valid| *valid == 1.0).expect("a valid estimate");
     for k in 1..=3 {
         let force = &column(&run, &format!("plant.F[{k}]"))[update + 300..];
@@ -155,7 +155,7 @@ fn the_run_up_drives_plant_and_path_together() {
 }
 
 #[test]
-fn a_profile_runs_straight_and_holds() {
+fn a_profile_interpolates_linearly_and_holds_its_ends() {
     let text = "title = \"x\"\nduration = \"1 s\"\nstep = \"100 µs\"\n[[profile]]\nof = [\"plant.omega\"]\ntime = [\"0.1 s\", \"0.3 s\"]\n\
                 value = [\"10 rad/s\", \"20 rad/s\"]\n[[profile]]\nof = [\"plant.coil.open[1]\"]\ntime = [0.5]\nvalue = [true]\n";
     let scenario = Scenario::parse("x", text).expect("sound");

@@ -1,8 +1,8 @@
-//! A wide survey of "never a confident wrong number", and of how close the estimates come to the Cramér–Rao bound: every
-//! built-in scenario with every method, and random bearings, at every sample, with seeds that were not used for tuning.
+//! A survey of "never a confident wrong number", and of how close the estimates come to the Cramér–Rao bound: every built-in scenario
+//! with every method, and random bearings, at every sample, with seeds not used for tuning.
 //!
-//! `SURVEY=1000 cargo test --release --test app survey:: -- --nocapture` draws as many bearings instead of the 100 that the tests take
-//! along; `SURVEY_SEED` begins elsewhere.
+//! `SURVEY=1000 cargo test --release --test app survey:: -- --nocapture` draws that many bearings instead of the default 100; `SURVEY_SEED`
+//! sets the first seed.
 
 use std::f64::consts::TAU;
 
@@ -22,22 +22,23 @@ fn methods() -> Vec<(&'static str, i32)> {
     Method::all().map(|method| (method.name(), method.number())).collect()
 }
 
-/// The thresholds of the estimator were chosen with the seeds 1 to 200.
+/// First seed. The thresholds of the estimator were chosen with the seeds 1 to 200.
 const FRESH: u64 = 1001;
 
-fn asked(name: &str, otherwise: u64) -> u64 {
-    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(otherwise)
+/// A number from the environment.
+fn environment(name: &str, default: u64) -> u64 {
+    std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// A worst case, in words.
+/// A description of a worst case.
 fn in_words(worst: &Worst) -> String {
     let Worst { ratio, time_s, error, std } = worst;
     format!("{ratio:.1} standard deviations at {time_s:.4} s ({:.2} % by {:.2} %)", 100.0 * error, 100.0 * std)
 }
 
-/// Runs the loop with all methods beside it: greatest |error|/standard deviation of each from the truth, which is constant, while it is valid.
+/// Runs the loop with all methods beside it: greatest |error|/standard deviation of each while it is valid. The true λ is constant.
 fn run(scenario: &Scenario) -> Vec<(&'static str, Worst)> {
-    let wanted = |path: &str| ["lambdaHat", "lambdaStd", ".valid"].iter().any(|part| path.contains(part));
+    let wanted = |path: &str| ["lambdaHat", "lambdaStd", ".valid"].iter().any(|name| path.contains(name));
     let run = simulate::run_for(scenario, wanted).expect("a good scenario");
     let truth = scenario.truth();
     let of_method = |(method, _): (&'static str, i32)| {
@@ -82,11 +83,11 @@ fn open(name: &str) -> Scenario {
     scenario
 }
 
-/// Runs all cases on all processors; none is confident and wrong.
-fn survey(cases: u64, is_asked: fn(&str) -> bool, make: impl Fn(u64) -> (String, Scenario) + Send + Sync) {
+/// Runs all cases in parallel; none is confident and wrong.
+fn survey(cases: u64, is_included: fn(&str) -> bool, make: impl Fn(u64) -> (String, Scenario) + Send + Sync) {
     let misses = in_order(cases as usize, &|case| {
         let (group, scenario) = make(case as u64);
-        let wrong = run(&scenario).into_iter().filter(|(method, worst)| is_asked(method) && worst.ratio > CONFIDENT);
+        let wrong = run(&scenario).into_iter().filter(|(method, worst)| is_included(method) && worst.ratio > CONFIDENT);
         wrong.map(|(method, worst)| format!("{group}, {method}, case {case}: {}", in_words(&worst))).collect::<Vec<_>>()
     });
     assert!(misses.concat().is_empty(), "limit {CONFIDENT}: {}", misses.concat().join("\n"));
@@ -95,8 +96,8 @@ fn survey(cases: u64, is_asked: fn(&str) -> bool, make: impl Fn(u64) -> (String,
 /// Every built-in scenario of a bearing.
 #[test]
 fn every_scenario_with_every_method() {
-    let seeds = asked("SURVEY", 9).div_ceil(9).max(1);
-    let first = asked("SURVEY_SEED", FRESH);
+    let seeds = environment("SURVEY", 9).div_ceil(9).max(1);
+    let first = environment("SURVEY_SEED", FRESH);
     let names: Vec<_> =
         BUILT_IN.into_iter().map(|(name, _)| name).filter(|name| open(name).machine.name == "planar").collect();
     let make = |case: u64| {
@@ -109,8 +110,8 @@ fn every_scenario_with_every_method() {
     survey(seeds * names.len() as u64, |_| true, make);
 }
 
-/// A rotor without unbalance, drawn at random, for the methods of the paper, which presume that there is none: speed, path,
-/// load, force constants, noise, window, drive.
+/// A random rotor without unbalance, as the methods of the paper assume: speed, trajectory, load, force constants, noise, window,
+/// drive.
 fn balanced(seed: u64) -> (String, Scenario) {
     let mut draw = Draw::new(seed);
     let mut scenario = open("unbalanced");
@@ -135,7 +136,7 @@ fn balanced(seed: u64) -> (String, Scenario) {
         scenario.set("estimator", name, window_s);
     }
     scenario.set("plant", "sensor.seed", seed as i32);
-    // Half of the controllers take the estimates over in the course of the run.
+    // Half of the controllers adopt the estimates during the run.
     if draw.chance(0.5) {
         scenario.set("controller", "update.mode", 1);
     }
@@ -146,20 +147,19 @@ fn balanced(seed: u64) -> (String, Scenario) {
 
 #[test]
 fn rotors_without_unbalance_with_the_papers_methods() {
-    let first = asked("SURVEY_SEED", FRESH);
-    survey(asked("SURVEY", 20), |method| method.starts_with("paper"), |case| balanced(first + case));
+    let first = environment("SURVEY_SEED", FRESH);
+    survey(environment("SURVEY", 20), |method| method.starts_with("paper"), |case| balanced(first + case));
 }
 
-/// Root mean squares of error/standard deviation, by noise, and by noise and other models: a backward force that a drawn bearing has not, a memory that ends.
+/// Limits of the rms of error/standard deviation: due to noise, and total, which also covers a backward force (absent in drawn bearings) and a finite memory.
 const STATED: std::ops::RangeInclusive<f64> = 0.85..=1.15;
 const TOTAL: std::ops::RangeInclusive<f64> = 0.7..=1.1;
 
-/// Limits at 35 ms, 0.1, 0.2, 0.4 and 1 s, or from a later one of them on: root mean square of error/bound, and part of the cases with a bound below
-/// 4 % that are valid.
-fn drawn_bearings(told: bool, from: usize, over_bound: [f64; 5], valid: [f64; 5]) {
-    let title = format!("Drawn bearings, noise {}told", if told { "" } else { "not " });
-    let mut study = montecarlo::drawn(&title, told, asked("SURVEY", 100) as usize);
-    study.first_seed = SEEDS * asked("SURVEY_SEED", FRESH);
+/// Limits at 35 ms, 0.1, 0.2, 0.4 and 1 s, from index `from` on: rms of error/bound, and valid fraction of the cases with a bound below 4 %.
+fn drawn_bearings(known: bool, from: usize, over_bound: [f64; 5], valid: [f64; 5]) {
+    let title = format!("Drawn bearings, noise {}known", if known { "" } else { "not " });
+    let mut study = montecarlo::drawn(&title, known, environment("SURVEY", 100) as usize);
+    study.first_seed = SEEDS * environment("SURVEY_SEED", FRESH);
     let outcome = study.run().expect("good scenarios");
     let table = montecarlo::table(&study, &outcome);
     println!("{}\n{}", table.title, table.note);
@@ -174,7 +174,7 @@ fn drawn_bearings(told: bool, from: usize, over_bound: [f64; 5], valid: [f64; 5]
         let at = figures.instant_s;
         let [bound, stated, total] =
             [&figures.over_bound, &figures.normalised, &figures.over_total].map(|values| rms(values.iter().copied()));
-        // NaN is within no limits.
+        // NaN is outside all limits.
         for (what, value, limits) in [
             ("error/bound", bound, 0.0..=limit),
             ("error/standard deviation by noise", stated, STATED),

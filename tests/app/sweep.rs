@@ -1,9 +1,8 @@
 //! Sweeps: a row per case, whatever happens.
 
-use std::fs;
 use std::path::Path;
 
-use crate::program::{cell, folder, rows, write};
+use crate::program::{cell, folder, read, rows, write};
 use crate::support::{below, says};
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
@@ -14,9 +13,9 @@ fn opened(name: &str, scenario: Option<&str>) -> Sweep {
 
 #[test]
 fn a_failing_case_is_a_row_with_its_message() {
-    let out = folder("sweep/failing").join("rows.csv");
-    opened("cases.csv", None).run(&out).expect("the sweep runs");
-    let rows = rows(&fs::read_to_string(&out).expect("rows"));
+    let folder = folder("sweep/failing");
+    opened("cases.csv", None).run(&folder.join("rows.csv")).expect("the sweep runs");
+    let rows = rows(&read(&folder, "rows.csv"));
     assert_eq!(rows.len(), 6);
     for (n, (row, words)) in rows.iter().zip(["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"]).enumerate()
     {
@@ -32,64 +31,62 @@ fn a_failing_case_is_a_row_with_its_message() {
 }
 
 #[test]
-fn an_interrupted_sweep_goes_on_without_repeating_or_losing_a_row() {
+fn an_interrupted_sweep_resumes_without_repeating_or_losing_a_row() {
     let design = opened("cases.csv", None);
     let folder = folder("sweep/interrupted");
-    let whole = folder.join("whole.csv");
-    design.run(&whole).expect("the sweep runs");
-    let text = fs::read_to_string(&whole).expect("rows");
+    design.run(&folder.join("whole.csv")).expect("the sweep runs");
+    let text = read(&folder, "whole.csv");
     let lines: Vec<&str> = text.lines().collect();
 
     // Rows 5 and 2 were done, in that order, and row 6 is incomplete.
     let torn = folder.join("torn.csv");
-    let left = format!("{}\n{}\n{}\n{}", lines[0], lines[5], lines[2], &lines[6][..20]);
-    fs::write(&torn, left).expect("a file can be written");
+    write(&folder, "torn.csv", [lines[0], lines[5], lines[2], &lines[6][..20]].join("\n"));
     let before = design.run(&torn).expect("the sweep resumes");
     assert_eq!(before, Outcome { before: 2, failed: 3 });
-    assert_eq!(fs::read_to_string(&torn).expect("rows"), text, "the same rows in the same order");
+    assert_eq!(read(&folder, "torn.csv"), text, "the same rows in the same order");
     assert_eq!(design.run(&torn).expect("there is nothing left to do").before, 6);
-    assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
+    assert_eq!(read(&folder, "torn.csv"), text);
 
     // With an incomplete header the sweep starts again.
-    fs::write(&torn, "case,se").expect("a file can be written");
+    write(&folder, "torn.csv", "case,se");
     assert_eq!(design.run(&torn).expect("the sweep begins").before, 0);
-    assert_eq!(fs::read_to_string(&torn).expect("rows"), text);
+    assert_eq!(read(&folder, "torn.csv"), text);
 }
 
 #[test]
-fn rows_of_another_design_or_scenario_are_not_mixed_in() {
-    let out = folder("sweep/foreign").join("rows.csv");
+fn rows_of_different_designs_or_scenarios_are_not_mixed() {
+    let folder = folder("sweep/foreign");
+    let out = folder.join("rows.csv");
     opened("cases.csv", None).run(&out).expect("the sweep runs");
-    let before = fs::read_to_string(&out).expect("rows");
-    // Nor into any other file, whose last line is not an incomplete row.
+    let before = read(&folder, "rows.csv");
+    // Nor are rows added to a foreign file; its last line is not an incomplete row.
     for (design, scenario, content, words) in [
         ("cases.csv", Some("paper"), before.as_str(), "another design or scenario"),
         ("hypercube.toml", None, &before, "other columns"),
         ("cases.csv", None, "not mine", "no rows of a sweep"),
         ("cases.csv", None, "title = 1\nstep", "no rows of a sweep"),
     ] {
-        fs::write(&out, content).expect("a file can be written");
+        write(&folder, "rows.csv", content);
         says(&opened(design, scenario).run(&out).expect_err(words).to_string(), &[words]);
-        assert_eq!(fs::read_to_string(&out).expect("the file"), content, "{words}");
+        assert_eq!(read(&folder, "rows.csv"), content, "{words}");
     }
 }
 
 #[test]
-fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
+fn a_latin_hypercube_has_one_case_in_every_stratum_of_every_range() {
     let mut text = Vec::new();
     opened("hypercube.toml", None).write(&mut text).expect("a list can be written to");
     let rows = rows(std::str::from_utf8(&text).expect("UTF-8"));
     assert_eq!(rows.len(), 50);
     let column = |name: &str| rows.iter().map(|row| cell(row, name)).collect::<Vec<f64>>();
-    let parts = |share: Vec<f64>| {
-        let mut parts: Vec<usize> = share.iter().map(|share| (share * 50.0).floor() as usize).collect();
-        parts.sort_unstable();
-        assert_eq!(parts, (0..50).collect::<Vec<_>>());
+    let covers = |name: &str, quantile: fn(f64) -> f64| {
+        let mut strata: Vec<_> = column(name).iter().map(|value| (quantile(*value) * 50.0).floor() as usize).collect();
+        strata.sort_unstable();
+        assert!(strata.iter().copied().eq(0..50), "{name}: {strata:?}");
     };
-    parts(column("plant.pZ [N]").iter().map(|p| (p + 30.0) / 30.0).collect());
-    parts(column("plant.unbalance.magnitude [g.mm]").iter().map(|u| (u / 50.0).ln() / 6.0_f64.ln()).collect());
-    let often = rows.iter().filter(|row| row.values().any(|cell| cell == "whenValid")).count();
-    assert_eq!(often, 25);
+    covers("plant.pZ [N]", |p| (p + 30.0) / 30.0);
+    covers("plant.unbalance.magnitude [g.mm]", |u| (u / 50.0).ln() / 6.0_f64.ln());
+    assert_eq!(rows.iter().filter(|row| row.values().any(|cell| cell == "whenValid")).count(), 25);
     let mut seeds = column("plant.sensor.seed");
     seeds.sort_by(f64::total_cmp);
     seeds.dedup();
@@ -97,13 +94,13 @@ fn a_latin_hypercube_has_one_case_in_every_part_of_every_range() {
 }
 
 #[test]
-fn what_is_wrong_with_a_design_is_said_by_name() {
+fn errors_of_a_design_are_named() {
     let folder = folder("sweep/wrong");
     let many = ["did you mean lambda[1]?", "plant.Y is refused", "connected to plant.Ym", "bearing.m"];
     let misspelt = "plant.B.lamda[1]\n1\n";
     for (text, scenario, words) in [
         ("plant.lamda[1],plant.Y,estimator.Ym,bearing.m\n1,2,3,4\n", None, &many[..]),
-        // The nearest variable is one of the machine.
+        // The nearest variable is that of the machine.
         (misspelt, Some("spindle"), &["did you mean B.lambda[1]?"]),
         (misspelt, Some("axial"), &["did you mean lambda[1]?"]),
     ] {

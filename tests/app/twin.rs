@@ -10,10 +10,10 @@ use magnetic_bearing::simulation::scenario::Scenario;
 use serde_json::Value as Json;
 
 use crate::package::{members, parameters};
-use crate::program::{ends, estimate, folder, identified, number, read, write};
+use crate::program::{estimate, exits, folder, identified, number, read, write};
 use crate::support::{below, says};
 
-/// All three files have the same values, which are returned.
+/// The values of the twin, which must be the same in all three files.
 fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
     let alone = parameters(&read(folder, "twin.ssv"));
     let archive = members(&fs::read(folder.join("twin.ssp")).expect("an archive"));
@@ -31,7 +31,7 @@ fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
         for (index, value) in element.values() {
             let name = format!("{}.{}", element.name, element.model_type.variables()[index].name);
             stated += usize::from(alone.contains_key(&name));
-            // Enumerations with their start values are left out.
+            // Enumerations at their start values are omitted.
             assert!(alone.get(&name).is_none_or(|alone| *alone == value.as_f64()), "{name}");
         }
     }
@@ -42,21 +42,21 @@ fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
     alone
 }
 
-/// Fails if a value is another; JSON is read with an error in the last digits.
+/// The values agree up to the last digits, which are lost in reading JSON.
 fn same(name: &str, value: f64, wanted: f64) {
     below(name, (value / wanted - 1.0).abs(), 1e-14);
 }
 
 const FILES: [&str; 6] = ["--save", "twin.toml", "--ssv", "twin.ssv", "--ssp", "twin.ssp"];
 
-/// Identifies with a twin; the result as JSON.
+/// Identifies and writes a twin; the result as JSON.
 fn twin_of(folder: &Path, arguments: &[&str]) -> Json {
     identified(folder, &[arguments, &FILES].concat())
 }
 
-/// The twin runs, and what it records is identified with these arguments: λ are the same within so many deviations.
-fn says_the_same(folder: &Path, found: &Json, arguments: &[&str], deviations: f64) {
-    ends(0, folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+/// The twin runs, and its recording, identified with these arguments, gives the same λ within this many deviations.
+fn reproduces_lambda(folder: &Path, found: &Json, arguments: &[&str], deviations: f64) {
+    exits(0, folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
     let again = identified(folder, &[&["again.csv", "--scenario", "twin.toml"], arguments].concat());
     for k in 0..found["lambdaHat"].as_array().expect("force constants").len() {
         let [before, after, std] =
@@ -71,7 +71,7 @@ fn every_machine_has_a_twin() {
         [("planar4", "m=6.8", 6.8), ("spindle", "m=12kg", 12.0), ("spindle4", "estimator.m=12", 12.0)]
     {
         let folder = folder(&format!("twin/{machine}"));
-        ends(0, &folder, &["simulate", machine, "--csv", "run.csv"]);
+        exits(0, &folder, &["simulate", machine, "--csv", "run.csv"]);
         let found = twin_of(&folder, &["run.csv", "--machine", machine, "--set", mass]);
         let values = same_in_all(&folder);
         for (k, name) in found["magnets"].as_array().expect("names").iter().enumerate() {
@@ -94,11 +94,11 @@ fn every_machine_has_a_twin() {
             same(&name, values[&name], number(wanted));
         }
         assert_eq!(["plant.m", "controller.m", "estimator.m"].map(|name| values[name]), [m_kg; 3]);
-        says_the_same(&folder, &found, &[], 5.0);
+        reproduces_lambda(&folder, &found, &[], 5.0);
     }
 }
 
-/// A bench with a sensor that is off, at another speed and sample time.
+/// A bench with a sensor offset, at a different speed and sample time.
 #[test]
 fn a_planar_bench_has_a_twin() {
     let folder = folder("twin/planar");
@@ -107,7 +107,7 @@ fn a_planar_bench_has_a_twin() {
                  unbalance.magnitude = 2e-4\n[controller]\nreference.omega = 280.0\n[columns]\nYm = \"Weg y\"\n[tolerance]\n\
                  sensor.offset = \"5 µm\"\nalpha = \"0.2 deg\"\n";
     write(&folder, "bench.toml", bench);
-    ends(0, &folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
+    exits(0, &folder, &["simulate", "bench.toml", "--csv", "run.csv"]);
     let table = read(&folder, "run.csv");
     write(&folder, "run.csv", table.replace("plant.Ym", "Weg y").replace("controller.Ym", "none"));
 
@@ -131,7 +131,7 @@ fn a_planar_bench_has_a_twin() {
     }
     let alpha = number(&found["told"]["alpha"][1]) + number(&found["bench"]["alpha[2]"]["value"]);
     same("alpha[2]", values["controller.alpha[2]"], alpha);
-    // The estimator has no offset: it is as far off as the sensor, and as much as nobody knows.
+    // The estimator has no offset parameter: its tolerance covers the offset of the sensor and the uncertainty of that.
     let offsets = ["sensor.offset[y]", "sensor.offset[z]"].map(|name| {
         let [value, std] = estimate(&found["bench"][name]);
         value.powi(2) + std.powi(2)
@@ -142,12 +142,12 @@ fn a_planar_bench_has_a_twin() {
     assert_eq!(steps, [8e-5; 3]);
     below("speed", (values["plant.omega"] - 280.0).abs(), 1e-3);
 
-    says_the_same(&folder, &found, &["--column", "Ym=plant.Ym"], 4.0);
-    // It may be written again.
+    reproduces_lambda(&folder, &found, &["--column", "Ym=plant.Ym"], 4.0);
+    // The twin may be overwritten.
     twin_of(&folder, &arguments);
 }
 
-/// Files of others are not overwritten, and nothing is read before that is said.
+/// Foreign files are not overwritten, which is reported before any input is read.
 #[test]
 fn foreign_files_are_not_overwritten() {
     let folder = folder("twin/foreign");
@@ -180,28 +180,28 @@ fn foreign_files_are_not_overwritten() {
         ("--ssp", "nowhere/twin.ssp", 1, "nowhere/twin.ssp: there is no folder nowhere"),
         ("--ssv", "nowhere/twin.ssv", 1, "nowhere/twin.ssv: there is no folder nowhere"),
         ("--save", "nowhere/twin.toml", 1, "nowhere/twin.toml: there is no folder nowhere"),
-        // Ours may be replaced: the next thing that is wrong is the recording.
+        // Files of this program may be replaced: the next error is the missing recording.
         ("--ssv", "ours.ssv", 2, "there-is-none.csv"),
         ("--ssp", "ours.ssp", 2, "there-is-none.csv"),
     ] {
         let before = content(name);
-        says(&ends(code, &folder, &["identify", "there-is-none.csv", option, name]).1, &[words]);
+        says(&exits(code, &folder, &["identify", "there-is-none.csv", option, name]).1, &[words]);
         assert!(before == content(name), "{option} {name}");
     }
-    let (_, errors) = ends(2, &folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
+    let (_, errors) = exits(2, &folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
     says(&errors, &["--method likelihood"]);
 }
 
-/// A recording that does not tell gets no answer and no twin; the exit code is 3 and the verdict in words, in JSON as well.
+/// A recording that is too short gets no answer and no twin; the exit code is 3, and verdict and JSON state it.
 #[test]
 fn an_answer_that_is_not_valid_has_no_twin() {
     for (scenario, machine, lines) in [("unbalanced", "planar", 200), ("spindle4", "spindle4", 150)] {
         let folder = folder(&format!("twin/not-valid-{machine}"));
-        ends(0, &folder, &["simulate", scenario, "--set", "duration=0.05s", "--csv", "run.csv"]);
+        exits(0, &folder, &["simulate", scenario, "--set", "duration=0.05s", "--csv", "run.csv"]);
         let short: Vec<String> = read(&folder, "run.csv").lines().take(lines).map(str::to_owned).collect();
         write(&folder, "run.csv", short.join("\n"));
         let arguments = ["identify", "run.csv", "--machine", machine, "--json", "-"];
-        let (out, errors) = ends(3, &folder, &[&arguments, &FILES[..]].concat());
+        let (out, errors) = exits(3, &folder, &[&arguments, &FILES[..]].concat());
         says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
         let document: Json = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
         assert!(document["valid"] == false && document["lambdaHat"].is_null(), "{machine}: {document}");
@@ -211,7 +211,7 @@ fn an_answer_that_is_not_valid_has_no_twin() {
     }
 }
 
-/// A ball below one magnet: κ is in the mass, x counts from the operating point, and the twin levitates.
+/// A ball below one magnet: the mass includes κ, x counts from the operating point, and the twin levitates.
 #[test]
 fn an_axis_has_a_twin() {
     let folder = folder("twin/axial");
@@ -220,26 +220,25 @@ fn an_axis_has_a_twin() {
     let (recording, bench) = (path("levitation-stairs-mpc.csv.gz"), path("bench.toml"));
     let found = twin_of(&folder, &[&recording, "--scenario", &bench]);
     let values = same_in_all(&folder);
-    let of = |path: &[&str]| number(path.iter().fold(&found, |json, name| &json[*name]));
+    let (point, gap) = (&found["operatingPoint"], &found["s"]);
+    let lambda = |found: &Json| number(&found["magnets"]["lambda[2]"]["value"]);
     for element in ["plant", "controller", "estimator"] {
-        same("m", values[&format!("{element}.m")], 0.06054 * of(&["operatingPoint", "dynamics"]));
-        same("s", values[&format!("{element}.s")], of(&["s", "value"]) + 0.01);
+        same("m", values[&format!("{element}.m")], 0.06054 * number(&point["dynamics"]));
+        same("s", values[&format!("{element}.s")], number(&gap["value"]) + 0.01);
     }
-    same("lambda[2]", values["plant.lambda[2]"], of(&["magnets", "lambda[2]", "value"]));
-    same("lambda0[2]", values["controller.lambda0[2]"], of(&["magnets", "lambda[2]", "value"]));
-    same("tolerance.s", values["estimator.tolerance.s"], of(&["s", "stdTotal"]));
+    same("lambda[2]", values["plant.lambda[2]"], lambda(&found));
+    same("lambda0[2]", values["controller.lambda0[2]"], lambda(&found));
+    same("tolerance.s", values["estimator.tolerance.s"], number(&gap["stdTotal"]));
     assert_eq!((values["plant.pX"], values["plant.coil.open[1]"], values["controller.F0"]), (0.5939, 1.0, 0.0));
     assert_eq!((values["controller.magnets.used"], values["estimator.magnets.used"]), (3.0, 3.0));
     assert_eq!((values["controller.Ts"], values["controller.bandwidth.tracking"]), (1e-3, 100.0));
 
-    // ki at the middle of the twin is that of the operating point.
-    ends(0, &folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
+    // ki at x = 0 of the twin is that of the operating point.
+    exits(0, &folder, &["simulate", "twin.toml", "--csv", "again.csv"]);
     let ki = 2.0 * (values["plant.lambda[2]"] * values["plant.pX"]).sqrt() / values["plant.s"];
-    below("ki", (ki / of(&["operatingPoint", "ki"]) - 1.0).abs(), 1e-9);
+    below("ki", (ki / number(&point["ki"]) - 1.0).abs(), 1e-9);
     // The same file describes the bench to `identify`, columns included.
     let other = path("levitation-stairs-lqi.csv.gz");
     let again = identified(&folder, &[&other, "--scenario", "twin.toml"]);
-    let lambda = ["magnets", "lambda[2]", "value"];
-    let again = number(lambda.iter().fold(&again, |json, name| &json[*name]));
-    below("λ2 as saved", (again / of(&lambda) - 1.0).abs(), 1e-9);
+    below("λ2 as saved", (lambda(&again) / lambda(&found) - 1.0).abs(), 1e-9);
 }

@@ -1,4 +1,4 @@
-//! Whirl of a shaft against figures of another program.
+//! Whirl of a shaft against an independent program.
 
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE, UNBALANCES};
 use magnetic_bearing::studies::whirl::Whirl;
@@ -17,7 +17,7 @@ fn shaft(damping_ns_m: f64) -> Whirl {
 }
 
 #[test]
-fn frequencies_and_response_are_those_of_another_program() {
+fn frequencies_and_response_agree_with_another_program() {
     for (rpm, frequencies, response) in TABLE {
         let [[backward_1, forward_1], [backward_2, forward_2]] = shaft(0.0).modes_hz(rpm * PI / 30.0);
         for (found, expected) in [-backward_2, -backward_1, forward_1, forward_2].into_iter().zip(frequencies) {
@@ -32,9 +32,9 @@ fn frequencies_and_response_are_those_of_another_program() {
     }
 }
 
-/// At a critical speed a mode whirls forward as fast as the rotor turns, and without damping the response has no limit.
+/// At a critical speed a mode whirls forward as fast as the rotor turns, and the undamped response is unbounded.
 #[test]
-fn critical_speeds_are_where_a_mode_turns_with_the_rotor() {
+fn critical_speeds_are_where_a_forward_whirl_is_synchronous() {
     let whirl = shaft(0.0);
     let found = whirl.critical_rpm(12_000.0);
     assert_eq!(found.iter().map(|(mode, _)| *mode).collect::<Vec<_>>(), [1, 2]);
@@ -49,6 +49,6 @@ fn critical_speeds_are_where_a_mode_turns_with_the_rotor() {
     let alike = |modes: [[f64; 2]; 2]| modes.iter().all(|[backward, forward]| (backward - forward).abs() < 1e-9);
     assert!(alike(at_rest), "{at_rest:?}");
     assert!(at_rest[0][0] < at_rest[1][0]);
-    // With damping as well.
+    // Also with damping.
     assert!(alike(shaft(100.0).modes_hz(0.0)));
 }

@@ -1,6 +1,6 @@
-//! A test bench with imperfections: bearing, sampled controller, and all differences between a bench and its data sheet.
+//! A test bench with imperfections: bearing, sampled controller, and every difference between a bench and its data sheet.
 //!
-//! The controller knows the data sheet only. It holds currents over a sample; a reading is what was held before (`HeldBefore`).
+//! The controller knows only the data sheet. It holds the currents over a sample; a reading is the current held before (`HeldBefore`).
 
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
@@ -10,7 +10,7 @@ use magnetic_bearing::control::controller::tracking_gains;
 use magnetic_bearing::control::observer::gains_of_three;
 use magnetic_bearing::plant::noise::Noise;
 
-/// Runge–Kutta steps within a sample.
+/// Runge–Kutta steps per sample.
 const SUBSTEPS: usize = 8;
 
 /// A bearing, its controller, and its bench. Angles in rad, otherwise SI units.
@@ -31,7 +31,7 @@ pub struct Bench {
     pub step: f64,
     pub seconds: f64,
     pub seed: u64,
-    // Imperfections: what the true bench has and the controller does not know.
+    // Imperfections of the true bench, unknown to the controller.
     pub m_error: f64,
     pub s_error: f64,
     pub alpha_error: [f64; 3],
@@ -47,13 +47,13 @@ pub struct Bench {
     pub current_gain: [f64; 3],
     pub iron: f64,
     pub backward: [f64; 2],
-    /// λ steps by this part at that time.
+    /// Step of λ: time in s, relative change.
     pub change: [f64; 2],
-    /// Impact: half sine of 0.5 ms, in N in z, at that time.
+    /// Impact along z, a half sine of 0.5 ms: time in s, peak in N.
     pub impact: [f64; 2],
-    /// Time constant with which the magnets follow the currents that are recorded, s.
+    /// Time constant, in s, with which the currents in the magnets follow the recorded ones.
     pub lag: f64,
-    /// Level of a force that wanders in y and z, a random walk, in N after a second.
+    /// Random-walk force along y and z: standard deviation after 1 s, in N.
     pub slow_force: f64,
 }
 
@@ -137,7 +137,7 @@ impl Bench {
         force
     }
 
-    /// Runs it.
+    /// Simulates the bench.
     #[must_use]
     pub fn record(&self) -> Recorded {
         let rows = (self.seconds / self.step).round() as usize + 1;
@@ -160,30 +160,30 @@ impl Bench {
         let mut x = [start[0][0], start[1][0], start[0][1], start[1][1]];
         let mut observed = [[start[0][0], start[0][1], 0.0], [start[1][0], start[1][1], 0.0]];
         let ahead = self.reference(0.5 * h);
-        let mut wanted = [self.m * ahead[0][2], self.m * ahead[1][2]];
+        let mut demanded = [self.m * ahead[0][2], self.m * ahead[1][2]];
         let gaps = geometry.gaps([x[0], x[1]]);
         let mut lambda = [4e-6; 3];
-        let mut current = currents(allocate(wanted), gaps, lambda);
+        let mut current = currents(allocate(demanded), gaps, lambda);
         let mut held = current;
         let mut flowing = current;
         let mut history = vec![[x[0], x[1]]];
         let mut out = Recorded::default();
         for row in 0..rows {
             let t = row as f64 * h;
-            let late = ((row * SUBSTEPS) as f64 - self.delay / sub).max(0.0);
-            let (at, part) = (late.floor() as usize, late.fract());
+            let substep = ((row * SUBSTEPS) as f64 - self.delay / sub).max(0.0);
+            let (at, fraction) = (substep.floor() as usize, substep.fract());
             let next = (at + 1).min(history.len() - 1);
             let angle = self.omega * t;
             let (sin, cos) = angle.sin_cos();
             let (sin_2, cos_2) = (2.0 * angle).sin_cos();
             let (r, q) = (self.runout1, self.runout2);
-            let delayed = |a: usize| history[at][a] * (1.0 - part) + history[next][a] * part;
+            let delayed = |a: usize| history[at][a] * (1.0 - fraction) + history[next][a] * fraction;
             let y = delayed(0) + (r[0] + r[2]) * cos + (r[3] - r[1]) * sin + q[0] * cos_2 + q[1] * sin_2;
             let z = delayed(1) + (r[0] - r[2]) * sin + (r[1] + r[3]) * cos + q[2] * cos_2 + q[3] * sin_2;
             let (s_r, c_r) = self.rotation.sin_cos();
-            let turned = [c_r * y - s_r * z, s_r * y + c_r * z];
+            let rotated = [c_r * y - s_r * z, s_r * y + c_r * z];
             let read: [f64; 2] = std::array::from_fn(|a| {
-                noise[a].measure((1.0 + self.gain[a]) * turned[a] + self.offset[a], self.position_noise)
+                noise[a].measure((1.0 + self.gain[a]) * rotated[a] + self.offset[a], self.position_noise)
             });
             let reading = std::array::from_fn(|k| {
                 let value = (1.0 + self.current_gain[k]) * held[k] + self.current_offset[k];
@@ -203,7 +203,7 @@ impl Bench {
             for a in 0..2 {
                 let error = read[a] - observed[a][0];
                 let o: [f64; 3] = std::array::from_fn(|j| observed[a][j] + gains[j] * error);
-                let acceleration = wanted[a] / self.m + o[2];
+                let acceleration = demanded[a] / self.m + o[2];
                 observed[a] = [o[0] + h * o[1] + 0.5 * h * h * acceleration, o[1] + h * acceleration, o[2]];
                 force[a] = self.m
                     * (middle[a][2]
@@ -218,23 +218,23 @@ impl Bench {
             for a in 0..2 {
                 slow[a] = walks[a].measure(slow[a], self.slow_force * h.sqrt());
             }
-            let follows = |since: f64| -> [f64; 3] {
-                let left = if self.lag > 0.0 { (-since / self.lag).exp() } else { 0.0 };
-                std::array::from_fn(|k| current[k] + (flowing[k] - current[k]) * left)
+            let lagged = |since: f64| -> [f64; 3] {
+                let decay = if self.lag > 0.0 { (-since / self.lag).exp() } else { 0.0 };
+                std::array::from_fn(|k| current[k] + (flowing[k] - current[k]) * decay)
             };
             for step in 0..SUBSTEPS {
                 x = runge_kutta(&x, t + step as f64 * sub, sub, |now, x| {
-                    let force = self.force(now, x, follows(now - t), &e);
+                    let force = self.force(now, x, lagged(now - t), &e);
                     [x[2], x[3], (force[0] + slow[0]) / m, (force[1] + slow[1]) / m]
                 });
                 history.push([x[0], x[1]]);
             }
             let gaps = geometry.gaps([x[0], x[1]]);
             assert!(gaps.into_iter().all(|gap| gap > 0.05 * self.s), "the rotor leaves its gap at {t} s: {gaps:?}");
-            flowing = follows(h);
+            flowing = lagged(h);
             held = current;
             current = next;
-            wanted = force;
+            demanded = force;
         }
         out
     }

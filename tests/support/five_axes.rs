@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 const ALPHA: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];
 /// Mass in kg, moments of inertia in kg·m².
 const INERTIA: [f64; 3] = [12.0, 0.16, 0.02];
-/// Places of the bearings, their sensors, and the planes of unbalance.
+/// Axial positions of the bearings, their sensors, and the planes of unbalance.
 const AT_M: [f64; 2] = [-0.12, 0.15];
 const SENSORS_M: [f64; 2] = [-0.10, 0.13];
 const PLANES_M: [f64; 2] = [-0.08, 0.10];
@@ -21,15 +21,15 @@ type Five = [f64; 5];
 pub struct Sample {
     /// A.Ym, A.Zm, B.Ym, B.Zm, Xm.
     pub reading_m: Five,
-    /// As measured, held over the interval that ended.
+    /// Measured currents, held over the past interval.
     pub current_a: [f64; 8],
     pub theta_rad: f64,
-    /// True coordinates and rates, and true current of the interval that begins.
+    /// True coordinates and rates, and true currents of the next interval.
     pub state: [Five; 2],
     pub true_a: [f64; 8],
 }
 
-/// A spindle of rotor, two radial bearings and one axial bearing, told apart from the program.
+/// A spindle: rotor, two radial bearings and one axial bearing.
 #[derive(Clone, Debug)]
 pub struct FiveAxes {
     pub rpm: f64,
@@ -41,9 +41,9 @@ pub struct FiveAxes {
     /// Forces in x, y, z, moments about y and z.
     pub load: Five,
     pub noise: (f64, f64),
-    /// Part and frequencies of the modulation of the smallest force.
+    /// Relative amplitude, and frequencies in Hz, of the modulation of the smallest force.
     pub modulation: (f64, [f64; 3]),
-    /// Half-axes and phase of the ellipses in A and B, amplitude and frequency of the axial motion.
+    /// Semi-axes and phase of the ellipses in A and B; amplitude and frequency of the axial motion.
     pub paths: [(f64, f64, f64); 2],
     pub axial: (f64, f64),
     pub samples: usize,
@@ -71,7 +71,7 @@ impl Default for FiveAxes {
 }
 
 impl FiveAxes {
-    /// First guesses wrong by 1.5 to 2, up or down.
+    /// First guesses too large or too small by a factor of 1.5 to 2.
     pub fn guessing(seed: u64) -> Self {
         let mut draw = Random::new(7_000_000 + seed);
         let this = Self::default();
@@ -157,8 +157,8 @@ impl FiveAxes {
 
     fn allocate(&self, f: &Five, q: &Five, t: f64) -> [f64; 8] {
         let [xa, xb] = AT_M;
-        let (part, frequencies) = self.modulation;
-        let least = frequencies.map(|hz| 15.0 * (1.0 + part * (2.0 * PI * hz * t).sin()));
+        let (depth, frequencies) = self.modulation;
+        let least = frequencies.map(|hz| 15.0 * (1.0 + depth * (2.0 * PI * hz * t).sin()));
         let y_b = (f[4] - xa * f[1]) / (xb - xa);
         let z_b = (-f[3] - xa * f[2]) / (xb - xa);
         let mut forces = [0.0; 8];
@@ -173,7 +173,7 @@ impl FiveAxes {
         std::array::from_fn(|k| gaps[k].max(1e-5) * (forces[k].max(0.0) / self.guess[k]).sqrt())
     }
 
-    /// Runge–Kutta of order 4, ten steps a sample; tracking poles at 800 and 1000 rad/s, observer poles at about 3500 rad/s.
+    /// Fourth-order Runge–Kutta, ten steps per sample; tracking poles at 800 and 1000 rad/s, observer poles at about 3500 rad/s.
     pub fn run(&self) -> Vec<Sample> {
         const SUBSTEPS: usize = 10;
         let (ts, w, m) = (STEP_S, self.omega(), self.inertia());
@@ -250,8 +250,8 @@ impl FiveAxes {
             });
             bound.measure();
         }
-        let parts = bound.lambda();
-        std::array::from_fn(|k| parts[k] * self.lambda[k])
+        let relative = bound.lambda();
+        std::array::from_fn(|k| relative[k] * self.lambda[k])
     }
 }
 

@@ -1,6 +1,6 @@
 //! Shared by several tests.
 
-#![allow(dead_code, reason = "every test program uses a part of this")]
+#![allow(dead_code, reason = "each test program uses only part of this")]
 
 #[path = "../../fmu-export/tests/support/abuse.rs"]
 pub mod abuse;
@@ -53,23 +53,23 @@ pub fn between(what: &str, value: f64, low: f64, high: f64) {
     assert!((low..=high).contains(&value), "{what}: {value:e} is outside {low:e} to {high:e}");
 }
 
-/// Asserts the poles of a linear map: `M − pI`, applied for every pole `p`, leaves nothing of any vector of numbers near 1.
+/// Asserts the poles of a linear map `M`: the product of `M − pI` over all poles `p` maps every unit vector to 0.
 #[track_caller]
 pub fn poles_are_at<const N: usize>(what: &str, poles: [f64; N], map: impl Fn([f64; N]) -> [f64; N]) {
     for unit in 0..N {
-        let mut rest: [f64; N] = std::array::from_fn(|n| f64::from(n == unit));
+        let mut vector: [f64; N] = std::array::from_fn(|n| f64::from(n == unit));
         for pole in poles {
-            let next = map(rest);
-            rest = std::array::from_fn(|n| next[n] - pole * rest[n]);
+            let next = map(vector);
+            vector = std::array::from_fn(|n| next[n] - pole * vector[n]);
         }
-        rest.into_iter().for_each(|rest| below(&format!("poles, {what}"), rest.abs(), 1e-12));
+        vector.into_iter().for_each(|residual| below(&format!("poles, {what}"), residual.abs(), 1e-12));
     }
 }
 
 /// Parameters of the spindle with three magnets in each radial bearing.
 pub type SpindleConfig = magnetic_bearing::plant::PlantConfigOf<f64, 5, 8, 3>;
 
-/// Asserts that an error message contains all of these words.
+/// Asserts that a message contains all of these words.
 #[track_caller]
 pub fn says(message: &str, words: &[&str]) {
     for word in words {
@@ -77,7 +77,7 @@ pub fn says(message: &str, words: &[&str]) {
     }
 }
 
-/// A step of the method of Runge and Kutta of order 4.
+/// One step of the fourth-order Runge–Kutta method.
 pub fn runge_kutta<const N: usize>(
     x: &[f64; N],
     t: f64,

@@ -28,12 +28,12 @@ impl Named {
     /// A new instance of the model of that name.
     pub fn new(model: &str) -> Self {
         let kind = find(model).unwrap_or_else(|| panic!("there is no model {model}"));
-        // Tests may keep a variable beside the instance that they change.
+        // Leaked so that a test can hold a variable while it changes the instance.
         let kind = Box::leak(Box::new(kind));
         Self { instance: kind.instantiate(), variables: kind.variables().iter().collect() }
     }
 
-    /// A running instance, with these values set before the start at time 0.
+    /// A running instance; these values are set before the start at time 0.
     pub fn started(model: &str, values: &[(&str, f64)]) -> Self {
         let mut named = Self::new(model);
         for (name, number) in values {
@@ -75,7 +75,7 @@ impl Named {
         self.try_set(name, number).unwrap_or_else(|error| panic!("{name} = {number}: {error}"));
     }
 
-    /// Begins the run.
+    /// Starts the run.
     ///
     /// # Errors
     /// Those of the instance.
@@ -83,7 +83,7 @@ impl Named {
         self.instance.start()
     }
 
-    /// Does a step that must succeed.
+    /// Performs a step that must succeed.
     #[track_caller]
     pub fn step(&mut self, time_s: f64, length_s: f64) {
         let done = self.instance.step(Step { time_s, length_s }, &mut Silent);

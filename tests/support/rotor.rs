@@ -1,5 +1,5 @@
-//! A small independent simulator: rotor, three magnets, flatness-based tracking by sampled data, sensors with noise. It shares no code with
-//! the program, and integrates to below 1e-12 m.
+//! A small independent simulator: rotor, three magnets, sampled flatness-based tracking, noisy sensors. It shares no code with
+//! the program, and its integration error is below 1e-12 m.
 
 use crate::support::{Random, runge_kutta};
 use magnetic_bearing::estimation::{
@@ -23,9 +23,9 @@ pub struct Sample {
 pub enum Currents {
     /// Held over a sample.
     Held,
-    /// A continuous function of the true state, without any delay.
+    /// A continuous function of the true state, without delay.
     OfState,
-    /// Continuous and straight between samples, from one command to the next, as coils at held voltages have them.
+    /// Linear between samples, from one command to the next, as in coils at held voltages.
     Ramping,
 }
 
@@ -38,7 +38,7 @@ pub struct Rotor {
     pub gap_m: f64,
     pub alpha_rad: [f64; 3],
     pub lambda: [f64; 3],
-    /// λ from an instant in s on, if it changes.
+    /// Instant in s at which λ changes, if it does, and λ from then on.
     pub change: Option<(f64, [f64; 3])>,
     /// λ used by the controller.
     pub lambda_controller: [f64; 3],
@@ -50,11 +50,11 @@ pub struct Rotor {
     pub load_n: [f64; 2],
     /// Amplitude of a force in z, sin ωt, N.
     pub sine_n: f64,
-    /// A force that turns against the rotor, N.
+    /// A force that rotates against the rotor, N.
     pub backward_n: f64,
-    /// Unbalance, kg·m and rad.
+    /// Unbalance: magnitude in kg·m, phase in rad.
     pub unbalance: (f64, f64),
-    /// Deviation of the start from the reference: position (m), velocity (m/s), both axes.
+    /// Initial deviation from the reference along both axes: position (m), velocity (m/s).
     pub start_off: (f64, f64),
     pub samples: usize,
     /// Greatest current, A.
@@ -64,7 +64,7 @@ pub struct Rotor {
     pub seed: u64,
 }
 
-/// The ellipse with the radii of the rotor, in step with its angle.
+/// The ellipse with the radii of the rotor, in phase with its angle.
 pub fn ellipse(rotor: &Rotor, t: f64) -> [[f64; 2]; 3] {
     let w = rotor.omega_rad_s;
     let (s, c) = (w * t).sin_cos();
@@ -102,7 +102,7 @@ impl Default for Rotor {
 type State = [f64; 4];
 
 impl Rotor {
-    /// Another rotor, gap, angles, magnets and speed; a revolution is 158.7 samples.
+    /// Different mass, gap, angles, magnets and speed; a revolution is 158.7 samples.
     pub fn another() -> Self {
         Self {
             m_kg: 3.4,
@@ -119,7 +119,7 @@ impl Rotor {
         self.alpha_rad.map(|a| self.gap_m - a.sin() * x[0] - a.cos() * x[1])
     }
 
-    /// Flatness-based tracking with both poles at 1000 rad/s; `p_n` is the perturbation to be compensated.
+    /// Flatness-based tracking with both poles at 1000 rad/s; `p_n` is the perturbation to compensate.
     fn command(&self, t: f64, x: &State, p_n: [f64; 2]) -> ([f64; 2], [f64; 3]) {
         const K0: f64 = 1e6;
         const K1: f64 = 2e3;
@@ -128,8 +128,8 @@ impl Rotor {
             let accel = acceleration[k] - K1 * (x[k + 2] - velocity[k]) - K0 * (x[k] - reference[k]);
             self.m_kg * accel - p_n[k]
         });
-        // The magnet forces with the sum `force` are a particular solution plus a multiple of the null vector, which
-        // is positive as long as the magnets surround the rotor; the least of them is F_0 = 20 N.
+        // Magnet forces with the sum `force` are a particular solution plus a multiple of the null vector, which
+        // is positive if the magnets surround the rotor; the smallest of them is F_0 = 20 N.
         let sine = |i: usize, k: usize| (self.alpha_rad[k] - self.alpha_rad[i]).sin();
         let null = [sine(1, 2), sine(2, 0), sine(0, 1)];
         let [a2, a3] = [self.alpha_rad[1], self.alpha_rad[2]];
@@ -164,10 +164,10 @@ impl Rotor {
         [x[2], x[3], f[0] / self.m_kg, f[1] / self.m_kg]
     }
 
-    /// Runge–Kutta of order 4 with substeps of a tenth of a sample: error below 1e-12 m.
+    /// Fourth-order Runge–Kutta with ten substeps per sample: error below 1e-12 m.
     ///
-    /// The loop is that of a sampled-data controller: an observer of position, velocity and perturbation with its poles at
-    /// 4000 rad/s predicts one sample ahead, and the current computed from the samples up to t_j acts from t_{j+1} on.
+    /// The controller is a sampled one: an observer of position, velocity and perturbation with its poles at 4000 rad/s
+    /// predicts one sample ahead, and the current computed from the samples up to t_j acts from t_{j+1} on.
     pub fn run(&self) -> Vec<Sample> {
         const SUBSTEPS: usize = 10;
         let (dx, dv) = self.start_off;
@@ -192,17 +192,17 @@ impl Rotor {
             };
             let measured = [x[0] + self.noise.0 * noise.normal(), x[1] + self.noise.0 * noise.normal()];
             let after_a = seen_after.map(|i| i + self.noise.1 * noise.normal());
-            // A held value is measured once.
+            // A held current is measured only once.
             let before_a = match self.currents {
                 Currents::Held => out.last().map_or(seen_before, |last: &Sample| last.after_a),
                 _ => after_a,
             };
             out.push(Sample { position_m: measured, before_a, after_a, theta_rad: self.omega_rad_s * t });
-            // The currents at a part of the interval.
-            let current = |part: f64, t: f64, x: &State| match self.currents {
+            // The currents at a fraction of the interval.
+            let current = |fraction: f64, t: f64, x: &State| match self.currents {
                 Currents::Held => after,
                 Currents::OfState => self.command(t, x, self.load_n).1,
-                Currents::Ramping => std::array::from_fn(|k| before[k] + part * (after[k] - before[k])),
+                Currents::Ramping => std::array::from_fn(|k| before[k] + fraction * (after[k] - before[k])),
             };
             for sub in 0..SUBSTEPS {
                 let begin = t + sub as f64 * h;
@@ -221,8 +221,8 @@ impl Rotor {
         out
     }
 
-    /// The rotor tracks its path perfectly with the right force constants: a force that turns backward could then not be told from them, and a rotor that
-    /// has none says so.
+    /// With the right force constants the rotor tracks its path perfectly. A backward force then cannot be distinguished from them, so a rotor without one
+    /// sets its tolerance to 0.
     pub fn config(&self, method: Method, hold: Hold) -> EstimatorConfig {
         let backward_force_n = if self.backward_n == 0.0 { 0.0 } else { Tolerance::default().backward_force_n };
         let mut geometry = EstimatorConfig::default().geometry;
@@ -250,12 +250,12 @@ impl Rotor {
         }
     }
 
-    /// All inputs of an estimator on this rotor.
+    /// The inputs of an estimator on this rotor.
     pub fn inputs(&self, hold: Hold) -> Vec<EstimatorInput> {
         self.run().iter().map(|sample| self.input(sample, hold)).collect()
     }
 
-    /// All outputs of an estimator on this rotor.
+    /// The outputs of an estimator on this rotor.
     pub fn identify(&self, config: EstimatorConfig) -> Vec<EstimatorOutput> {
         let inputs = self.inputs(config.hold);
         let estimator = Estimator::new(config).expect("a good configuration");

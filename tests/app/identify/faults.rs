@@ -1,8 +1,8 @@
-//! Recordings with faults: what is left out, what is named, what is not valid.
+//! Recordings with faults: excluded samples, findings, invalid answers.
 
 use super::*;
 
-/// Common mistakes: a change of a good recording, and the expected proposal.
+/// A common mistake: a change to a good recording, and the expected proposal.
 type Wrong = (fn(&mut Samples, &mut Question), &'static str);
 
 const WRONG: &[Wrong] = &[
@@ -12,7 +12,7 @@ const WRONG: &[Wrong] = &[
     (|samples, _| samples.current_a.rotate_left(1), "the magnets count from the third"),
     (|samples, _| samples.current_a.swap(0, 1), "magnets 1 and 2 are exchanged"),
     (|samples, _| rotation(samples).for_each(|of| *of = -*of), "the angle counts against the rotation"),
-    // Each row has the command that is issued at it.
+    // Each row holds the command issued at its instant.
     (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
     (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
     (|_, question| question.stated.parts[0].body = disc(6.7, 6e-4), "--estimate s"),
@@ -37,8 +37,8 @@ fn what_is_wrong_is_told_in_words() {
     }
 }
 
-/// Two mistakes at once may undo each other (axes exchanged and the angle reversed is a bearing seen from behind, with its magnets turned), but
-/// then λ is right. Otherwise no pair of them is valid.
+/// Two mistakes may cancel (axes exchanged and angle reversed is the bearing seen from behind, with its magnets rotated), but then λ is
+/// correct. No other pair is valid.
 #[test]
 fn no_two_mistakes_end_valid() {
     let good = samples_of(&run(montecarlo::NOISE, 0.05).1);
@@ -49,33 +49,30 @@ fn no_two_mistakes_end_valid() {
         let mut question = question(&good, &[]);
         pairs[at].iter().for_each(|mistake| WRONG[*mistake].0(&mut samples, &mut question));
         let answer = identify::answer(&[samples], question);
-        let off = |found: &likelihood::Identification| {
-            (0..3).map(|k| ((found.lambda[k].value - TRUTH[k]) / found.lambda[k].total_std).abs()).fold(0.0, f64::max)
-        };
-        let right = answer.found.as_ref().is_some_and(|found| off(found) < CONFIDENT);
+        let right = answer.found.as_ref().is_some_and(|found| {
+            let ratio = |k: usize| ((found.lambda[k].value - TRUTH[k]) / found.lambda[k].total_std).abs();
+            (0..3).map(ratio).fold(0.0, f64::max) < CONFIDENT
+        });
         (answer.valid && !right).then(|| format!("{:?}: {}", pairs[at].map(|mistake| WRONG[mistake].1), answer.verdict))
     });
     let wrong: Vec<String> = wrong.into_iter().flatten().collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Rotor, magnets and gap of another machine: nothing is valid, and the verdict says why.
+/// Rotor, magnets and gap of another machine: not valid.
 #[test]
 fn a_recording_of_another_machine_is_not_valid() {
-    let (base, told) = run(montecarlo::NOISE, 0.1);
-    let told = samples_of(&told);
+    let (base, recording) = run(montecarlo::NOISE, 0.1);
+    let stated = question(&samples_of(&recording), &[]);
     for seed in [62_901, 62_902] {
         let mut scenario = montecarlo::cases::drawn(&base, seed, false);
         scenario.duration_s = 0.1;
-        let samples = simulated(&scenario);
-        let question = question(&told, &[]);
-        let answer = identify::answer(&[samples], question);
-        is_refused(&answer, "Not valid: ");
+        is_refused(&identify::answer(&[simulated(&scenario)], stated.clone()), "Not valid: ");
     }
 }
 
 #[test]
-fn what_says_nothing_is_not_valid() {
+fn recordings_without_information_are_not_valid() {
     is_refused(&ask(&[samples_of(&run(montecarlo::NOISE, 0.02).1)], &[]), "too short");
     let (mut scenario, _) = run(montecarlo::NOISE, 0.01);
     montecarlo::cases::at_rest(&mut scenario);
@@ -86,9 +83,9 @@ fn what_says_nothing_is_not_valid() {
     is_right("modulated", &ask(&[simulated(&scenario)], &[]));
 }
 
-/// Rows that are missing at random, alone and in bursts: the answer has the stated standard deviation, which is small.
+/// Rows missing at random, singly and in bursts: the answer is correct within a small standard deviation.
 #[test]
-fn what_is_missing_is_a_gap() {
+fn missing_rows_are_gaps() {
     type Missing = fn(usize, &[f64], &[f64]) -> bool;
     let cases: [(&str, [f64; 2], Missing); 5] = [
         ("3 % at random", montecarlo::NOISE, |row, single, _| single[row] < 0.03),
@@ -111,9 +108,9 @@ fn what_is_missing_is_a_gap() {
     }
 }
 
-/// Faults of sensors are left out and named, whatever the model: λ stays right.
+/// Sensor faults are excluded and named: λ stays correct.
 #[test]
-fn faults_of_sensors_are_left_out_and_named() {
+fn sensor_faults_are_excluded_and_named() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     type Fault = fn(usize, f64) -> f64;
     let cases: [(&str, &str, usize, Fault); 5] = [
@@ -128,13 +125,13 @@ fn faults_of_sensors_are_left_out_and_named() {
         says(&samples.notes.join(" "), &[words]);
         let rows = samples.len();
         let found = is_right(&format!("{name}, {words}"), &ask(&[samples], &[]));
-        // Positions without the force behind them say nothing for long.
+        // Positions without the forces that cause them soon carry no information.
         let left_out = rows - found.conditions[0].parts[0].rows;
         assert!(left_out >= gap, "{name}, {words}: {left_out} rows are not used");
     }
 }
 
-/// The samples of a recording after a change of cells in the columns that begin so: row, the cell above as it is now, and the cell.
+/// The samples of a recording after a change of the cells in columns with these prefixes; `change` gets row, changed cell above, and cell.
 pub fn spoilt(text: &str, columns: &[&str], change: impl Fn(usize, &str, &str) -> String) -> Samples {
     let (header, rows) = text.split_once('\n').expect("a header");
     let is_changed = header.split(',').map(|name| columns.iter().any(|start| name.starts_with(start)));
@@ -143,15 +140,16 @@ pub fn spoilt(text: &str, columns: &[&str], change: impl Fn(usize, &str, &str) -
     let mut spoilt = header.to_owned();
     for (row, line) in rows.lines().enumerate() {
         let cells = line.split(',').zip(&above).zip(&is_changed);
-        above = cells.map(|((cell, above), of)| if *of { change(row, above, cell) } else { cell.into() }).collect();
+        let changed = cells.map(|((cell, above), is)| if *is { change(row, above, cell) } else { cell.into() });
+        above = changed.collect();
         spoilt += &format!("\n{}", above.join(","));
     }
     read(&spoilt)
 }
 
-/// Rows that repeat the one before are left out, few or many at a time; nothing disturbs the rotor.
+/// Rows that repeat the one before are excluded, few or many at a time, and not taken for a disturbance of the rotor.
 #[test]
-fn repeated_rows_are_left_out() {
+fn repeated_rows_are_excluded() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     for zero in [None, Some("0")] {
         let samples = spoilt(&text, &["plant.Ym", "plant.Zm", "plant.im"], |row, above, cell| {
@@ -164,7 +162,7 @@ fn repeated_rows_are_left_out() {
     }
 }
 
-/// Steps of a position sensor above its noise are named; their errors repeat with the readings, so that more rows tell no more.
+/// Quantisation of a position above its noise is named; its errors repeat with the readings, so that more rows add no information.
 #[test]
 fn quantised_positions_are_named() {
     const STEP_M: f64 = 2e-6;
@@ -177,31 +175,31 @@ fn quantised_positions_are_named() {
     assert!(part.counting < part.rows / 2, "{part:?}");
 }
 
-/// Several recordings of bearings whose λ differ are not one bearing: the answer names what differs.
+/// Recordings with different λ are not of one bearing: the answer names the difference.
 #[test]
-fn recordings_that_differ_are_told_apart() {
+fn recordings_that_differ_are_reported() {
     let (mut other, recording) = run(montecarlo::NOISE, 0.3);
     let first = samples_of(&recording);
-    other.set("plant", "lambda[2]", Value::Real(1.05 * TRUTH[1]));
-    other.set("plant", "sensor.seed", Value::Integer(12));
+    other.set("plant", "lambda[2]", 1.05 * TRUTH[1]);
+    other.set("plant", "sensor.seed", 12);
     let second = simulated(&other);
     is_refused(&ask(&[first, second], &[]), "the recordings differ: λ2");
 }
 
-/// Without angle and speed the rotor is not taken to be at rest; a speed that is off by 0.4 % is found.
+/// Without angle and speed the rotor is not assumed to be at rest; a speed that is off by 0.4 % is found.
 #[test]
-fn a_speed_that_is_unknown_or_wrong_is_said() {
+fn an_unknown_or_wrong_speed_is_reported() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     let blind = text.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
-    let of = |omega_rad_s: Option<f64>| {
+    let at_speed = |omega_rad_s: Option<f64>| {
         let samples = Samples::read(blind.as_bytes(), &Reading { omega_rad_s, ..Reading::default() }).expect("usable");
         ask(&[samples], &[])
     };
-    let answer = of(None);
+    let answer = at_speed(None);
     is_refused(&answer, "neither angle nor speed");
-    // Nothing is estimated as if it were at rest.
+    // No estimate assumes standstill.
     assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
-    is_right("3000 rpm", &of(Some(100.0 * std::f64::consts::PI)));
-    is_refused(&of(Some(100.4 * std::f64::consts::PI)), "turns by -0.4");
-    is_refused(&of(Some(99.75 * std::f64::consts::PI)), "turns by 0.");
+    is_right("3000 rpm", &at_speed(Some(100.0 * std::f64::consts::PI)));
+    is_refused(&at_speed(Some(100.4 * std::f64::consts::PI)), "turns by -0.4");
+    is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns by 0.");
 }
