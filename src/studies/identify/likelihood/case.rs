@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use super::data::{Piece, Track};
+use super::filter::Likelihoods;
 use super::{Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
 use crate::studies::identify::mean;
@@ -201,7 +202,7 @@ fn peak([low, mid, high]: [f64; 3]) -> (f64, f64) {
 }
 
 /// The same for likelihoods at three values a step apart, with a zero-mean prior.
-fn posterior_peak(sums: &[[f64; 3]; 3], middle: f64, prior_std: f64) -> (f64, f64) {
+fn posterior_peak(sums: &Likelihoods, middle: f64, prior_std: f64) -> (f64, f64) {
     peak([0, 1, 2].map(|i| {
         let deviation = (middle + (i as f64 - 1.0) * NOISE_STEP) / prior_std;
         -0.5 * (sums[i][0] + sums[i][1] + deviation * deviation)
@@ -209,7 +210,7 @@ fn posterior_peak(sums: &[[f64; 3]; 3], middle: f64, prior_std: f64) -> (f64, f6
 }
 
 /// Updates the noise levels of one recording from the likelihood at three levels of the current noise; returns the largest change of a logarithm.
-pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
+pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     let is_current_known = case.recording.current_noise_a.is_some();
     let count = case.position.len() as f64 * sums[1][2];
     if count < 8.0 || case.has_known_noise() {
@@ -259,7 +260,7 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
 }
 
 /// Updates the level of the slow force from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
-pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3], least: f64) -> f64 {
+pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &Likelihoods, least: f64) -> f64 {
     let (step, curvature) = peak([0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1])));
     let before = case.slow_force;
     case.slow_force = (before * libm::exp(step)).max(least);
@@ -270,7 +271,7 @@ pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3], least: 
 const RESTORED_LOG_STD: f64 = 1.0;
 
 /// Updates that factor from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
-pub(super) fn restored_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
+pub(super) fn restored_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     let (step, curvature) = posterior_peak(sums, libm::log(case.restored), RESTORED_LOG_STD);
     case.restored *= libm::exp(step);
     step.abs() * (-curvature.min(0.0)).sqrt().min(1.0)
@@ -280,7 +281,7 @@ pub(super) fn restored_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
 const EXPONENT_STD: f64 = 3.0;
 
 /// Updates that exponent from the likelihood at three values; returns its change in standard deviations.
-pub(super) fn exponent_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
+pub(super) fn exponent_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     let (step, curvature) = posterior_peak(sums, case.exponent, EXPONENT_STD);
     case.exponent += step;
     case.exponent_std = if curvature < 0.0 { (-1.0 / curvature).sqrt() } else { EXPONENT_STD };

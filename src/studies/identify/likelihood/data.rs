@@ -96,7 +96,7 @@ pub(super) struct Piece {
 
 /// Input of a pass of the filter.
 #[derive(Clone, Copy)]
-pub(super) struct PassInput<'a> {
+pub(super) struct Input<'a> {
     pub case: &'a Case<'a>,
     pub rotor: &'a Rotor,
     pub piece: &'a Piece,
@@ -105,7 +105,7 @@ pub(super) struct PassInput<'a> {
 /// The same with the sizes of a machine: N coordinates, K magnets.
 #[derive(Clone, Copy)]
 pub(super) struct Pass<'a, const N: usize, const K: usize> {
-    pub input: PassInput<'a>,
+    pub input: Input<'a>,
     /// Readings of the positions, m.
     pub position: [&'a [f64]; N],
     current: [&'a [f64]; K],
@@ -114,7 +114,7 @@ pub(super) struct Pass<'a, const N: usize, const K: usize> {
 }
 
 impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
-    pub fn of(input: PassInput<'a>) -> Self {
+    pub fn of(input: Input<'a>) -> Self {
         Self {
             input,
             position: std::array::from_fn(|n| input.case.position[n]),
@@ -135,7 +135,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Variances of the position readings in a row, where noise grows with this power of the gap.
     #[inline(always)]
     pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
-        let PassInput { case, rotor, .. } = self.input;
+        let Input { case, rotor, .. } = self.input;
         let variance = case.position_noise * case.position_noise;
         let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(MIN_GAP), 2.0 * exponent);
         let mut variances =
@@ -155,7 +155,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
 
     /// The interval that ends at `row`.
     pub fn interval(&self, row: usize, from: &Shaft, to: &Shaft) -> Interval<N, K> {
-        let PassInput { case, rotor, .. } = self.input;
+        let Input { case, rotor, .. } = self.input;
         let between = case.shaft_between(row, from, to);
         let states = [&self.state[row - 1], &self.state[row]];
         let expected = self.expected(row).map(|(pulls, _)| pulls);
@@ -176,7 +176,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
 
     /// Squared currents in the interval that ends at `row`, A².
     pub fn squares(&self, row: usize) -> Squares<K> {
-        let PassInput { case, rotor, .. } = self.input;
+        let Input { case, rotor, .. } = self.input;
         let read = |row: usize| self.current.map(|current| current[row]);
         let mut squares = match (&rotor.lag, case.recording.hold) {
             (None, Hold::Linear) => rotor.squares(read(row), Some(read(row - 1))),
@@ -192,7 +192,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Derivative of the acceleration with respect to the lag in the interval that ends at a row, with the magnets at
     /// a point, and the column of the lag; none without one.
     pub fn by_lag(&self, row: usize, at: &[f64; N]) -> Option<(usize, [f64; N])> {
-        let PassInput { case, rotor, .. } = self.input;
+        let Input { case, rotor, .. } = self.input;
         let ([_, more, less], command) = (rotor.lag.as_ref()?, self.current.map(|of| of[case.commanded(row)]));
         let [more, less] = [more, less].map(|lag| rotor.lagged_squares::<K>(lag, command, row).middle);
         let by_lag: [f64; K] = std::array::from_fn(|k| lag::derivative(more[k], less[k]));

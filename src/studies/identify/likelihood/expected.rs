@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::data::PassInput;
+use super::data::Input;
 
 /// Harmonics of the shaft angle.
 const HARMONICS: usize = 12;
@@ -37,7 +37,7 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
 /// A Fourier series over the shaft angle for each stretch of rows is fitted to the stretches before and after it. The residual, which controller and
 /// rotor make of noise, is regressed on past whitened innovations over all other stretches. Innovations are white, so neither part is correlated with
 /// later ones.
-pub(super) fn expected(input: PassInput<'_>, innovations: &[f64]) -> Vec<f32> {
+pub(super) fn expected(input: Input<'_>, innovations: &[f64]) -> Vec<f32> {
     let case = input.case;
     let (n, magnets) = (case.position.len(), case.current.len());
     let count_of = magnets + 2 * n;

@@ -15,7 +15,7 @@
 
 use std::ops::Range;
 
-use super::data::{Pass, PassInput};
+use super::data::{Input, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
 use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
 
@@ -142,9 +142,9 @@ impl<'a> Sums<'a> {
 
 /// Sums of the sensitivities in some registers, block by block. With instruments these are the expected sensitivities, and the measured ones
 /// ([`Layout::measured`](super::rotor::Layout::measured)) follow them.
-fn columns_of<const N: usize, const K: usize, const S: usize>(input: PassInput<'_>, request: &Request) -> Vec<Block> {
+fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, request: &Request) -> Vec<Block> {
     let Request { columns, registers, bench } = request;
-    let (PassInput { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
+    let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let h = rotor.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
@@ -178,13 +178,8 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: PassInput<'
             for k in 0..if gains { K } else { 0 } {
                 let mut levels = UNCHANGED;
                 levels.currents[k] += LEVEL_STEP;
-                raised[k].predict(
-                    transition,
-                    &interval.offset,
-                    &interval.noise,
-                    &pass.scales(row, &levels),
-                    pass.slow(1),
-                );
+                let scales = pass.scales(row, &levels);
+                raised[k].predict(transition, &interval.offset, &interval.noise, &scales, pass.slow(1));
             }
             rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
             if let Some((j, column)) = pass.by_lag(row, &at[0]).filter(|_| *bench) {
@@ -318,7 +313,7 @@ fn each_row<const N: usize, const K: usize>(
     rows: Range<usize>,
     mut each: impl FnMut(usize, &Shaft, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
 ) {
-    let PassInput { case, rotor, .. } = pass.input;
+    let Input { case, rotor, .. } = pass.input;
     let mut from = case.shaft(rows.start);
     for row in rows.clone() {
         let to = case.shaft(row);
@@ -344,8 +339,8 @@ struct FilteredRow<const N: usize, const S: usize> {
 }
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
-fn smooth<const N: usize, const K: usize, const S: usize>(input: PassInput<'_>) -> Vec<f64> {
-    let (PassInput { rotor, piece, .. }, pass) = (input, &Pass::<N, K>::of(input));
+fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> Vec<f64> {
+    let (Input { rotor, piece, .. }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
     let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start));
     let mut filtered = Vec::with_capacity(piece.filtered.len());
@@ -362,8 +357,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(input: PassInput<'_>) 
     let mut r = [0.0; S];
     let mut smoothed = vec![0.0; 2 * N * piece.counted.len()];
     for row in piece.filtered.clone().rev() {
-        let here = &filtered[row - start];
-        let innovation = &here.innovation;
+        let FilteredRow { transition, predicted, innovation } = &filtered[row - start];
         // r ← Hᵀ (S⁻¹ e − Kᵀ r) + r.
         let mut u = innovation.factor.unwhiten(innovation.factor.whiten(innovation.e));
         for (a, u) in u.iter_mut().enumerate() {
@@ -377,18 +371,18 @@ fn smooth<const N: usize, const K: usize, const S: usize>(input: PassInput<'_>) 
         if row >= piece.counted.start && row < piece.counted.end {
             let to = &mut smoothed[2 * N * (row - piece.counted.start)..][..2 * N];
             for (i, before) in pass.state[row].as_flattened().iter().enumerate() {
-                let change: f64 = (0..S).map(|j| here.predicted.p[i][j] * r[j]).sum();
-                to[i] = before + here.predicted.x[i] + change;
+                let change: f64 = (0..S).map(|j| predicted.p[i][j] * r[j]).sum();
+                to[i] = before + predicted.x[i] + change;
             }
         }
-        r = here.transition.map_or(r, |transition| transition.apply_transposed(&r));
+        r = transition.map_or(r, |transition| transition.apply_transposed(&r));
     }
     smoothed
 }
 
 /// Innovations of the counted rows, row by row: in m, and whitened.
-fn innovations<const N: usize, const K: usize, const S: usize>(input: PassInput<'_>) -> [Vec<f64>; 2] {
-    let (PassInput { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
+fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> [Vec<f64>; 2] {
+    let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(piece.filtered.start));
     let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
     each_row(pass, piece.filtered.start..piece.counted.end, |row, _, interval, residual| {
@@ -421,12 +415,12 @@ pub(super) struct Levels {
 /// Unchanged levels.
 pub(super) const UNCHANGED: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0, restored: 1.0 };
 
-/// `[Σ ln det, Σ NIS, rows]` for three sets of noise factors at the same position noise.
-fn likelihoods<const N: usize, const K: usize, const S: usize>(
-    input: PassInput<'_>,
-    levels: &[Levels; 3],
-) -> [[f64; 3]; 3] {
-    let (PassInput { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
+/// `[Σ ln det, Σ NIS, rows]` for each of three sets of noise levels.
+pub(super) type Likelihoods = [[f64; 3]; 3];
+
+/// Likelihoods of three sets of levels at the same position noise.
+fn likelihoods<const N: usize, const K: usize, const S: usize>(input: Input<'_>, levels: &[Levels; 3]) -> Likelihoods {
+    let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
     let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * pass.slow(rows);
     let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
@@ -435,13 +429,8 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(
     each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
-                kalman.predict(
-                    transition,
-                    &interval.offset,
-                    &interval.noise,
-                    &pass.scales(row, levels),
-                    slow(levels, 1),
-                );
+                let scales = pass.scales(row, levels);
+                kalman.predict(transition, &interval.offset, &interval.noise, &scales, slow(levels, 1));
             }
         }
         for f in 0..3 {
@@ -517,13 +506,13 @@ impl Request {
 /// Passes of the filter with sizes fixed at compile time, since they run at every sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passes {
-    pub columns: fn(PassInput<'_>, &Request) -> Vec<Block>,
+    pub columns: fn(Input<'_>, &Request) -> Vec<Block>,
     /// Coordinates and rates, row by row.
-    pub smooth: fn(PassInput<'_>) -> Vec<f64>,
-    pub innovations: fn(PassInput<'_>) -> [Vec<f64>; 2],
-    pub likelihoods: fn(PassInput<'_>, &[Levels; 3]) -> [[f64; 3]; 3],
+    pub smooth: fn(Input<'_>) -> Vec<f64>,
+    pub innovations: fn(Input<'_>) -> [Vec<f64>; 2],
+    pub likelihoods: fn(Input<'_>, &[Levels; 3]) -> Likelihoods,
     /// Gaps in m and squared currents in A² of a row.
-    pub gaps_and_squares: fn(PassInput<'_>, usize) -> [ByMagnet; 2],
+    pub gaps_and_squares: fn(Input<'_>, usize) -> [ByMagnet; 2],
 }
 
 impl Passes {
@@ -551,7 +540,7 @@ pub(super) fn passes(coordinates: usize, magnets: usize) -> [Passes; 2] {
     }
 }
 
-fn gaps_and_squares<const N: usize, const K: usize>(input: PassInput<'_>, row: usize) -> [ByMagnet; 2] {
+fn gaps_and_squares<const N: usize, const K: usize>(input: Input<'_>, row: usize) -> [ByMagnet; 2] {
     let pass = Pass::<N, K>::of(input);
     let (mut gaps, mut squares) = (ByMagnet::default(), ByMagnet::default());
     gaps[..K].copy_from_slice(&input.rotor.gaps::<N, K>(&pass.state[row][0]));

@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 
-use super::data::PassInput;
+use super::data::Input;
 use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
 use super::search::Finished;
@@ -70,7 +70,7 @@ fn conditions(
     for piece in &case.pieces {
         let first = usize::from(piece.counted.start == piece.filtered.start);
         for row in piece.counted.clone().skip(first).filter(|row| !case.is_restored(*row)) {
-            let input = PassInput { case, rotor: &rotor, piece };
+            let input = Input { case, rotor: &rotor, piece };
             let [gaps, squares] = (rotor.passes.gaps_and_squares)(input, row);
             for k in 0..layout.magnets {
                 let square = squares[k].max(0.0);
@@ -90,8 +90,8 @@ fn conditions(
         let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
         sum(0) * sum(0) + sum(1) * sum(1)
     };
-    let powers = (0..layout.loads()).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic)));
-    let powers: Vec<[f64; HARMONICS]> = powers.collect();
+    let powers: Vec<[f64; HARMONICS]> =
+        (0..layout.loads()).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic))).collect();
     let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),

@@ -11,9 +11,9 @@ use finish::finish;
 
 use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, restored_step, slow_force_step};
 use super::changes;
-use super::data::{PassInput, Piece};
+use super::data::{Input, Piece};
 use super::expected::expected;
-use super::filter::{Block, Columns, Levels, Request, UNCHANGED};
+use super::filter::{Block, Columns, Levels, Likelihoods, Request, UNCHANGED};
 use super::outcome;
 use super::rotor::{Model, Rotor};
 use super::solve::{Normal, inverse, submatrix};
@@ -58,6 +58,9 @@ const MIN_SMOOTHED: usize = 8;
 /// Reason why an information matrix has no inverse.
 const NOT_DETERMINED: &str = "the data do not determine all parameters: state tolerances, or estimate fewer";
 
+/// A piece, with the index of its recording.
+type Task = (usize, Piece);
+
 /// Sums of the blocks of every piece, with the index of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
 
@@ -100,21 +103,17 @@ impl Search<'_> {
         (0..self.x.len()).filter(|at| self.prior[*at].1 > 0.0).collect()
     }
 
-    fn tasks(&self) -> Vec<(usize, Piece)> {
+    fn tasks(&self) -> Vec<Task> {
         let cases = self.cases.iter().enumerate();
         cases.flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece.clone()))).collect()
     }
 
     /// Runs a pass of the filter over pieces of recordings; results are in their order.
-    fn passes<R: Send + Sync>(
-        &self,
-        tasks: &[(usize, Piece)],
-        pass: &(dyn Fn(PassInput<'_>) -> R + Sync),
-    ) -> Vec<(usize, R)> {
+    fn passes<R: Send + Sync>(&self, tasks: &[Task], pass: &(dyn Fn(Input<'_>) -> R + Sync)) -> Vec<(usize, R)> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         in_order(tasks.len(), &|task| {
             let (r, piece) = &tasks[task];
-            (*r, pass(PassInput { case: &self.cases[*r], rotor: &rotors[*r], piece }))
+            (*r, pass(Input { case: &self.cases[*r], rotor: &rotors[*r], piece }))
         })
     }
 
@@ -234,14 +233,14 @@ impl Search<'_> {
         let innovations = self.innovations(WHITENED, 0.0);
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
-            let input = PassInput { case, rotor, piece: &case.pieces[0] };
+            let input = Input { case, rotor, piece: &case.pieces[0] };
             case.track.expected = expected(input, innovations);
         }
     }
 
     /// Innovations of every recording, row by row, [`METRES`] or [`WHITENED`]; `none` where there are none.
     fn innovations(&self, which: usize, none: f64) -> Vec<Vec<f64>> {
-        let pass = |input: PassInput<'_>| {
+        let pass = |input: Input<'_>| {
             (input.piece.counted.clone(), std::mem::take(&mut (input.rotor.passes.innovations)(input)[which]))
         };
         let n = self.coordinates();
@@ -261,7 +260,7 @@ impl Search<'_> {
     }
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
-    fn likelihoods(&self, levels: [Levels; 3]) -> Vec<[[f64; 3]; 3]> {
+    fn likelihoods(&self, levels: [Levels; 3]) -> Vec<Likelihoods> {
         let sums = self.passes(&self.tasks(), &|input| (input.rotor.passes.likelihoods)(input, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
         for (r, sums) in sums {
@@ -272,7 +271,7 @@ impl Search<'_> {
     }
 
     /// One update of a noise level by the likelihoods of the recordings; returns the largest change.
-    fn step_level(&mut self, levels: [Levels; 3], step: impl Fn(&mut Case<'_>, &[[f64; 3]; 3]) -> f64) -> f64 {
+    fn step_level(&mut self, levels: [Levels; 3], step: impl Fn(&mut Case<'_>, &Likelihoods) -> f64) -> f64 {
         let totals = self.likelihoods(levels);
         self.cases.iter_mut().zip(&totals).map(|(case, sums)| step(case, sums)).fold(0.0, f64::max)
     }
@@ -310,7 +309,7 @@ impl Search<'_> {
     fn gain_by_slow_force(&mut self) -> f64 {
         let level = SLOW_FORCE * self.weight_n();
         let slow = |slow: f64| Levels { slow, ..UNCHANGED };
-        let sum = |totals: Vec<[[f64; 3]; 3]>| -> [f64; 3] {
+        let sum = |totals: Vec<Likelihoods>| -> [f64; 3] {
             std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
         if self.model.slow_force {
@@ -327,11 +326,8 @@ impl Search<'_> {
     /// Updates noise levels until they hardly change, at most three times; returns the first change of a logarithm.
     fn settle_noise(&mut self) -> f64 {
         let first = self.noise();
-        let mut last = first;
-        for _ in 0..2 {
-            if last > NOISE_SETTLED {
-                last = self.noise();
-            }
+        if first > NOISE_SETTLED && self.noise() > NOISE_SETTLED {
+            self.noise();
         }
         first
     }
@@ -551,22 +547,18 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
     Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
-pub(super) fn identify(
-    recordings: &[Recording],
-    model: &Model<'_>,
-    leaves_out: bool,
-) -> Result<Identification, Failed> {
+pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: bool) -> Result<Identification, Failed> {
     let mut masks = all_rows(recordings);
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
     let mut found = fit(recordings, &masks, model, &mut held);
-    let mut halves_are_left = leaves_out;
+    let mut halves_remain = exclude;
     let mut gain = None;
     // Each round leaves out the most inconsistent rows.
     for _ in 0..MAX_ROUNDS {
         // Tests are meaningful only near a solution.
         let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
-            if !std::mem::take(&mut halves_are_left) {
+            if !std::mem::take(&mut halves_remain) {
                 break;
             }
             // Rows left out so far were not inconsistent with any solution.
@@ -581,7 +573,7 @@ pub(super) fn identify(
         let is_short = |part: &Contradiction| part.rows.len() <= 2 * finished.search.cases[part.recording].block();
         let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
         let change = changes::change(finished).filter(|_| !brief);
-        if !leaves_out && (change.is_some() || !disturbed.is_empty()) {
+        if !exclude && (change.is_some() || !disturbed.is_empty()) {
             return Err(Failed::Contradicted);
         }
         if let Some(change) = change {

@@ -6,7 +6,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::super::case::{Case, NOISE_STEP};
-use super::super::filter::{Block, Columns, UNCHANGED};
+use super::super::filter::{Block, Columns, Likelihoods, UNCHANGED};
 use super::super::solve::{self, Normal, submatrix};
 use super::super::{Estimate, Failed};
 use super::{Blocks, CONVERGED, NOT_DETERMINED, Search};
@@ -151,8 +151,7 @@ impl Search<'_> {
             Some(measured) if instruments => measured,
             _ => *at,
         });
-        let columns = columns.collect();
-        (blocks, normal, columns)
+        (blocks, normal, columns.collect())
     }
 
     /// Column of the measured sensitivity to an unknown in the sums.
@@ -175,7 +174,7 @@ impl Search<'_> {
                 levels
             };
             let sets = (0..magnets).step_by(3).map(|first| self.likelihoods([0, 1, 2].map(|k| raised(first + k))));
-            let sums = |set: Vec<[[f64; 3]; 3]>| [0, 1, 2].map(|k| set.iter().map(|sums| sums[k][0]).sum::<f64>());
+            let sums = |set: Vec<Likelihoods>| [0, 1, 2].map(|k| set.iter().map(|sums| sums[k][0]).sum::<f64>());
             sets.flat_map(sums).collect()
         };
         let (less, more) = (log_dets(-NOISE_STEP), log_dets(NOISE_STEP));
