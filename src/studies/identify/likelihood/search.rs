@@ -226,7 +226,7 @@ impl Search<'_> {
 
     /// Computes the expected values of every row if the bench is exactly as stated. Where its parameters are searched, values found at one point do not
     /// hold at the next.
-    fn expect(&mut self) {
+    fn compute_expected(&mut self) {
         if !self.exact() {
             return;
         }
@@ -365,7 +365,7 @@ impl Search<'_> {
         if self.model.layout.dynamics.is_some() {
             self.iterate(UNSMOOTHED, ROUGH)?;
         }
-        self.expect();
+        self.compute_expected();
         self.iterate(UNSMOOTHED, CONVERGED)
     }
 
@@ -506,7 +506,7 @@ pub(super) fn fit<'a>(
     match from_stretches {
         Some(point) => {
             search.start_at(point);
-            search.expect();
+            search.compute_expected();
             search.iterate(UNSMOOTHED, CONVERGED)?;
         }
         None => search.run()?,
