@@ -55,8 +55,8 @@ pub const PARAMETERS: [(&str, &str); UNKNOWNS] = [
     ("current.feedback", "1"),
 ];
 
-/// Detection of the start: windows of this length, s, of which no more of this many in a row may exceed this normalised innovation squared, in medians,
-/// than in the second half. After the settling time, transients of the slow force have decayed. All four are set by the five recordings in
+/// Detection of the start: length of a window, s; number of windows in a row, of which no more than in the second half may have a normalised innovation
+/// squared above this many medians; time after which transients of the slow force have decayed, s. All four are set by the five recordings in
 /// tests/data, where the ball leaves its table within 3 s.
 const WINDOW_S: f64 = 0.1;
 const WINDOWS: usize = 10;
@@ -140,7 +140,7 @@ impl Axis {
         }
     }
 
-    /// Points one step before and behind a point along an unknown.
+    /// Points one step ahead of and behind a point along an unknown.
     pub(crate) fn neighbours(&self, at: usize, point: &Point) -> [Point; 2] {
         [1.0, -1.0].map(|sign| {
             let mut neighbour = *point;

@@ -9,16 +9,16 @@ use nalgebra::{DMatrix, DVector};
 
 use super::filter::Readings;
 
-/// Minimum lag at the end of the response, s: controllers of levitated bodies respond within some time constants √(m/ks), 10 to 30 ms.
-const MIN_LONGEST_S: f64 = 0.064;
-/// Time constant of the high-pass, s, a quarter of that lag. References followed by the controller are slower.
+/// Approximate length of the response, s: controllers of levitated bodies respond within some time constants √(m/ks), 10 to 30 ms.
+const RESPONSE_S: f64 = 0.064;
+/// Time constant of the high-pass, s, a quarter of that length. References followed by the controller are slower.
 const HIGH_PASS_S: f64 = 0.016;
 
 /// Changes of the currents per row due to the controller's response to the position, A; the response is fitted to the rows that count.
 pub(super) fn feedback(readings: &Readings) -> Vec<Vec<f64>> {
     let x_m = hold_last(&readings.x_m);
     let part = |current: &Vec<f64>| {
-        let edges = edges(MIN_LONGEST_S / readings.step_s);
+        let edges = edges(RESPONSE_S / readings.step_s);
         let bins: Vec<[usize; 2]> = edges.windows(2).map(|pair| [pair[0], pair[1]]).collect();
         let response =
             response(readings, &x_m, &hold_last(current), &bins).unwrap_or_else(|| DVector::zeros(bins.len()));
@@ -67,7 +67,7 @@ fn high_pass_sum(of: &[f64], step_s: f64) -> Vec<f64> {
     high_passed
 }
 
-/// Readings with the previous one where there is none: the filter must not know a later one.
+/// Readings with the previous one where there is none: the filter must not use a later one.
 fn hold_last(of: &[f64]) -> Vec<f64> {
     let mut last = of.iter().copied().find(|value| value.is_finite()).unwrap_or(0.0);
     let hold = |value: &f64| {

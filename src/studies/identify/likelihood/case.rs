@@ -170,10 +170,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
         half_width: ((RATE_HALF_WIDTH_S / h).round() as usize).max(1),
-        unknown_a2: current
-            .iter()
-            .map(|of| UNKNOWN_SQUARE * mean(of.iter().filter(|i| i.is_finite()).map(|i| i * i)))
-            .collect(),
+        unknown_a2: current.iter().map(|of| UNKNOWN_SQUARE * mean(of.iter().map(|i| i * i))).collect(),
         position,
         current,
         position_error,

@@ -44,7 +44,7 @@ const MAX_FREE_STD: f64 = 20.0;
 /// current and motion, current noise enters the regressors; combinations of parameters that hardly change the motion (delay, offsets, gap, and gain
 /// together) absorb it. At the true parameters, nominal bench, 0.1 µm and 10 mA, the step with all typical tolerances is −2.1 standard deviations in the
 /// delay after 5 s, −4.9 after 40 s, with 1 µm −10.6 in an offset and −6 in λ2 after 40 s (seeds 70000–70003). A single parameter shows no such bias, nor
-/// do regressors predicted from other turns; these carry too little information on the other parameters.
+/// do regressors predicted from other turns; these carry too little information to find the other parameters.
 const BENCH_ROWS: f64 = 50_000.0;
 /// Rows from which the search of a long recording starts, in stretches spread over all of it; only the last iterations use all rows.
 const FIRST_ROWS: usize = 100_000;
@@ -450,9 +450,8 @@ fn start<'a>(
     }
     held.iter().for_each(|j| prior[layout.load + j].1 = 0.0);
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
-    let effective = cases.iter().map(Case::effective_rows).sum::<usize>() as f64;
-    let mut search = Search { cases, model, x, prior, weight: 1.0, iterations: 0, converged: false };
-    search.weight = effective / rows;
+    let weight = cases.iter().map(Case::effective_rows).sum::<usize>() as f64 / rows;
+    let mut search = Search { cases, model, x, prior, weight, iterations: 0, converged: false };
     if search.exact() {
         search.prior[layout.load + model.places.mass].1 = 0.0;
     } else {
