@@ -1,9 +1,9 @@
 //! Identification of one axis between one or two magnets from a recording of a real bench: the machine `axial`.
 //!
-//! Effects that real benches have and simulations do not are part of the model: a slow force that nobody explains, a factor κ between
-//! statics and dynamics, sensor noise that grows with the gap, currents measured with noise, rows that are repeated or missing,
+//! The model includes effects of real benches that simulations lack: an unexplained slow force, a factor κ between statics and dynamics,
+//! sensor noise that grows with the gap, currents measured with noise, repeated or missing rows,
 //! a start at rest on a table. The likelihood decides which of them a recording has (Schwarz 1978); [`Answer`] states it.
-//! `Law` alone knows the magnets: a description of any machine can take its place.
+//! Only `Law` knows the magnets: a description of any machine can take its place.
 
 mod answer;
 mod feedback;
@@ -20,7 +20,7 @@ use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
 use crate::studies::statistics::{mean, median, noise, range};
 
-/// Unknowns of the search, by number; noises and force constants by their logarithms.
+/// Number of unknowns of the search; noises and force constants are searched by their logarithms.
 pub const UNKNOWNS: usize = 13;
 /// Values of the unknowns.
 pub type Point = [f64; UNKNOWNS];
@@ -37,8 +37,8 @@ const DELAY: usize = 10;
 const SLOPE: usize = 11;
 const FEEDBACK: usize = 12;
 
-/// Names of the unknowns with their units, for `--set` and `--estimate`: λ of the magnet that pulls along x and of the other one, gap at x = 0, load along x, κ between
-/// the forces of the statics and those that accelerate, noises, random walks, positions later than currents.
+/// Names and units of the unknowns, for `--set` and `--estimate`: λ of the magnet that pulls along x and of the other one, gap at x = 0, load along x, κ between
+/// forces in statics and in dynamics, noises, random walks, delay of positions relative to currents.
 pub const PARAMETERS: [(&str, &str); UNKNOWNS] = [
     ("lambda[1]", "N.m2/A2"),
     ("lambda[2]", "N.m2/A2"),
@@ -55,60 +55,60 @@ pub const PARAMETERS: [(&str, &str); UNKNOWNS] = [
     ("current.feedback", "1"),
 ];
 
-/// Windows by which the start is found, s; of so many in a row no more than in the second half may have normalised innovations above so many
-/// medians. What the start leaves in slow forces is over after the settling time. All four by the five recordings in
+/// Detection of the start: length of a window, s; number of windows in a row, of which no more than in the second half may have a normalised innovation
+/// squared above this many medians; time after which transients of the slow force have decayed, s. All four are set by the five recordings in
 /// tests/data, where the ball leaves its table within 3 s.
 const WINDOW_S: f64 = 0.1;
-const QUIET: usize = 10;
+const WINDOWS: usize = 10;
 const LOUD: f64 = 2.5;
 const SETTLING_S: f64 = 1.5;
-/// A slow force above this part of the weight is that of a table: those of the five wander by less than a tenth in their 15 s.
-const CARRIED: f64 = 0.25;
-/// Iterations of the search over the second half that only serves to find the start.
-const ROUGH: usize = 8;
-/// κ is sought between a fifth and five.
+/// A slow force above this fraction of the weight is that of a table: those of the five wander by less than a tenth in their 15 s.
+const TABLE_FORCE: f64 = 0.25;
+/// Iterations of the search over the second half, used only to find the start.
+const ROUGH_ITERATIONS: usize = 8;
+/// Limits of κ.
 const KAPPA: [f64; 2] = [0.2, 5.0];
-/// First guess of the walk of the slope of a current, relative to that of the current, 1/s: usual coils have time constants of some 10 ms.
+/// First guess of the walk of the slope of a current relative to that of the current, 1/s: usual coils have time constants of some 10 ms.
 const SLOPE_START_1_S: f64 = 30.0;
-/// Standard deviation of the slow force at the beginning, relative to the load: 10 mN of 594 mN on the bench in tests/data,
-/// whose five recordings then agree within their deviations.
+/// Initial standard deviation of the slow force relative to the load: 10 mN of 594 mN on the bench in tests/data, with which its five recordings
+/// agree within their standard deviations.
 const SLOW_START: f64 = 0.017;
 
-/// Gaps from which the search may start where positions hardly differ, relative to the mean position.
-const GAPS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
+/// Initial gaps tried where positions hardly differ, relative to the mean position.
+const INITIAL_GAPS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
-/// An axis as it is told.
+/// Stated knowledge of an axis.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// Mass of what levitates, kg.
+    /// Levitated mass, kg.
     pub m_kg: f64,
-    /// Magnets that are used, in rising order: 0 pulls along x, its gap is s − x; 1 pulls against x, its gap is s + x.
+    /// Magnets used, in rising order: 0 pulls along x, its gap is s − x; 1 pulls against x, its gap is s + x.
     pub used: Vec<usize>,
     /// Stated values of the unknowns, in SI units: noises and λ not as logarithms.
     pub told: [Option<f64>; UNKNOWNS],
-    /// Unknowns to be estimated although they are told or usually known.
+    /// Unknowns to be estimated although they are stated or usually known.
     pub estimated: [bool; UNKNOWNS],
-    /// Position at which the answer is linearised, m; the mean of the recording by default.
+    /// Position at which the result is linearised, m; the mean of the recording by default.
     pub at_m: Option<f64>,
 }
 
-/// Whether an unknown is the level of a noise.
+/// Whether an unknown is a noise level.
 pub(crate) fn is_noise(at: usize) -> bool {
     matches!(at, POSITION_NOISE | CURRENT_NOISE | WALK | SLOW | SLOPE)
 }
 
-/// Whether the search moves the logarithm of an unknown.
+/// Whether the search uses the logarithm of an unknown.
 fn is_logarithm(at: usize) -> bool {
     at < GAP || is_noise(at)
 }
 
-/// The unknowns of a point in SI units: noises and λ not as logarithms.
+/// Unknowns of a point in SI units: noises and λ not as logarithms.
 fn values(point: &Point) -> Point {
     std::array::from_fn(|at| if is_logarithm(at) { libm::exp(point[at]) } else { point[at] })
 }
 
 impl Axis {
-    /// An axis of which nothing but mass and magnets is told.
+    /// An axis with only mass and magnets known.
     #[must_use]
     pub fn new(m_kg: f64, used: Vec<usize>) -> Self {
         Self { m_kg, used, told: [None; UNKNOWNS], estimated: [false; UNKNOWNS], at_m: None }
@@ -118,7 +118,7 @@ impl Axis {
         self.told[at].is_some() && !self.estimated[at]
     }
 
-    /// Load by which forces are measured, N: weight in the field of the earth where none is told.
+    /// Load used as the scale of forces, N: the weight on earth if none is stated.
     fn weight_n(&self) -> f64 {
         self.told[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(GRAVITY_M_S2 * self.m_kg)
     }
@@ -127,11 +127,11 @@ impl Axis {
         SLOW_START * self.weight_n()
     }
 
-    /// Step of the central differences along an unknown: small against what bends the model, large against rounding.
+    /// Step of the central differences along an unknown: small compared with the curvature of the model, large compared with rounding.
     pub(crate) fn step(&self, at: usize, point: &Point) -> f64 {
         match at {
             0..GAP => 1e-3,
-            // Of the gap at the operating point: s may be near 0.
+            // Relative to the gap at the operating point: s may be near 0.
             GAP => 1e-3 * self.law(point).reference_m.abs().max(1e-4),
             LOAD => 1e-3 * self.weight_n(),
             DYNAMICS => 2e-3,
@@ -140,16 +140,16 @@ impl Axis {
         }
     }
 
-    /// The points a step before and behind one along an unknown.
-    pub(crate) fn beside(&self, at: usize, point: &Point) -> [Point; 2] {
+    /// Points one step ahead of and behind a point along an unknown.
+    pub(crate) fn neighbours(&self, at: usize, point: &Point) -> [Point; 2] {
         [1.0, -1.0].map(|sign| {
-            let mut beside = *point;
-            beside[at] += sign * self.step(at, point);
-            beside
+            let mut neighbour = *point;
+            neighbour[at] += sign * self.step(at, point);
+            neighbour
         })
     }
 
-    /// The nearest point that makes sense: noises above rounding, κ within its limits.
+    /// Nearest admissible point: noises above rounding, κ within its limits.
     pub(crate) fn bounded(&self, mut point: Point) -> Point {
         let least = [
             (POSITION_NOISE, 1e-10),
@@ -159,7 +159,7 @@ impl Axis {
             (SLOPE, 1e-3),
         ];
         for (at, least) in least {
-            // No slow force stays none.
+            // A slow force of zero stays zero.
             if point[at] > f64::NEG_INFINITY {
                 point[at] = point[at].max(libm::log(least));
             }
@@ -178,12 +178,12 @@ impl Axis {
     }
 }
 
-/// The force law at a point of the search; the only part that knows the magnets.
+/// Force law at a point of the search; the only part that knows the magnets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Law {
-    /// Direction along x and λ in N·m²/A² of the magnets that are used.
+    /// Direction along x and λ in N·m²/A² of the magnets used.
     magnets: [(f64, f64); 2],
-    /// The unknowns in SI units.
+    /// Unknowns in SI units.
     pub(crate) values: Point,
     pub(crate) reference_m: f64,
 }
@@ -193,7 +193,7 @@ impl Law {
         self.values[GAP] - self.magnets[k].0 * x_m
     }
 
-    /// Force of the magnets, N, and its derivatives by x, N/m, and by the currents, N/A.
+    /// Force of the magnets, N, with its derivatives with respect to x, N/m, and the currents, N/A.
     fn force(&self, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
         let (mut force, mut stiffness, mut gain) = (0.0, 0.0, [0.0; 2]);
         for (k, i) in current_a.into_iter().enumerate() {
@@ -206,7 +206,7 @@ impl Law {
         (force, stiffness, gain)
     }
 
-    /// Acceleration without the slow force, m/s², with its derivatives by x and by the currents.
+    /// Acceleration without the slow force, m/s², with its derivatives with respect to x and the currents.
     pub(crate) fn linearised(&self, axis: &Axis, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
         let (force, stiffness, gain) = self.force(x_m, current_a);
         let inertia = self.values[DYNAMICS] * axis.m_kg;
@@ -227,9 +227,9 @@ impl Law {
 /// An effect of real benches.
 #[derive(Clone, Debug)]
 struct Effect {
-    /// Number of its unknown.
+    /// Index of its unknown.
     at: usize,
-    /// Log-likelihood that it is worth, and whether that is significant.
+    /// Gain in log-likelihood, and whether it is significant.
     gain: f64,
     is_significant: bool,
     /// Whether it is part of the model.
@@ -241,14 +241,14 @@ struct Effect {
 struct Found {
     axis: Axis,
     fit: Fit,
-    /// NaN where there is none; those count that follow the law.
+    /// NaN where there is none; only rows that follow the law count.
     readings: Readings,
     effects: Vec<Effect>,
-    /// The delay that fits best with its gain in log-likelihood and the fit.
+    /// Fit with the most likely delay, if that is significantly better.
     delayed: Option<Fit>,
 }
 
-/// Values of the unknowns where the bench does not have the effect.
+/// Value of an unknown on a bench without the effect.
 fn without(at: usize) -> f64 {
     match at {
         DYNAMICS => 1.0,
@@ -260,7 +260,7 @@ fn without(at: usize) -> f64 {
 /// Identifies the axis from one recording.
 ///
 /// # Errors
-/// Why nothing can be identified, in a sentence.
+/// A sentence with the reason if nothing can be identified.
 fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
     let mut columns = recording.unfilled().into_iter();
@@ -274,10 +274,10 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     }
     let start = first_guess(&axis, &readings)?;
     let mut free = free(&axis);
-    // There is no response yet.
+    // There is no controller response yet.
     let has_feedback = free.pop_if(|at| *at == FEEDBACK).is_some();
     let failed = "the search fails: the readings do not follow the law of this machine at all";
-    let rough = fit(&axis, &readings, &start, &free, ROUGH).ok_or(failed)?;
+    let rough = fit(&axis, &readings, &start, &free, ROUGH_ITERATIONS).ok_or(failed)?;
     readings.rows = 0..count;
     let begin = begin(&axis, &readings, &rough.point).ok_or(
         "no second of the recording follows the law as its second half does: it is too short, or the bench changes",
@@ -303,7 +303,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         let gain = simpler.as_ref().map_or(f64::INFINITY, |simpler| best.log_likelihood - simpler.log_likelihood);
         // Schwarz 1978: half of ln N per parameter.
         let is_significant = axis.estimated[at] || gain > 0.5 * libm::log(best.readings as f64);
-        // A recording that tells little of κ does not say that it is 1: it stays, with its deviation.
+        // A recording with little information on κ does not show that it is 1: κ stays, with its standard deviation.
         let is_taken = is_significant || at == DYNAMICS;
         effects.push(Effect { at, gain, is_significant, is_taken });
         if let (true, FEEDBACK, Some(simpler)) = (is_taken, at, &simpler) {
@@ -316,34 +316,34 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     if let Some(point) = without_feedback {
         best.widen(&point);
     }
-    let is_worth_it = |gain: f64| gain > 0.5 * libm::log(best.readings as f64);
     let delayed = (!free.contains(&DELAY)).then(|| {
         let more = [free.as_slice(), &[DELAY]].concat();
         fit(&axis, &readings, &best.point, &more, usize::MAX)
     });
-    let delayed = delayed.flatten().filter(|of| is_worth_it(of.log_likelihood - best.log_likelihood));
+    let is_significant = |of: &Fit| of.log_likelihood - best.log_likelihood > 0.5 * libm::log(best.readings as f64);
+    let delayed = delayed.flatten().filter(is_significant);
     Ok(Found { axis, fit: best, readings, effects, delayed })
 }
 
 impl Found {
-    /// The least and the greatest position of the rows, m, and in words.
-    fn reach(&self) -> ([f64; 2], String) {
-        let reach = range(self.readings.x_m[self.readings.rows.clone()].iter().copied());
-        let [low, high] = reach.map(|of_m| significant(1e3 * of_m, 4));
-        (reach, format!("from {low} to {high} mm"))
+    /// Smallest and largest position of the rows, m, and in words.
+    fn position_range(&self) -> ([f64; 2], String) {
+        let range_m = range(self.readings.x_m[self.readings.rows.clone()].iter().copied());
+        let [low, high] = range_m.map(|of_m| significant(1e3 * of_m, 4));
+        (range_m, format!("from {low} to {high} mm"))
     }
 }
 
-/// Numbers of the unknowns that are searched with every effect of real benches.
+/// Indices of the unknowns searched when every effect of real benches is included.
 fn free(axis: &Axis) -> Vec<usize> {
     let is_free = |at: &usize| match *at {
         0..GAP => axis.used.contains(at) && !axis.is_known(*at),
         GAP => axis.estimated[GAP],
-        // Without a load that is known, statics and dynamics have no common scale.
+        // Without a known load, statics and dynamics have no common scale.
         DYNAMICS => axis.is_known(LOAD) && !axis.is_known(*at),
-        // The gap of two magnets is not one number.
+        // Two magnets have two gaps.
         EXPONENT => axis.used.len() == 1 && !axis.is_known(*at),
-        // By the likelihood, a current that is smooth and no random walk would have no noise.
+        // By the likelihood, a current that is smooth and not a random walk would have no noise.
         CURRENT_NOISE | DELAY => axis.estimated[*at],
         at => !axis.is_known(at),
     };
@@ -351,28 +351,27 @@ fn free(axis: &Axis) -> Vec<usize> {
 }
 
 /// Standard deviation of white noise on a random walk about a slope that changes slowly: its differences have the autocovariances −σ² at lag 1 and 0 at lag 2, both
-/// raised by what the slope does. It is at least a twentieth of the noise by fourth differences, which is too little to matter.
+/// raised by the slope. The result is at least a twentieth of the noise by fourth differences, which is too small to matter.
 fn noise_of_walk(values: &[f64]) -> f64 {
     let lag = |lag: usize| mean(values.windows(lag + 2).map(|v| (v[1] - v[0]) * (v[lag + 1] - v[lag])));
     let least = 0.05 * noise(values);
     (lag(2) - lag(1)).max(least * least).sqrt()
 }
 
-/// Noise of the currents without the response of the controller, A.
+/// Noise of the currents without the controller's response, A.
 fn current_noise(readings: &Readings) -> f64 {
     let noise = |(k, current): (usize, &Vec<f64>)| {
         let mut sum_a = 0.0;
-        let rest = readings.rows.clone().map(|row| {
+        let residual = readings.rows.clone().map(|row| {
             sum_a += readings.feedback_a.get(k).map_or(0.0, |of| of[row]);
             current[row] - sum_a
         });
-        noise_of_walk(&rest.collect::<Vec<_>>())
+        noise_of_walk(&residual.collect::<Vec<_>>())
     };
     readings.current_a.iter().enumerate().map(noise).fold(1e-6, f64::max)
 }
 
-/// First guess: statics where one magnet carries a load that is known, and otherwise the most likely of force constants that differ
-/// by factors of two.
+/// First guess: by statics if one magnet carries a known load, otherwise the most likely of force constants in steps of a factor of two.
 fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     let rows = &readings.rows;
     let mut point = [0.0; UNKNOWNS];
@@ -384,12 +383,12 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     point[CURRENT_NOISE] = libm::log(current_noise_a);
     point[WALK] = libm::log(current_noise_a / (2.0 * readings.step_s.sqrt()));
     point[SLOPE] = point[WALK] + libm::log(SLOPE_START_1_S);
-    for (at, told) in axis.told.iter().enumerate() {
-        if let Some(told) = told {
-            point[at] = if is_logarithm(at) { libm::log(*told) } else { *told };
+    for (at, value) in axis.told.iter().enumerate() {
+        if let Some(value) = value {
+            point[at] = if is_logarithm(at) { libm::log(*value) } else { *value };
         }
     }
-    let known: Vec<usize> = rows.clone().filter(|row| readings.are_known(*row)).collect();
+    let known: Vec<usize> = rows.clone().filter(|row| readings.is_complete(*row)).collect();
     if known.len() < 100 {
         return Err(format!(
             "the second half of the recording has {} rows with all readings, 100 at least are wanted",
@@ -413,7 +412,7 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
                 k + 1
             ));
         }
-        // p = λ i²/gap², so that i = c (s − direction x) with c = √(p/λ): by the slope of i where positions differ, and otherwise the most likely.
+        // p = λ i²/gap², so i = c (s − direction x) with c = √(p/λ): from the slope of i if positions differ, otherwise the most likely.
         let current = |row: &usize| readings.current_a[0][*row];
         let along = |row: &usize| -direction * readings.x_m[*row];
         let (x, i) = (mean(known.iter().map(along)), mean(known.iter().map(current)));
@@ -422,7 +421,7 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
             let slope = mean(known.iter().map(|row| (along(row) - x) * (current(row) - i)))
                 / mean(known.iter().map(|row| (along(row) - x).powi(2)));
             gaps.push(i / slope);
-            gaps.extend(GAPS.map(|part| part * x.abs()));
+            gaps.extend(INITIAL_GAPS.map(|part| part * x.abs()));
         }
         let guesses = gaps.into_iter().filter(|gap_m| *gap_m > 0.0 && gap_m.is_finite()).map(|gap_m| {
             let mut guess = point;
@@ -437,7 +436,7 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     if axis.told[GAP].is_none() {
         return Err("s is not known: --set s=… is wanted where the load is not known or there are two magnets".into());
     }
-    // Largest force constants with which the mean currents carry a hundred times the weight, and all below.
+    // Force constants up to the largest, with which the mean currents carry a hundred times the weight.
     let square = |current: &Vec<f64>| mean(known.iter().map(|row| (current[*row] / point[GAP]).powi(2)));
     let pull = readings.current_a.iter().map(square);
     let largest = 100.0 * axis.weight_n() / pull.fold(1e-300, f64::max);
@@ -465,7 +464,7 @@ fn most_likely(axis: &Axis, readings: &Readings, guesses: impl Iterator<Item = P
     best.map(|(_, guess)| guess).ok_or_else(|| "no force constant explains the motion at all".into())
 }
 
-/// The row from which on the readings follow the law.
+/// First row from which the readings follow the law.
 fn begin(axis: &Axis, readings: &Readings, point: &Point) -> Option<usize> {
     let count = readings.x_m.len();
     let window = ((WINDOW_S / readings.step_s).round() as usize).max(1);
@@ -480,16 +479,16 @@ fn begin(axis: &Axis, readings: &Readings, point: &Point) -> Option<usize> {
     if median.is_nan() {
         return None;
     }
-    let carried_n = CARRIED * axis.weight_n();
-    let is_loud = |(nis, slow_n): (&f64, &f64)| *nis > LOUD * median || slow_n.abs() > carried_n;
+    let table_force_n = TABLE_FORCE * axis.weight_n();
+    let is_loud = |(nis, slow_n): (&f64, &f64)| *nis > LOUD * median || slow_n.abs() > table_force_n;
     let loud: Vec<bool> = nis.iter().zip(&slow_n).map(is_loud).collect();
     let counts: Vec<usize> =
-        loud.windows(QUIET.min(loud.len().max(1))).map(|of| of.iter().filter(|loud| **loud).count()).collect();
+        loud.windows(WINDOWS.min(loud.len().max(1))).map(|of| of.iter().filter(|loud| **loud).count()).collect();
     let usual = mean(counts[counts.len() / 2..].iter().map(|count| *count as f64));
     let from = counts.iter().position(|count| *count as f64 <= usual)?;
     if from == 0 {
         return Some(0);
     }
     let begin = from * window + (SETTLING_S / readings.step_s) as usize;
-    (begin + QUIET * window < count).then_some(begin)
+    (begin + WINDOWS * window < count).then_some(begin)
 }

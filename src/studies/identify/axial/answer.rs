@@ -1,4 +1,4 @@
-//! The answer for an axis: force constants, the operating point with its deviations, what the bench was found to have.
+//! Result for an axis: force constants, operating point with standard deviations, effects found on the bench.
 
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
@@ -18,29 +18,29 @@ use crate::studies::identify::samples::Samples;
 use crate::studies::identify::units::{significant, time};
 use crate::table::Table;
 
-/// Relative standard deviation that any bench hides from one recording, and that is therefore part of every ±: with it the
-/// five recordings in tests/data differ by their stated deviations (docs/bench.md).
+/// Relative standard deviation that a single recording of any bench cannot reveal, and which is therefore part of every ±: with it the
+/// five recordings in tests/data differ by their stated standard deviations (docs/bench.md).
 const FLOOR: f64 = 0.015;
 /// A slow force that within a second wanders by more than the floor, relative to the load, is not covered by ±.
-const BADLY: f64 = FLOOR;
-/// Deviations from 1 at which κ is spoken of.
-const TELLING: f64 = 2.0;
-/// Deviations by which a finding may move an estimate of a valid answer.
-const MOVED: f64 = 3.0;
+const MAX_SLOW_FORCE: f64 = FLOOR;
+/// Standard deviations from 1 at which κ is mentioned.
+const MENTIONED_STD: f64 = 2.0;
+/// Maximum shift of an estimate by a finding in a valid result, in standard deviations.
+const MAX_SHIFT_STD: f64 = 3.0;
 /// Horizon of predictions, s.
 const AHEAD_S: f64 = 0.020;
 
 /// Current, ki, ks, ki/κ and ks/κ at the operating point.
 pub type Point5 = [Estimate; 5];
 
-/// The answer for one axis.
+/// Result for one axis.
 #[derive(Clone, Debug)]
 pub struct Answer {
-    /// Whether it can be relied on.
+    /// Whether it is reliable.
     pub valid: bool,
-    /// Why, or why not.
+    /// Reason, for a valid and an invalid result.
     pub verdict: String,
-    /// Further findings, in sentences.
+    /// Further findings as sentences.
     pub findings: Vec<String>,
     /// Position of the operating point, m.
     pub at_m: f64,
@@ -55,25 +55,25 @@ pub struct Answer {
     pub(super) found: Found,
 }
 
-/// The results of the filter by row; NaN where it was not used.
+/// Results of the filter by row; NaN where it was not used.
 #[derive(Clone, Debug)]
 pub struct Traces {
     /// Slow force and its standard deviation, N.
     pub slow_n: Vec<[f64; 2]>,
-    /// Errors of predictions of the position by one sample, m.
+    /// One-step prediction errors of the position, m.
     pub error_m: Vec<f64>,
-    /// The first row that was used.
+    /// First row used.
     pub from: usize,
 }
 
-/// One recording judged with the estimate of another.
+/// Comparison of one recording with the estimate of another.
 #[derive(Clone, Debug)]
 pub struct Check {
     /// Whether both agree.
     pub agrees: bool,
-    /// In words.
+    /// Description.
     pub verdict: String,
-    /// Horizons in s, rms prediction errors in m with the estimate of the first and with a fit of its own.
+    /// Horizons in s, rms prediction errors in m with the estimate of the other recording and with its own fit.
     pub errors: Vec<[f64; 3]>,
 }
 
@@ -88,7 +88,7 @@ impl Check {
     }
 }
 
-/// rms of the errors of predictions over so many rows, m.
+/// rms of the prediction errors `ahead` rows ahead, m.
 fn prediction_rms(axis: &Axis, readings: &Readings, point: &Point, ahead: usize) -> f64 {
     let (mut squares, mut row) = (Vec::new(), readings.rows.start);
     follow(axis, readings, point, |filter, _| {
@@ -118,7 +118,7 @@ fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
 /// Identifies the axis from one recording.
 ///
 /// # Errors
-/// Why nothing can be identified.
+/// The reason if nothing can be identified.
 pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let found = find(axis, recording)?;
     let fit = &found.fit;
@@ -135,7 +135,7 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
             return Err(format!(
                 "--at Xm={at}mm: the gap of magnet {} would be {gap} mm there; the recording has positions {}",
                 k + 1,
-                found.reach().1
+                found.position_range().1
             ));
         }
     }
@@ -168,14 +168,14 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     Ok(answer)
 }
 
-/// Covariance of five values of a point, by differences.
+/// Covariance of five functions of a point, by differences.
 fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatrix<f64> {
     let slope = |at: usize| {
-        let [up, down] = axis.beside(at, &fit.point).map(|point| of(&point));
+        let [up, down] = axis.neighbours(at, &fit.point).map(|point| of(&point));
         std::array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * axis.step(at, &fit.point)))
     };
     let slopes: Vec<[f64; 5]> = (0..UNKNOWNS).map(slope).collect();
-    // Unknowns without covariance were not searched; a slow force of none has no slope.
+    // Unknowns without covariance were not searched; at a slow force of zero there is no slope.
     let jacobian = DMatrix::from_fn(5, UNKNOWNS, |i, j| if fit.covariance[(j, j)] > 0.0 { slopes[j][i] } else { 0.0 });
     &jacobian * &fit.covariance * jacobian.transpose()
 }
@@ -200,8 +200,7 @@ impl Answer {
         };
     }
 
-    /// Rows that were left out, a position that was not recorded, and the effects that the bench has; those that are not significant are not mentioned,
-    /// nor what an answer that is not valid says of the dynamics.
+    /// Rows left out, a position outside the recording, and significant effects of the bench. An invalid result gives no remark on the dynamics.
     fn remarks(&self, is_valid: bool) -> Vec<String> {
         let Found { fit, readings: Readings { rows, start_s, step_s, .. }, effects, .. } = &self.found;
         let from = time(start_s + rows.start as f64 * step_s);
@@ -211,7 +210,7 @@ impl Answer {
             let power = significant(fit.point[EXPONENT], 2);
             let Estimate { value, noise_std, .. } = self.dynamics;
             match effect.at {
-                DYNAMICS if is_valid && (value - 1.0).abs() > TELLING * noise_std => {
+                DYNAMICS if is_valid && (value - 1.0).abs() > MENTIONED_STD * noise_std => {
                     Some(words_on_dynamics("", value, noise_std, &format!(", {worth}")))
                 }
                 SLOW => Some(format!("A slow force that nothing explains wanders by {} ({worth}).", self.slow_force())),
@@ -222,9 +221,9 @@ impl Answer {
             }
         };
         let effects = effects.iter().filter(|effect| effect.is_significant).filter_map(effect);
-        let ([low, high], reach) = self.found.reach();
+        let ([low, high], positions) = self.found.position_range();
         let outside = format!(
-            "x = {} mm is outside the positions of the recording, {reach}: ki and ks there rest on the law alone.",
+            "x = {} mm is outside the positions of the recording, {positions}: ki and ks there rest on the law alone.",
             significant(1e3 * self.at_m, 4)
         );
         let is_outside = self.at_m < low || self.at_m > high;
@@ -237,7 +236,7 @@ impl Answer {
         format!("{} mN/√s", significant(1e3 * libm::exp(self.found.fit.point[SLOW]), 2))
     }
 
-    /// Why the answer is not valid: the first reason, if there is one. ki or ks is known within `worst`.
+    /// First reason why the result is not valid, if any. ki or ks is known within `worst`.
     fn refusal(&self, mean_a: &[f64], worst: f64) -> Option<String> {
         let Found { axis, fit, delayed, .. } = &self.found;
         if !fit.converged {
@@ -258,7 +257,7 @@ impl Answer {
             let far = |at: usize| (moved[at] - self.operating[at].value).abs() / self.operating[at].total_std;
             (delayed, far(1).max(far(2)))
         });
-        if let Some((delayed, furthest)) = moved.filter(|(_, furthest)| *furthest > MOVED) {
+        if let Some((delayed, furthest)) = moved.filter(|(_, furthest)| *furthest > MAX_SHIFT_STD) {
             let gain = significant(delayed.log_likelihood - fit.log_likelihood, 3);
             let (delay, far) = (time(delayed.point[DELAY]), significant(furthest, 2));
             return Some(format!(
@@ -266,25 +265,25 @@ impl Answer {
                  (--estimate delay)"
             ));
         }
-        let is_bad = libm::exp(fit.point[SLOW]) > BADLY * axis.weight_n();
+        let is_bad = libm::exp(fit.point[SLOW]) > MAX_SLOW_FORCE * axis.weight_n();
         is_bad.then(|| format!("the law fits badly: slow force of {}", self.slow_force()))
     }
 
-    /// The answer in words, numbers and JSON.
+    /// The result in words, numbers and JSON.
     #[must_use]
     pub fn said(&self) -> Said {
         Said {
             valid: Some(self.valid),
             verdict: self.verdict.clone(),
             findings: self.findings.clone(),
-            told: self.told(),
+            told: self.known_values(),
             tables: vec![self.table()],
             json: self.json(),
         }
     }
 
     /// Parameters taken as known.
-    fn told(&self) -> String {
+    fn known_values(&self) -> String {
         let axis = &self.found.axis;
         let known = (0..UNKNOWNS).filter(|at| axis.is_known(*at));
         let known = known.map(|at| {
@@ -328,7 +327,7 @@ impl Answer {
         Table::new(title, note, ["", "value", "± of noise", "± in all", ""], rows)
     }
 
-    /// The answer as JSON, in SI units.
+    /// The result as JSON, in SI units.
     fn json(&self) -> Json {
         let [current, ki, ks, ki_dynamic, ks_dynamic] = &self.operating;
         let magnets: serde_json::Map<String, Json> =
@@ -370,11 +369,11 @@ impl Answer {
         traces
     }
 
-    /// Judges another recording, whose own answer stands beside it, with this estimate.
+    /// Checks this estimate against another recording, given the result of that recording.
     #[must_use]
     pub fn check(&self, own: &Self) -> Check {
         let Found { axis, fit, readings, .. } = &own.found;
-        // Noises, slow force and delay are of the recording, force constants and gap of the bench.
+        // Noises, slow force and delay belong to the recording, force constants and gap to the bench.
         let mut point = fit.point;
         let bench = [0, 1, GAP, DYNAMICS];
         bench.iter().for_each(|at| point[*at] = self.found.fit.point[*at]);
@@ -398,7 +397,7 @@ impl Answer {
     }
 }
 
-/// Disagreement of recordings of one bench about ki, ks and κ, with the floor of every bench. Nothing if they agree.
+/// Disagreement between recordings of one bench in ki, ks and κ, with the floor of every bench; none if they agree.
 #[must_use]
 pub fn agreement<'a>(answers: impl IntoIterator<Item = &'a Answer>) -> Option<String> {
     let own = answers.into_iter().map(|answer| {

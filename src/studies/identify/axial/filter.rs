@@ -7,7 +7,7 @@
 //! ```
 //!
 //! The innovations give the likelihood (Ljung, *System Identification*, 2nd ed., section 7.4; Jazwinski, *Stochastic Processes
-//! and Filtering Theory*, section 8.3 for the extended filter). A reading that is missing is not used: the filter predicts
+//! and Filtering Theory*, section 8.3 for the extended filter). Missing readings are skipped: the filter predicts
 //! across any pattern of gaps.
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
@@ -16,25 +16,25 @@ use std::ops::Range;
 
 use super::{Axis, CURRENT_NOISE, DELAY, FEEDBACK, Law, SLOPE, SLOW, WALK};
 
-/// Standard deviation of what is not known at the start: the position, and the way of a sample time, relative to the gap; a current, A.
-const UNKNOWN: f64 = 0.1;
-const UNKNOWN_A: f64 = 1.0;
-/// The same of the slope of a current, A/s.
-const UNKNOWN_A_S: f64 = 10.0;
-/// Where the position is known no better than this part of the gap, the law cannot be linearised: the filter waits for a reading, and starts anew.
+/// Initial standard deviations: of the position and of the travel in a sample time, relative to the gap; of a current, A.
+const START_STD: f64 = 0.1;
+const START_STD_A: f64 = 1.0;
+/// The same for the slope of a current, A/s.
+const START_STD_A_S: f64 = 10.0;
+/// Where the position is known no better than this fraction of the gap, the law cannot be linearised: the filter waits for a reading and restarts.
 const LOST: f64 = 0.3;
 
-/// Input of the filter: readings at a uniform sample time, NaN where there is none.
+/// Input of the filter: readings with a uniform sample time, NaN where there is none.
 #[derive(Clone, Debug)]
 pub(super) struct Readings {
-    /// The first sample and the sample time, s.
+    /// Time of the first sample, and sample time, s.
     pub start_s: f64,
     pub step_s: f64,
     /// Positions, m.
     pub x_m: Vec<f64>,
-    /// Currents of the magnets that are used, A.
+    /// Currents of the magnets used, A.
     pub current_a: Vec<Vec<f64>>,
-    /// Their changes since the row before by the controller, A, see [`feedback`](super::feedback::feedback); none at first.
+    /// Their changes since the previous row due to the controller, A, see [`feedback`](super::feedback::feedback); empty at first.
     pub feedback_a: Vec<Vec<f64>>,
     /// The rows that count.
     pub rows: Range<usize>,
@@ -42,19 +42,19 @@ pub(super) struct Readings {
 
 impl Readings {
     /// Whether a row has all readings.
-    pub(super) fn are_known(&self, row: usize) -> bool {
+    pub(super) fn is_complete(&self, row: usize) -> bool {
         self.x_m[row].is_finite() && self.current_a.iter().all(|current| current[row].is_finite())
     }
 }
 
-/// Numbers of the state x, v, d, two currents and their slopes; a magnet that is not used has the current 0 without variance.
+/// Number of states: x, v, d, two currents and their slopes; an unused magnet has a current of 0 without variance.
 const N: usize = 7;
-/// The first of the slopes.
+/// Index of the first slope.
 const SLOPES: usize = 5;
-/// Number of the position among the channels, which are the currents and the position.
+/// Index of the position among the channels, which are the currents and the position.
 pub(super) const POSITION: usize = 2;
 
-/// An innovation of every channel with its variance; a variance of 0 where there was no reading.
+/// Innovation of every channel with its variance; the variance is 0 where there was no reading.
 pub(super) type Row = [[f64; 2]; 3];
 
 /// The filter at a row.
@@ -69,29 +69,30 @@ pub(super) struct Filter {
 impl Filter {
     /// Starts at the first row with all readings.
     pub(super) fn new(axis: &Axis, law: Law, readings: &Readings) -> Option<Self> {
-        let row = readings.rows.clone().find(|row| readings.are_known(*row))?;
+        let row = readings.rows.clone().find(|row| readings.is_complete(*row))?;
         let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row };
         filter.x[0] = readings.x_m[row];
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
-            filter.p[3 + k][3 + k] = UNKNOWN_A * UNKNOWN_A;
-            filter.p[SLOPES + k][SLOPES + k] = if law.values[SLOPE] > 0.0 { UNKNOWN_A_S * UNKNOWN_A_S } else { 0.0 };
+            filter.p[3 + k][3 + k] = START_STD_A * START_STD_A;
+            filter.p[SLOPES + k][SLOPES + k] =
+                if law.values[SLOPE] > 0.0 { START_STD_A_S * START_STD_A_S } else { 0.0 };
         }
-        filter.forget_motion(readings.step_s);
+        filter.reset_motion(readings.step_s);
         let start_n = if law.values[SLOW] > 0.0 { axis.slow_start_n() } else { 0.0 };
         filter.p[2][2] = start_n * start_n;
         Some(filter)
     }
 
-    /// Neither position nor speed are known but for the position of the state.
-    fn forget_motion(&mut self, h: f64) {
-        let unknown_m = UNKNOWN * self.law.reference_m;
+    /// Resets speed and the uncertainty of position and speed; the position stays.
+    fn reset_motion(&mut self, h: f64) {
+        let start_std_m = START_STD * self.law.reference_m;
         for r in 0..2 {
             for c in 0..N {
                 (self.p[r][c], self.p[c][r]) = (0.0, 0.0);
             }
         }
-        (self.p[0][0], self.p[1][1]) = (unknown_m.powi(2), (unknown_m / h).powi(2));
+        (self.p[0][0], self.p[1][1]) = (start_std_m.powi(2), (start_std_m / h).powi(2));
         self.x[1] = 0.0;
     }
 
@@ -119,7 +120,7 @@ impl Filter {
         let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
         self.p[2][2] += slow;
         if self.is_lost() {
-            self.forget_motion(h);
+            self.reset_motion(h);
             self.p[0][0] = law.reference_m * law.reference_m;
             (0..axis.used.len()).for_each(|k| self.p[3 + k][3 + k] += walk);
             return;
@@ -133,7 +134,7 @@ impl Filter {
         self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
         self.x[1] += h * middle;
         self.x[3..SLOPES].copy_from_slice(&end_a);
-        // F has two rows that are not those of the unit matrix.
+        // F differs from the identity in two rows.
         let mut f = [[0.0; N]; 2];
         f[0][0] = 1.0 + 0.5 * h * h * stiffness;
         f[0][1] = h + h * h * h / 6.0 * stiffness;
@@ -167,7 +168,7 @@ impl Filter {
                 self.p[r][3 + k] += h * self.p[r][SLOPES + k];
             }
             self.p[SLOPES + k][SLOPES + k] += slope;
-            // A current that walks straight from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
+            // A current that changes linearly from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
             let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
             for r in 0..2 {
                 for c in 0..2 {
@@ -189,7 +190,7 @@ impl Filter {
             let Some(reading) = reading.filter(|reading| reading.is_finite()) else { continue };
             if is_position && self.is_lost() {
                 self.x[0] = reading;
-                self.forget_motion(readings.step_s);
+                self.reset_motion(readings.step_s);
             }
             let (at, delay_s) = if is_position { (0, self.law.values[DELAY]) } else { (3 + k, 0.0) };
             let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
@@ -212,16 +213,16 @@ impl Filter {
         [self.x[2], self.p[2][2].max(0.0).sqrt()]
     }
 
-    /// Position after the readings of so many rows are known for the currents, but not for the position, m.
+    /// Position predicted this many rows ahead from the currents read in between, without position readings, m.
     pub(super) fn ahead(&self, axis: &Axis, readings: &Readings, rows: usize) -> f64 {
-        let mut open = self.clone();
+        let mut predictor = self.clone();
         for row in self.row + 1..=self.row + rows {
             for (k, current) in readings.current_a.iter().enumerate() {
-                let change_a = current[row] - open.x[3 + k];
-                open.x[SLOPES + k] = if change_a.is_finite() { change_a / readings.step_s } else { 0.0 };
+                let change_a = current[row] - predictor.x[3 + k];
+                predictor.x[SLOPES + k] = if change_a.is_finite() { change_a / readings.step_s } else { 0.0 };
             }
-            open.predict(axis, readings.step_s, [0.0; 2]);
+            predictor.predict(axis, readings.step_s, [0.0; 2]);
         }
-        open.x[0]
+        predictor.x[0]
     }
 }

@@ -1,4 +1,4 @@
-//! The most likely point: Fisher scoring with the damping of Levenberg and Marquardt on the innovations of the filter.
+//! The most likely point: Fisher scoring with Levenberg–Marquardt damping on the innovations of the filter.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -6,30 +6,30 @@ use super::filter::{Filter, POSITION, Readings, Row};
 use super::{Axis, DYNAMICS, Point, UNKNOWNS, is_logarithm, is_noise};
 use crate::studies::parallel::in_order;
 
-/// Rows that all filters pass before their innovations are summed: what is kept of them does not grow with the recording.
+/// Rows passed by all filters before their innovations are summed, so that memory does not grow with the recording.
 const ROWS: usize = 4096;
-/// Most iterations, and the gain of the log-likelihood at which they end.
-const MOST: usize = 100;
+/// Maximum number of iterations, and gain in log-likelihood at which they end.
+const MAX_ITERATIONS: usize = 100;
 const CONVERGED: f64 = 1e-2;
 /// Longest step in steps of the differences ([`Axis::step`]): a tenth of λ, a factor of 7 of a noise.
-const LONGEST: f64 = 100.0;
-/// Logarithms of noises that the data say less of than this are at their lower limit.
-const FLAT: f64 = 1e-3;
+const MAX_STEP: f64 = 100.0;
+/// The logarithm of a noise with less information than this is at its lower limit.
+const MIN_INFORMATION: f64 = 1e-3;
 
 /// Result of a search.
 #[derive(Clone, Debug)]
 pub(super) struct Fit {
     pub point: Point,
-    /// Logarithm of the likelihood, up to a constant of the number of readings.
+    /// Logarithm of the likelihood, up to a constant that depends on the number of readings.
     pub log_likelihood: f64,
-    /// Covariance of the point by the Fisher information; 0 for what was not searched.
+    /// Covariance of the point from the Fisher information; 0 for unknowns not searched.
     pub covariance: DMatrix<f64>,
     pub readings: usize,
     pub converged: bool,
 }
 
 impl Fit {
-    /// Adds to the covariance by how much the bench of another model, at `point`, differs: neither knows all that the controller does.
+    /// Adds to the covariance the difference of the bench parameters in another model, at `point`: neither model knows all effects of the controller.
     pub(super) fn widen(&mut self, point: &Point) {
         let is_bench = |at: usize| at <= DYNAMICS && self.covariance[(at, at)] > 0.0;
         let apart = DVector::from_fn(UNKNOWNS, |at, _| if is_bench(at) { point[at] - self.point[at] } else { 0.0 });
@@ -58,13 +58,13 @@ pub(super) fn log_likelihood(axis: &Axis, readings: &Readings, point: &Point) ->
     pass(axis, readings, point, &[]).map_or(f64::NEG_INFINITY, |sums| sums.log_likelihood)
 }
 
-/// The most likely point, from a start along the unknowns that are free, in `most` iterations at most.
+/// Most likely point, from a start along the free unknowns, in at most `most` iterations.
 pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
     let mut point = *start;
     let mut damping = 1e-4;
     let mut converged = false;
     let mut sums = pass(axis, readings, &point, free)?;
-    for _ in 0..most.min(MOST) {
+    for _ in 0..most.min(MAX_ITERATIONS) {
         let scale = DVector::from_fn(free.len(), |i, _| sums.information[(i, i)].sqrt() + 1e-300);
         let mut step = None;
         while damping < 1e8 {
@@ -73,8 +73,8 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
             });
             let moved = scaled.cholesky().map(|cholesky| {
                 let solved = cholesky.solve(&sums.score.component_div(&scale)).component_div(&scale);
-                // λ, gap and load belong together: their step is shortened as a whole. Noises stand alone.
-                let longest = |at: usize| LONGEST * axis.step(at, &point);
+                // The bench parameters λ, gap and load depend on each other: their step is shortened as a whole, that of each noise by itself.
+                let longest = |at: usize| MAX_STEP * axis.step(at, &point);
                 let bench = free.iter().zip(solved.iter()).filter(|(at, _)| !is_noise(**at));
                 let part = bench.map(|(at, step)| longest(*at) / step.abs()).fold(1.0, f64::min);
                 let mut to = point;
@@ -107,11 +107,11 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
             break;
         }
     }
-    let told: Vec<usize> =
-        (0..free.len()).filter(|i| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > FLAT).collect();
-    let information = DMatrix::from_fn(told.len(), told.len(), |i, j| sums.information[(told[i], told[j])]);
+    let kept: Vec<usize> =
+        (0..free.len()).filter(|i| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > MIN_INFORMATION).collect();
+    let information = DMatrix::from_fn(kept.len(), kept.len(), |i, j| sums.information[(kept[i], kept[j])]);
     let inverse = information.cholesky()?.inverse();
-    let place: [Option<usize>; UNKNOWNS] = std::array::from_fn(|at| told.iter().position(|i| free[*i] == at));
+    let place: [Option<usize>; UNKNOWNS] = std::array::from_fn(|at| kept.iter().position(|i| free[*i] == at));
     let covariance = DMatrix::from_fn(UNKNOWNS, UNKNOWNS, |a, b| match (place[a], place[b]) {
         (Some(i), Some(j)) => inverse[(i, j)],
         _ => 0.0,
@@ -119,12 +119,12 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
     Some(Fit { point, log_likelihood: sums.log_likelihood, covariance, readings: sums.readings, converged })
 }
 
-/// One pass of the filters at a point and, by central differences, at its neighbours along the unknowns.
+/// One pass of the filters at a point and, for central differences, at its neighbours along the unknowns.
 ///
 /// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
 fn pass(axis: &Axis, readings: &Readings, point: &Point, free: &[usize]) -> Option<Sums> {
     let rows = &readings.rows;
-    let points = std::iter::once(*point).chain(free.iter().flat_map(|at| axis.beside(*at, point)));
+    let points = std::iter::once(*point).chain(free.iter().flat_map(|at| axis.neighbours(*at, point)));
     let filters = points.map(|point| Filter::new(axis, axis.law(&point), readings));
     let mut filters: Vec<Filter> = filters.collect::<Option<_>>()?;
     let n = free.len();

@@ -1,11 +1,11 @@
-//! The twin of an axis: `AxialBearing`, `AxialController`, `AxialEstimator` with the values that were identified.
+//! Digital twin of an axis: `AxialBearing`, `AxialController`, `AxialEstimator` with the identified values.
 //!
 //! ```text
 //! m κ ẍ = p + λ₁ i₁²/(s − x)² − λ₂ i₂²/(s + x)²
 //! ```
 //!
-//! The factor κ between statics and dynamics is one of the mass. Where one magnet is used, x of the twin counts from the operating point, and s is the gap
-//! there: the FMUs have their rotor in the middle of the gap. What else a bench has, slow forces and noise that grows with the gap, the FMUs do not.
+//! The factor κ between statics and dynamics is a factor of the mass. If one magnet is used, x of the twin counts from the operating point, and s is the gap
+//! there: the FMUs have their rotor in the middle of the gap. The FMUs lack the other effects of a bench, slow forces and noise that grows with the gap.
 
 use fmu_export::variable::Value;
 
@@ -16,8 +16,8 @@ use crate::simulation::scenario::Scenario;
 use crate::studies::identify::twin::Twin;
 use crate::variables::Choice;
 
-/// Effects of a bench that the FMUs do not have.
-const WITHOUT: [usize; 3] = [EXPONENT, SLOW, DELAY];
+/// Effects of a bench that the FMUs lack.
+const NOT_MODELLED: [usize; 3] = [EXPONENT, SLOW, DELAY];
 
 /// The value of `magnets.used` for these magnets.
 fn used(magnets: &[usize]) -> Used {
@@ -25,10 +25,10 @@ fn used(magnets: &[usize]) -> Used {
 }
 
 impl Answer {
-    /// The machine with the stated and the identified values. `base` is the scenario of the bench.
+    /// The machine with stated and identified values. `base` is the scenario of the bench.
     ///
     /// # Errors
-    /// The answer is not valid, or all values that a model refuses.
+    /// The verdict if the result is not valid, or all values that a model rejects.
     pub fn twin(&self, base: &Scenario) -> Result<Twin, Vec<String>> {
         if !self.valid {
             return Err(vec![self.verdict.clone()]);
@@ -47,7 +47,7 @@ impl Answer {
         }
         let used = used(&axis.used);
         if let Some(k) = used.only() {
-            // Tools that ignore enumerations take both magnets for used: without a smallest force the other one then has nothing to do.
+            // Tools that ignore enumerations assume both magnets are used: without a minimum force the other one then has no effect.
             for element in ["controller", "estimator"] {
                 twin.put(element, "magnets.used", Value::Integer(used.number()));
             }
@@ -56,19 +56,19 @@ impl Answer {
         }
         twin.put("plant", "pX", point[LOAD]);
         twin.put_noise(libm::exp(point[POSITION_NOISE]), libm::exp(point[CURRENT_NOISE]));
-        // Only what was searched has a deviation of noise.
+        // Only unknowns that were searched have a noise_std.
         for (name, of, scale) in [("m", &self.dynamics, axis.m_kg), ("s", &self.gap, 1.0)] {
             if of.noise_std > 0.0 {
                 twin.put_tolerance(name, scale * of.total_std);
             }
         }
         twin.scenario.identify = self.bench();
-        let has = |at: &usize| point[*at] != 0.0 && point[*at] != f64::NEG_INFINITY;
-        twin.left_out = WITHOUT.into_iter().filter(has).map(|at| PARAMETERS[at].0).collect();
+        let is_present = |at: &usize| point[*at] != 0.0 && point[*at] != f64::NEG_INFINITY;
+        twin.left_out = NOT_MODELLED.into_iter().filter(is_present).map(|at| PARAMETERS[at].0).collect();
         twin.checked()
     }
 
-    /// The bench as `identify` reads it, with the estimate as what is known.
+    /// The bench as read by `identify`, with the estimate as known values.
     fn bench(&self) -> toml::Table {
         let (axis, point) = (&self.found.axis, &self.found.fit.point);
         let value = values(point);

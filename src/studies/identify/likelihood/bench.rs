@@ -1,6 +1,6 @@
 //! The parameters of a bench: one table of names, units and typical tolerances.
 //!
-//! Every parameter is the deviation of the bench from its data sheet, 0 where there is none:
+//! Every parameter is a deviation of the bench from its data sheet, 0 if there is none:
 //!
 //! ```text
 //! m_true = m (1 + m)      s_true = s (1 + s) + gap.iron      α_true = alpha + alpha[k]      m_true κ q̈ = forces, κ = 1 + dynamics
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! with `R(φ) = [cos φ, −sin φ; sin φ, cos φ]`, g_c = `sensor.gain` and g_d = `sensor.gainDifference`. Positive `delay`: positions
-//! are read late relative to the currents. On a shaft each bearing has its own, with its prefix; `Jt` and `Jp` are relative to what the mass makes of them, and the
-//! axial motion has parameters of its own.
+//! are read late relative to the currents. Each bearing of a shaft has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values
+//! scaled with the mass, and the axial motion has its own parameters.
 
 use super::Beside;
 use super::body::Body;
@@ -22,10 +22,10 @@ pub struct BenchParameter {
     pub name: String,
     /// SI unit; `1` for a relative error.
     pub unit: &'static str,
-    /// Standard deviation of a typical bench, in `unit`: the scale of the parameter, and its contribution to the budget where no
-    /// tolerance is told. Gap 1 %, angles 0.5°, offsets 5 µm and gains 0.5 % are those of a careful assembly.
+    /// Standard deviation on a typical bench, in `unit`: the scale of the parameter, and the basis of its contribution to the budget if no
+    /// tolerance is stated. Gap 1 %, angles 0.5°, offsets 5 µm and gains 0.5 % are those of a careful assembly.
     pub typical: f64,
-    /// Whether a typical bench has it at all: its contribution stands in the budget without being asked for.
+    /// Whether a typical bench has it at all: its contribution is then in the budget without being requested.
     pub in_typical_bench: bool,
     /// Description, for tables.
     pub description: String,
@@ -44,16 +44,16 @@ impl BenchParameter {
 /// 0.5° in rad.
 const HALF_DEGREE: f64 = 0.008_726_646_259_971_648;
 
-/// For which things there is a parameter each.
+/// Scope of a parameter: there is one for each of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Each {
-    /// All that moves; κ and the lag only if they are asked for.
+enum Scope {
+    /// The moving body; κ and the lag only on request.
     Machine,
     /// The shaft, if it tilts.
     Shaft,
     /// Each bearing.
     Bearing,
-    /// Each bearing that holds the rotor across its axis.
+    /// Each radial bearing.
     Radial,
     /// Each of several bearings on a shaft.
     OnShaft,
@@ -61,57 +61,57 @@ enum Each {
     Axial,
 }
 
-/// Things, name, unit, typical tolerance, whether a typical bench has it, and description; `{}` in a name stands for the number of each magnet.
-type Row = (Each, &'static str, &'static str, f64, bool, &'static str);
+/// Scope, name, unit, typical tolerance, whether a typical bench has it, and description; `{}` in a name stands for the number of each magnet.
+type Row = (Scope, &'static str, &'static str, f64, bool, &'static str);
 
-/// All parameters; the order is that of their numbers.
+/// All parameters, in the order of their indices.
 const PARAMETERS: [Row; 32] = [
-    (Each::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
-    (Each::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
-    (Each::Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
-    (Each::Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
-    (Each::Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
-    (Each::Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
-    (Each::Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
+    (Scope::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
+    (Scope::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
+    (Scope::Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
+    (Scope::Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
+    (Scope::Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
+    (Scope::Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
+    (Scope::Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
     (
-        Each::Radial,
+        Scope::Radial,
         "sensor.gainDifference",
         "1",
         0.005,
         true,
         "half the difference of the gains of the sensors y and z",
     ),
-    (Each::Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
-    (Each::Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
-    (Each::Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
-    (Each::Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    (Each::Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    (Each::Radial, "runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    (Each::Radial, "runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    (Each::Radial, "runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
-    (Each::Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
-    (Each::Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Each::Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Each::Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
-    (Each::Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
-    (Each::Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
-    (Each::Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
-    (Each::Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
-    (Each::Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
-    (Each::Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
-    (Each::OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
-    (Each::OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
-    (Each::Shaft, "unbalance[1].position", "m", 5e-4, false, "position of plane 1 of the unbalance"),
-    (Each::Shaft, "unbalance[2].position", "m", 5e-4, false, "position of plane 2 of the unbalance"),
+    (Scope::Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
+    (Scope::Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
+    (Scope::Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
+    (Scope::Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
+    (Scope::Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
+    (Scope::Radial, "runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
+    (Scope::Radial, "runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
+    (Scope::Radial, "runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
+    (Scope::Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
+    (Scope::Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
+    (Scope::Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
+    (Scope::Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
+    (Scope::Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
+    (Scope::Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
+    (Scope::Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
+    (Scope::Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
+    (Scope::Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
+    (Scope::Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
+    (Scope::OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
+    (Scope::OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
+    (Scope::Shaft, "unbalance[1].position", "m", 5e-4, false, "position of plane 1 of the unbalance"),
+    (Scope::Shaft, "unbalance[2].position", "m", 5e-4, false, "position of plane 2 of the unbalance"),
     (
-        Each::Machine,
+        Scope::Machine,
         DYNAMICS,
         "1",
         0.05,
         false,
         "κ − 1, by how much more force accelerations take than the statics say",
     ),
-    (Each::Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
+    (Scope::Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
 ];
 
 /// Name of the delay of the positions.
@@ -123,28 +123,27 @@ pub(in crate::studies::identify) const DYNAMICS: &str = "dynamics";
 /// Name of the time constant of the amplifiers.
 pub(in crate::studies::identify) const LAG: &str = "lag";
 
-/// The parameters of the bench of what moves, κ and the lag of the currents among them if they are asked for; the index is the parameter's number. Those of a
-/// bearing have its prefix.
+/// Bench parameters of a body by index, including κ and the lag of the currents if requested. Those of a bearing have its prefix.
 #[must_use]
 pub fn parameters(body: &Body, beside: &Beside) -> Vec<BenchParameter> {
     let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
     let magnets = body.magnets() / body.prefixes().len();
-    let is_there = |(each, name, ..): &Row| match each {
-        Each::Machine => (*name != DYNAMICS || beside.dynamics) && (*name != LAG || beside.lag),
-        Each::Shaft | Each::OnShaft => is_shaft,
-        Each::Bearing => true,
-        Each::Radial => is_radial,
-        Each::Axial => !is_radial,
+    let applies = |(scope, name, ..): &Row| match scope {
+        Scope::Machine => (*name != DYNAMICS || beside.dynamics) && (*name != LAG || beside.lag),
+        Scope::Shaft | Scope::OnShaft => is_shaft,
+        Scope::Bearing => true,
+        Scope::Radial => is_radial,
+        Scope::Axial => !is_radial,
     };
-    let of = |(each, name, unit, typical, in_typical_bench, description): Row| {
-        let prefixes = match each {
-            // The axial motion is told of its own mass and delay.
-            Each::Machine | Each::Shaft => vec![body.prefix()],
+    let of = |(scope, name, unit, typical, in_typical_bench, description): Row| {
+        let prefixes = match scope {
+            // The axial motion has a mass and a delay of its own.
+            Scope::Machine | Scope::Shaft => vec![body.prefix()],
             _ => body.prefixes().to_vec(),
         };
         let count = if name.contains("{}") { magnets } else { 1 };
-        let each = prefixes.into_iter().flat_map(move |prefix| (1..=count).map(move |number| (prefix, number)));
-        each.map(move |(prefix, number)| {
+        let instances = prefixes.into_iter().flat_map(move |prefix| (1..=count).map(move |number| (prefix, number)));
+        instances.map(move |(prefix, number)| {
             let numbered = |text: &str| text.replace("{}", &number.to_string());
             BenchParameter {
                 name: format!("{prefix}{}", numbered(name)),
@@ -156,16 +155,16 @@ pub fn parameters(body: &Body, beside: &Beside) -> Vec<BenchParameter> {
             }
         })
     };
-    PARAMETERS.into_iter().filter(is_there).flat_map(of).collect()
+    PARAMETERS.into_iter().filter(applies).flat_map(of).collect()
 }
 
-/// The number of the parameter of this name.
+/// Index of the parameter with this name.
 #[must_use]
 pub fn by_name(parameters: &[BenchParameter], name: &str) -> Option<usize> {
     parameters.iter().position(|parameter| parameter.name == name)
 }
 
-/// Where the parameters stand that the equations read; those of the bearing itself are read where it is described.
+/// Indices of the parameters in the equations; those of the bearing itself are used in its description.
 #[derive(Clone, Debug)]
 pub(super) struct Places {
     /// By pair of position sensors.
@@ -174,16 +173,16 @@ pub(super) struct Places {
     pub single: Option<[usize; 2]>,
     pub mass: usize,
     pub delay: usize,
-    /// If it is asked for.
+    /// If requested.
     pub lag: Option<usize>,
-    /// Of the first magnet; those of the others follow.
+    /// Of the first magnet; the others follow.
     pub current_offset: usize,
     pub current_gain: usize,
     /// cos and sin of the first bearing; those of the others follow.
     pub backward: [usize; 2],
 }
 
-/// The same of a pair of position sensors.
+/// Indices of the parameters of a pair of position sensors.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sensors {
     /// y, z.
@@ -191,11 +190,11 @@ pub(super) struct Sensors {
     pub gain: usize,
     pub gain_difference: usize,
     pub rotation: usize,
-    /// Once per turn: forward and backward, cos and sin each; twice per turn: the same of y and z.
+    /// Once per turn: cos and sin, forward, then backward; twice per turn: cos and sin of y, then of z.
     pub runout: [usize; 8],
 }
 
-/// The number of a parameter that the table has.
+/// Index of a parameter in the table.
 pub(super) fn place(parameters: &[BenchParameter], prefix: &str, name: &str) -> usize {
     let name = format!("{prefix}{name}");
     by_name(parameters, &name).unwrap_or_else(|| unreachable!("{name} is in the table"))
@@ -208,9 +207,9 @@ impl Places {
         let of_all = |name: &str| place(parameters, body.prefix(), name);
         let pair = |prefix: &&str| {
             let at = |name: &str| place(parameters, prefix, name);
-            let axes = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|of| format!("runout1.{of}"));
+            let once = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|of| format!("runout1.{of}"));
             let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|of| format!("runout2.{of}"));
-            let runout = [axes, twice];
+            let runout = [once, twice];
             Sensors {
                 offset: ["sensor.offset[y]", "sensor.offset[z]"].map(at),
                 gain: at("sensor.gain"),
@@ -235,11 +234,12 @@ impl Places {
 /// How well a bench parameter is known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Knowledge {
-    /// It is 0: the bench is as stated.
+    /// 0: the bench is as stated.
     Exact,
-    /// It is 0 with this standard deviation, above 0, in the parameter's unit; it is estimated with the rest. The mass alone is not: no data tell it.
+    /// 0 with this standard deviation, above 0, in the parameter's unit; it is estimated with the others. If only the mass has
+    /// one, it is estimated only with a known load: otherwise the data do not determine it.
     Tolerance(f64),
-    /// Nothing is known; the search starts at 0.
+    /// Unknown; the search starts at 0.
     Free,
 }
 

@@ -1,21 +1,21 @@
-//! The bodies that move: a rotor in one radial bearing, a shaft across itself, an axis along itself.
+//! The moving bodies: a rotor in one radial bearing, a shaft in radial motion, an axis.
 
 use super::bench::{DYNAMICS, Places, place};
 use super::filter::passes;
-use super::rotor::{Describe, Description, Kind, Layout};
+use super::rotor::{Describe, Description, Layout, Model};
 use super::search;
 use super::{Failed, Identification, Options, Part, Recording};
 use crate::bearing::rotor::RotorConfig;
 use crate::estimation::Machine;
 use crate::plant::PLANES;
 
-/// Step of central differences, in typical tolerances: what they leave out is below 10⁻⁸ of a derivative.
+/// Step of central differences, in typical tolerances: the truncation error is below 10⁻⁸ of a derivative.
 const STEP: f64 = 1e-3;
 
 /// Prefixes of the radial bearings of a shaft.
 const SHAFT: [&str; 2] = ["A.", "B."];
 
-/// A body with its magnets, as stated.
+/// A body with its magnets, as stated on the data sheet.
 #[derive(Clone, Debug)]
 pub enum Body {
     /// A rotor in one radial bearing.
@@ -29,14 +29,14 @@ pub enum Body {
     },
     /// A shaft in two radial bearings, with two planes of unbalance.
     Shaft {
-        /// Shaft and bearings; of the angles, as many count as there are magnets.
+        /// Shaft and bearings; only the first `magnets` angles count.
         geometry: Box<RotorConfig<f64, 3>>,
         /// Magnets of each radial bearing.
         magnets: usize,
-        /// Planes of unbalance, m from the centre of gravity.
+        /// Positions of the unbalance planes, m from the centre of gravity.
         planes_m: [f64; PLANES],
     },
-    /// A rotor that moves along its axis between two magnets.
+    /// A rotor moving along its axis between two magnets.
     Axis {
         /// Mass, kg.
         m_kg: f64,
@@ -46,7 +46,7 @@ pub enum Body {
 }
 
 impl Body {
-    /// Prefixes of the names of its bearings.
+    /// Name prefixes of its bearings.
     pub(in crate::studies::identify) fn prefixes(&self) -> &'static [&'static str] {
         match self {
             Self::Disc { .. } => &[""],
@@ -55,7 +55,7 @@ impl Body {
         }
     }
 
-    /// Prefix of what it has one of: the axial motion is told of its own mass and delay.
+    /// Prefix of parameters of the whole body: the axial motion has a mass and a delay of its own.
     pub(in crate::studies::identify) fn prefix(&self) -> &'static str {
         if let Self::Axis { .. } = self { self.prefixes()[0] } else { "" }
     }
@@ -69,7 +69,7 @@ impl Body {
         }
     }
 
-    /// Number of coordinates, which the position sensors read.
+    /// Number of coordinates, one per position sensor.
     #[must_use]
     pub fn coordinates(&self) -> usize {
         self.sizes()[0]
@@ -90,7 +90,7 @@ impl Body {
         }
     }
 
-    /// Nominal gap of the magnets, the first radial one's of a shaft, m.
+    /// Nominal gap of the magnets (first radial bearing of a shaft), m.
     #[must_use]
     pub fn gap_m(&self) -> f64 {
         match self {
@@ -99,7 +99,7 @@ impl Body {
         }
     }
 
-    /// Gap of a magnet where the sensors read these positions, m, as if they were at the magnets.
+    /// Gap of a magnet at these sensor readings, m, as if the sensors were at the magnets.
     pub(in crate::studies::identify) fn gap_at(&self, k: usize, position_m: impl Fn(usize) -> f64) -> f64 {
         let radial = |gap_m: f64, alpha_rad: f64, first: usize| {
             let (sin, cos) = libm::sincos(alpha_rad);
@@ -115,7 +115,7 @@ impl Body {
         }
     }
 
-    /// Stated numbers.
+    /// Stated values by name.
     pub(in crate::studies::identify) fn numbers(&self) -> Vec<(String, f64)> {
         let mut numbers = vec![("m".to_owned(), self.m_kg())];
         if let Self::Shaft { geometry, .. } = self {
@@ -147,7 +147,7 @@ impl Part {
         place(&self.parameters, prefix, name)
     }
 
-    /// The number of κ, if it is asked for.
+    /// Index of κ, if it is a parameter.
     fn dynamics(&self) -> Option<usize> {
         self.beside.dynamics.then(|| self.place(self.body.prefix(), DYNAMICS))
     }
@@ -166,7 +166,7 @@ impl Part {
             Body::Shaft { geometry, planes_m, .. } => self.shaft::<4, 8, 20>(geometry, planes_m),
         };
         let (parameters, load) = (&self.parameters, magnets + 2 * planes);
-        let kind = Kind {
+        let model = Model {
             part: self,
             slow_force: options.slow_force,
             describe,
@@ -182,10 +182,10 @@ impl Part {
             },
             passes: passes(coordinates, magnets),
         };
-        search::identify(recordings, &kind, options.leaves_out)
+        search::identify(recordings, &model, options.leaves_out)
     }
 
-    /// N coordinates, K magnets, and U unknowns on line: the description, and the parameters that change it. Along an axis there are no angles.
+    /// Description and the parameters that change it, for N coordinates, K magnets and U unknowns of the on-line estimator. An axis has no angles.
     fn one_bearing<const N: usize, const K: usize, const U: usize>(
         &self,
         m_kg: f64,
@@ -212,7 +212,7 @@ impl Part {
         (Box::new(describe), varied)
     }
 
-    /// M magnets in each of two radial bearings, K in both, and U unknowns on line.
+    /// The same for M magnets in each of two radial bearings, K in both, and U unknowns of the on-line estimator.
     fn shaft<const M: usize, const K: usize, const U: usize>(
         &self,
         geometry: &RotorConfig<f64, 3>,

@@ -3,27 +3,27 @@
 use std::ops::Range;
 
 use super::data::{Piece, Track};
+use super::filter::Likelihoods;
 use super::{Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
 use crate::studies::identify::mean;
 
-/// Error of a squared current that is not known, relative to its mean: so large that the interval tells nothing of the magnet.
-const NOTHING: f64 = 20.0;
+/// Standard deviation of a squared current of which nothing is known, relative to its mean: so large that the interval carries no information on the magnet.
+const UNKNOWN_SQUARE: f64 = 20.0;
 /// Rows of a piece.
 const PIECE: usize = 1 << 15;
-/// Memory of the filter in s, beyond which a sample does not matter: the field's negative stiffness makes its slowest pole some 100 rad/s
-/// (e⁻¹⁵).
+/// Memory of the filter, s: with the negative stiffness of the field its slowest pole is at some 100 rad/s, which attenuates older samples by e⁻¹⁵.
 const MARGIN_S: f64 = 0.15;
 /// Blocks per recording: enough to find a change within a per cent of the recording.
 const BLOCKS: usize = 128;
 /// Rows of the shortest block.
 pub(super) const SHORTEST_BLOCK: usize = 32;
-/// Time over which ω̇ is taken, to each side, in s.
-const RATE_S: f64 = 1.5e-3;
+/// Half-width of the window for ω̇, s.
+const RATE_HALF_WIDTH_S: f64 = 1.5e-3;
 /// Step of the logarithm of the current noise for the parabola through its likelihood.
 pub(super) const NOISE_STEP: f64 = 0.25;
-/// How far the first guess of the current noise holds, as a standard deviation of the logarithm: half of ln(50/5), as it is the middle of 5 and 50 mA. It decides
-/// only where positions are too noisy to tell.
+/// Prior standard deviation of the logarithm of the current noise: half of ln(50/5), as the first guess is the middle of 5 and 50 mA. It matters
+/// only where positions are too noisy to determine the current noise.
 const CURRENT_NOISE_LOG_STD: f64 = 0.5 * std::f64::consts::LN_10;
 
 /// One recording with its rows cut into pieces.
@@ -31,50 +31,50 @@ pub(super) struct Case<'a> {
     pub recording: &'a Recording,
     /// By coordinate, m.
     pub position: Vec<&'a [f64]>,
-    /// Its currents, by magnet, A.
+    /// Currents by magnet, A.
     pub current: Vec<&'a [f64]>,
-    /// By how much positions and currents may be off that were not recorded ([`Recording::position_error_m`]); empty if all were.
+    /// Errors of positions and squared currents that were not recorded ([`Recording::position_error_m`]); empty if all were.
     pub position_error: Vec<&'a [f32]>,
     pub square_error: Vec<&'a [f32]>,
-    /// Errors of squared currents of which nothing is known, A².
+    /// Standard deviations of squared currents of which nothing is known, A².
     pub unknown_a2: Vec<f64>,
-    /// cos θ, sin θ at the samples, and in the middle of the interval that ends there.
+    /// cos θ, sin θ at the samples, and in the middle of the interval ending there.
     pub at: Vec<[f64; 2]>,
     pub middle: Vec<[f64; 2]>,
-    /// Half the number of rows over which ω̇ is taken.
+    /// Half-width of the window for ω̇, rows.
     pub half_width: usize,
     pub segments: Vec<Range<usize>>,
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
     pub current_noise: f64,
-    /// Variance of the logarithm of the current noise; 0 if it is told.
+    /// Variance of the logarithm of the current noise; 0 if the noise is known.
     pub noise_variance: f64,
-    /// Level of the slow force, N after a second; 0 unless it is estimated.
+    /// Level of the slow force, N after one second; 0 unless estimated.
     pub slow_force: f64,
-    /// Power of the gap with which the noise of the positions grows, with its standard deviation; 0 unless it is estimated.
+    /// Exponent with which position noise grows with the gap, and its standard deviation; 0 unless estimated.
     pub exponent: f64,
     pub exponent_std: f64,
-    /// Factor of the errors of squared currents that were not recorded.
+    /// Factor on the errors of squared currents that were not recorded.
     pub restored: f64,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: Vec<f64>,
-    /// As how many rows they count, if not all.
-    counting: Option<usize>,
+    /// Effective number of rows, if fewer than all.
+    effective_rows: Option<usize>,
     pub track: Track,
 }
 
 impl Case<'_> {
-    /// Rows that are used.
+    /// Rows used.
     pub fn rows(&self) -> usize {
         self.pieces.iter().map(|piece| piece.counted.len()).sum()
     }
 
-    /// As how many rows they count.
-    pub fn counting(&self) -> usize {
-        self.counting.map_or(self.rows(), |counting| counting.min(self.rows()))
+    /// Effective number of rows.
+    pub fn effective_rows(&self) -> usize {
+        self.effective_rows.map_or(self.rows(), |effective| effective.min(self.rows()))
     }
 
-    /// Whether both levels of noise are stated.
+    /// Whether both noise levels are known.
     pub fn has_known_noise(&self) -> bool {
         self.recording.position_noise_m.is_some() && self.recording.current_noise_a.is_some()
     }
@@ -101,7 +101,7 @@ fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
     for segment in segments {
         let mut from = segment.start;
         while from < segment.end {
-            // A short rest goes with the piece before it.
+            // A short remainder joins the piece before it.
             let to = if segment.end - from < length + length / 2 { segment.end } else { from + length };
             let filtered = from.saturating_sub(margin).max(segment.start)..(to + margin).min(segment.end);
             pieces.push(Piece { filtered, counted: from..to, block, blocks_from: segment.start });
@@ -111,11 +111,9 @@ fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
     pieces
 }
 
-/// rms of fourth and sixth differences, over √70 and √924, the smaller one: white noise without the motion.
+/// rms of fourth and sixth differences, over √70 and √924, whichever is smaller: white noise without the motion.
 fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
-    let binomials: [(&[f64], f64); 2] =
-        [(&[1.0, -4.0, 6.0, -4.0, 1.0], 70.0), (&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)];
-    let of = |(weights, gain): (&[f64], f64)| {
+    let rms = |weights: &[f64], gain: f64| {
         let (mut sum, mut count) = (0.0, 0.0);
         for segment in segments {
             for window in position.iter().flat_map(|position| position[segment.clone()].windows(weights.len())) {
@@ -126,7 +124,8 @@ fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
         }
         (sum / (count * gain)).sqrt()
     };
-    of(binomials[0]).min(of(binomials[1])).max(1e-10)
+    let fourth = rms(&[1.0, -4.0, 6.0, -4.0, 1.0], 70.0);
+    fourth.min(rms(&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)).max(1e-10)
 }
 
 pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
@@ -164,18 +163,14 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
     let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(&position, &segments));
     let is_read = |row: &usize| !position_error.iter().any(|error_m| error_m[*row] > 0.0);
     let read: Vec<usize> = segments.iter().flat_map(Clone::clone).filter(is_read).collect();
-    let steps = position.iter().map(|of| resolution::step(read.iter().map(|row| of[*row])));
-    let resolution_m: Vec<f64> = steps.collect();
-    let counting = resolution::counting(&position, &read, &resolution_m, noise);
+    let resolution_m: Vec<f64> = position.iter().map(|of| resolution::step(read.iter().map(|row| of[*row]))).collect();
+    let effective_rows = resolution::effective_rows(&position, &read, &resolution_m, noise);
     Some(Case {
         recording,
         at: theta.iter().map(|theta| turn(*theta)).collect(),
         middle: theta.iter().zip(omega).map(|(theta, omega)| turn(theta - 0.5 * h * omega)).collect(),
-        half_width: ((RATE_S / h).round() as usize).max(1),
-        unknown_a2: current
-            .iter()
-            .map(|of| NOTHING * mean(of.iter().filter(|i| i.is_finite()).map(|i| i * i)))
-            .collect(),
+        half_width: ((RATE_HALF_WIDTH_S / h).round() as usize).max(1),
+        unknown_a2: current.iter().map(|of| UNKNOWN_SQUARE * mean(of.iter().map(|i| i * i))).collect(),
         position,
         current,
         position_error,
@@ -190,41 +185,49 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         exponent_std: 0.0,
         restored: 1.0,
         resolution_m,
-        counting,
+        effective_rows,
         track,
     })
 }
 
-/// Where a parabola through three values a step apart is highest, from the middle one, and its second derivative.
+/// Maximum of the parabola through three values a step apart, relative to the middle one, and its second derivative.
 fn peak([low, mid, high]: [f64; 3]) -> (f64, f64) {
     let slope = (high - low) / (2.0 * NOISE_STEP);
-    let bend = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
-    let most = 4.0 * NOISE_STEP;
-    (if bend < 0.0 { (-slope / bend).clamp(-most, most) } else { most.copysign(slope) }, bend)
+    let curvature = (high - 2.0 * mid + low) / (NOISE_STEP * NOISE_STEP);
+    let limit = 4.0 * NOISE_STEP;
+    (if curvature < 0.0 { (-slope / curvature).clamp(-limit, limit) } else { limit.copysign(slope) }, curvature)
 }
 
-/// Noise levels of one recording from the likelihood at three levels of the current noise; the largest change of a logarithm.
-pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
-    let told_current = case.recording.current_noise_a.is_some();
+/// The same for likelihoods at three values a step apart, with a zero-mean prior.
+fn posterior_peak(sums: &Likelihoods, middle: f64, prior_std: f64) -> (f64, f64) {
+    peak([0, 1, 2].map(|i| {
+        let deviation = (middle + (i as f64 - 1.0) * NOISE_STEP) / prior_std;
+        -0.5 * (sums[i][0] + sums[i][1] + deviation * deviation)
+    }))
+}
+
+/// Updates the noise levels of one recording from the likelihood at three levels of the current noise; returns the largest change of a logarithm.
+pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
+    let is_current_known = case.recording.current_noise_a.is_some();
     let count = case.position.len() as f64 * sums[1][2];
     if count < 8.0 || case.has_known_noise() {
         return 0.0;
     }
     let logs = |i: usize| libm::log(sums[i][1] / count);
-    // The common scale of both levels is known in closed form where neither is told.
-    let scale_is_free = case.recording.position_noise_m.is_none() && !told_current;
+    // If neither level is known, their common scale has a closed form.
+    let scale_is_free = case.recording.position_noise_m.is_none() && !is_current_known;
     let value = |i: usize| {
         let fit = if scale_is_free { count * logs(i) } else { sums[i][1] };
         let level = libm::log(case.current_noise / START_CURRENT_NOISE_A)
             + (i as f64 - 1.0) * NOISE_STEP
             + if scale_is_free { 0.5 * logs(i) } else { 0.0 };
-        let far = level / CURRENT_NOISE_LOG_STD;
-        -0.5 * (sums[i][0] + fit + far * far)
+        let deviation = level / CURRENT_NOISE_LOG_STD;
+        -0.5 * (sums[i][0] + fit + deviation * deviation)
     };
-    let (ratio, bend) = peak([0, 1, 2].map(value));
-    if !told_current {
+    let (ratio, curvature) = peak([0, 1, 2].map(value));
+    if !is_current_known {
         let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
-        case.noise_variance = if bend < 0.0 { (-1.0 / bend).min(prior) } else { prior };
+        case.noise_variance = if curvature < 0.0 { (-1.0 / curvature).min(prior) } else { prior };
     }
     let rms = mean(case.current.iter().copied().flatten().map(|i| i * i)).sqrt();
     let scale = {
@@ -237,55 +240,47 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
     if scale_is_free {
         case.position_noise *= libm::exp(scale);
         case.current_noise *= libm::exp(ratio + scale);
-    } else if !told_current {
+    } else if !is_current_known {
         case.current_noise *= libm::exp(ratio);
     } else {
-        // The level of the positions alone: what the common scale says, again and again.
+        // Position noise alone: the common scale, applied iteratively.
         case.position_noise *= libm::exp(0.5 * logs(1).clamp(-1.0, 1.0));
     }
     case.position_noise = case.position_noise.max(1e-10);
-    // Beyond it the square of a current would be all noise.
+    // Above this the square of a current would be all noise.
     case.current_noise = case.current_noise.clamp(1e-6, 0.39 * rms.max(1e-5));
-    // A level that hardly matters has not to converge: weigh its change by its information.
-    let weight = (-bend.min(0.0)).sqrt().min(1.0);
+    // A level that hardly matters need not converge: weight its change by its information.
+    let weight = (-curvature.min(0.0)).sqrt().min(1.0);
     let changes = [case.position_noise / before_position, case.current_noise / before_current];
     let [position, current] = changes.map(|change| libm::log(change).abs());
     position.max(current * weight)
 }
 
-/// Level of the slow force from the likelihood at three levels; the change of its logarithm, weighed by its information.
-pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3], least: f64) -> f64 {
-    let (step, bend) = peak([0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1])));
+/// Updates the level of the slow force from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
+pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &Likelihoods, least: f64) -> f64 {
+    let (step, curvature) = peak([0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1])));
     let before = case.slow_force;
     case.slow_force = (before * libm::exp(step)).max(least);
-    libm::log(case.slow_force / before).abs() * (-bend.min(0.0)).sqrt().min(1.0)
+    libm::log(case.slow_force / before).abs() * (-curvature.min(0.0)).sqrt().min(1.0)
 }
 
-/// How far errors of currents that were not recorded may be from those that are expected, as a standard deviation of the logarithm.
+/// Prior standard deviation of the logarithm of the factor on errors of currents that were not recorded.
 const RESTORED_LOG_STD: f64 = 1.0;
 
-/// Level of the errors of currents that were not recorded, from the likelihood at three levels; the change of its logarithm, weighed by its information.
-pub(super) fn restored_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
-    let value = |i: usize| {
-        let far = (libm::log(case.restored) + (i as f64 - 1.0) * NOISE_STEP) / RESTORED_LOG_STD;
-        -0.5 * (sums[i][0] + sums[i][1] + far * far)
-    };
-    let (step, bend) = peak([0, 1, 2].map(value));
+/// Updates that factor from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
+pub(super) fn restored_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
+    let (step, curvature) = posterior_peak(sums, libm::log(case.restored), RESTORED_LOG_STD);
     case.restored *= libm::exp(step);
-    step.abs() * (-bend.min(0.0)).sqrt().min(1.0)
+    step.abs() * (-curvature.min(0.0)).sqrt().min(1.0)
 }
 
-/// How far the noise of the positions may depend on the gap, as a standard deviation of its power.
+/// Prior standard deviation of the exponent with which position noise grows with the gap.
 const EXPONENT_STD: f64 = 3.0;
 
-/// Power of the gap in the noise of the positions from the likelihood at three of them; its change in standard deviations.
-pub(super) fn exponent_step(case: &mut Case<'_>, sums: &[[f64; 3]; 3]) -> f64 {
-    let value = |i: usize| {
-        let far = (case.exponent + (i as f64 - 1.0) * NOISE_STEP) / EXPONENT_STD;
-        -0.5 * (sums[i][0] + sums[i][1] + far * far)
-    };
-    let (step, bend) = peak([0, 1, 2].map(value));
+/// Updates that exponent from the likelihood at three values; returns its change in standard deviations.
+pub(super) fn exponent_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
+    let (step, curvature) = posterior_peak(sums, case.exponent, EXPONENT_STD);
     case.exponent += step;
-    case.exponent_std = if bend < 0.0 { (-1.0 / bend).sqrt() } else { EXPONENT_STD };
+    case.exponent_std = if curvature < 0.0 { (-1.0 / curvature).sqrt() } else { EXPONENT_STD };
     (step / case.exponent_std).abs()
 }

@@ -1,14 +1,13 @@
 //! Passes of the Kalman filter over a piece of a recording: sensitivities of the innovations, smoothed trajectory, likelihood of
 //! noise levels.
 //!
-//! The state is the deviation δ of coordinates and rates from the trajectory of the pass before; where a slow force is estimated, its acceleration follows, a random
-//! walk that is 0 at the start of the recording. With the gains of the filter given, the
-//! innovation is linear in the parameters, and its derivative to each of them is the output of the same filter driven by the
-//! derivatives of force and reading (sensitivity equations). The gains follow the force noise `λ_k σ_i`: where a search ends, their derivatives are part of it (Ljung
-//! 1999, section 10.3).
+//! The state is the deviation δ of coordinates and rates from the trajectory of the previous pass; where a slow force is estimated, its acceleration
+//! follows, a random walk that is 0 at the start of the recording. For given gains the innovation is linear in the parameters, and its derivative with
+//! respect to each is the output of the same filter driven by the derivatives of force and reading (sensitivity equations). The gains depend on the force
+//! noise `λ_k σ_i`: at the end of a search their derivatives are included (Ljung 1999, section 10.3).
 //!
-//! A piece is filtered with a margin of rows before it, and smoothed with one behind it, so that pieces are independent of each
-//! other: what lies further away is forgotten. Their number does not depend on that of the processors.
+//! A piece is filtered with a margin of rows before it and smoothed with one after it, which makes pieces independent: what lies further away is
+//! forgotten. Their number does not depend on that of the processors.
 //!
 //! Sizes: N coordinates, K magnets, S states.
 
@@ -16,31 +15,31 @@
 
 use std::ops::Range;
 
-use super::data::{On, Pass};
+use super::data::{Input, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
 use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
 
-/// Columns in a register of the processor.
+/// Columns in a processor register.
 const REGISTER: usize = 8;
 type Register = [f64; REGISTER];
-/// Rows of whitened sensitivities that are summed at once.
+/// Rows of whitened sensitivities summed at a time.
 const BATCH: usize = 16;
-/// Step of the logarithm of the noise of a current, for the derivatives of the innovations.
+/// Step of the logarithm of the noise of a current, for derivatives of the innovations.
 const LEVEL_STEP: f64 = 1e-3;
-/// Harmonics of the shaft angle that are tested.
+/// Harmonics of the shaft angle tested.
 pub const HARMONICS: usize = 4;
 
-/// Product of many determinants of N rows as a logarithm, without one of each.
+/// Logarithm of the product of many determinants of N rows, without taking the logarithm of each.
 #[derive(Clone, Copy, Debug)]
 struct LogProduct<const N: usize> {
     sum: f64,
     product: f64,
-    /// By which each is raised.
+    /// Factor on each determinant.
     scale: f64,
 }
 
 impl<const N: usize> LogProduct<N> {
-    /// Logarithm to the base of ten of the reciprocal variance of a position, about: determinants lie far below 1.
+    /// Approximate decimal logarithm of the reciprocal variance of a position: determinants lie far below 1.
     const SCALE: usize = 13;
 
     fn new() -> Self {
@@ -61,27 +60,27 @@ impl<const N: usize> LogProduct<N> {
     }
 }
 
-/// Sums of one block of rows.
+/// Sums over one block of rows.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
     pub rows: Range<usize>,
-    /// Innovations (rows).
+    /// Number of innovations (rows).
     pub count: f64,
-    /// Sum of the normalised innovations squared; its expectation is the number of coordinates per row.
+    /// Sum of normalised innovations squared; its expectation is the number of coordinates per row.
     pub nis: f64,
     pub log_det: f64,
-    /// `Σ φᵀ S⁻¹ φ`, lower triangle, `columns` to a row.
+    /// `Σ φᵀ S⁻¹ φ`, lower triangle, `columns` per row.
     pub j: Vec<f64>,
     /// `Σ φᵀ S⁻¹ e`.
     pub b: Vec<f64>,
     pub columns: usize,
-    /// Whitened innovations by axis, harmonic, and cos or sin.
+    /// Sums of whitened innovations by axis, harmonic, and cos or sin.
     pub harmonics: Vec<[[f64; 2]; HARMONICS]>,
-    /// `Σ w_t w_{t−1}` of the whitened innovations, all axes.
+    /// `Σ w_t w_{t−1}` of the whitened innovations over all axes.
     pub neighbours: f64,
 }
 
-/// Sums of the columns in some registers.
+/// Sums for the columns in some registers.
 struct Sums<'a> {
     registers: &'a [usize],
     columns: usize,
@@ -122,9 +121,9 @@ impl<'a> Sums<'a> {
         }
     }
 
-    /// Adds the last rows of the batch to `Σ φᵀ S⁻¹ e`.
+    /// Adds the newest rows of the batch to `Σ φᵀ S⁻¹ e`.
     #[inline(always)]
-    fn count<const N: usize>(&mut self, w: [f64; N]) {
+    fn add_score<const N: usize>(&mut self, w: [f64; N]) {
         for (register, batch) in self.registers.iter().zip(&self.batch) {
             let to = &mut self.b[register * REGISTER..][..REGISTER];
             for (w, row) in w.iter().zip(&batch[self.filled..]) {
@@ -141,30 +140,30 @@ impl<'a> Sums<'a> {
     }
 }
 
-/// Sums of the sensitivities in some registers, block by block; with instruments, sensitivities as they were to be expected. The measured ones
-/// ([`Layout::measured`](super::rotor::Layout::measured)) follow after all others.
-fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted: &Wanted) -> Vec<Block> {
-    let Wanted { columns, registers, bench } = wanted;
-    let (On { case, rotor, piece }, of) = (on, &Pass::<N, K>::of(on));
+/// Sums of the sensitivities in some registers, block by block. With instruments these are the expected sensitivities, and the measured ones
+/// ([`Layout::measured`](super::rotor::Layout::measured)) follow them.
+fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, request: &Request) -> Vec<Block> {
+    let Request { columns, registers, bench } = request;
+    let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let h = rotor.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
-    let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
-    // Filters with the noise of one current raised give the derivatives of the innovations to its level, and so the part of the sensitivities that comes through
-    // the gains. Without that part λ of a slow bearing seemed known almost four times as well as it was.
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(piece.filtered.start));
+    // Filters with the noise of one current raised give the derivatives of the innovations with respect to its level, and so the effect of the parameters
+    // through the gains. Without it λ of a slow bearing seems known almost four times as well as it is.
     let gains = matches!(columns, Columns::Total | Columns::Instruments);
     let mut raised: [Kalman<S>; K] = std::array::from_fn(|_| kalman.clone());
     let mut x = vec![[[0.0; REGISTER]; S]; registers.len()];
-    let [mut force, mut sensor] = [(); 2].map(|()| Sheet::new(rotor.layout.columns()));
+    let [mut force, mut sensor] = [(); 2].map(|()| ColumnValues::new(rotor.layout.columns()));
     let mut sums = Sums::new(registers);
     let mut blocks = Vec::new();
-    let expected = |row: usize| of.expected(row).filter(|_| *columns == Columns::Instruments);
+    let expected = |row: usize| pass.expected(row).filter(|_| *columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
     let empty = |row: usize| Block { rows: row..row, harmonics: vec![Default::default(); N], ..Block::default() };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [0.0; N];
-    each_row(of, piece.filtered.start..piece.counted.end, |row, to, interval, residual| {
+    each_row(pass, piece.filtered.start..piece.counted.end, |row, to, interval, residual| {
         if let Some((interval, transition)) = interval {
             let ahead: State<N> = [
                 std::array::from_fn(|a| interval.middle[0][a] + kalman.x[a] + 0.5 * h * kalman.x[N + a]),
@@ -175,14 +174,15 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted
                 Some((pulls, [q, v])) => ([std::array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
-            kalman.predict(transition, &interval.offset, &interval.noise, &SAME.currents, of.slow(1));
+            kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
             for k in 0..if gains { K } else { 0 } {
-                let mut levels = SAME;
+                let mut levels = UNCHANGED;
                 levels.currents[k] += LEVEL_STEP;
-                raised[k].predict(transition, &interval.offset, &interval.noise, &of.scales(row, &levels), of.slow(1));
+                let scales = pass.scales(row, &levels);
+                raised[k].predict(transition, &interval.offset, &interval.noise, &scales, pass.slow(1));
             }
             rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
-            if let Some((j, column)) = of.by_lag(row, &at[0]).filter(|_| *bench) {
+            if let Some((j, column)) = pass.by_lag(row, &at[0]).filter(|_| *bench) {
                 force.put(j, column);
             }
             let [a, b, c, g] = &transition.blocks;
@@ -212,15 +212,15 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted
             }
         }
         if *bench {
-            // Where the filter predicts the rotor, as the force.
+            // At the position predicted by the filter, as for the force.
             let at: State<N> = match expected(row) {
                 Some((_, state)) => state,
-                None => std::array::from_fn(|d| std::array::from_fn(|a| of.state[row][d][a] + kalman.x[N * d + a])),
+                None => std::array::from_fn(|d| std::array::from_fn(|a| pass.state[row][d][a] + kalman.x[N * d + a])),
             };
             let acceleration = interval.map_or([0.0; N], |(interval, _)| interval.end);
             rotor.sensor_columns(&at, &acceleration, to, &mut sensor);
         }
-        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
+        let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
         let counts = row >= piece.counted.start;
         let w = innovation.factor.whiten(innovation.e);
         if counts && block_of(row) != block_of(block.rows.start) {
@@ -254,28 +254,28 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(on: On<'_>, wanted
         }
         if gains {
             let by_level: [[f64; N]; K] = std::array::from_fn(|k| {
-                let other = raised[k].update(rotor, of.variance(row, rotor.exponent), residual);
+                let other = raised[k].update(rotor, pass.variance(row, rotor.exponent), residual);
                 innovation.factor.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
                 let column = match columns {
-                    // Instruments know nothing of the innovations. The measured sensitivities stand behind them.
+                    // Instruments do not depend on the innovations; the measured sensitivities after them do.
                     Columns::Instruments => rotor.layout.measured(*j),
                     _ => Some(*j),
                 };
                 let Some(column) = column else { continue };
-                // All registers are there.
+                // All registers are present.
                 for a in 0..N {
                     sums.batch[column / REGISTER][filled + a][column % REGISTER] -= level * by_level[*k][a];
                 }
             }
         }
-        // Where the force is not known, innovations are not white.
-        let white = if counts && case.tells(row) { w } else { [0.0; N] };
+        // Where the force is unknown, innovations are not white.
+        let white = if counts && case.is_informative(row) { w } else { [0.0; N] };
         if counts {
-            sums.count(w);
+            sums.add_score(w);
             block.rows.end = row + 1;
-            if case.tells(row) {
+            if case.is_informative(row) {
                 block.count += 1.0;
                 block.nis += w.iter().map(|w| w * w).sum::<f64>();
                 log_det.times(innovation.det);
@@ -305,60 +305,59 @@ fn close<const N: usize>(block: &mut Block, sums: &mut Sums<'_>, log_det: &mut L
     *log_det = LogProduct::new();
 }
 
-/// Calls `each` with every row, the shaft there, the interval that ends there with its transition (none at the first row), and what is measured minus what is read at
-/// the trajectory.
+/// Calls `each` with every row, the shaft there, the interval that ends there with its transition (none at the first row), and the residual: measured
+/// position minus the reading at the trajectory.
 #[inline(always)]
 fn each_row<const N: usize, const K: usize>(
-    of: &Pass<N, K>,
+    pass: &Pass<N, K>,
     rows: Range<usize>,
     mut each: impl FnMut(usize, &Shaft, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
 ) {
-    let On { case, rotor, .. } = of.on;
+    let Input { case, rotor, .. } = pass.input;
     let mut from = case.shaft(rows.start);
     for row in rows.clone() {
         let to = case.shaft(row);
         let interval = (row > rows.start).then(|| {
-            let interval = of.interval(row, &from, &to);
+            let interval = pass.interval(row, &from, &to);
             let transition = Transition::of(rotor.h, &interval.stiffness, &interval.gyroscopic);
             (interval, transition)
         });
         let acceleration = interval.as_ref().map_or([0.0; N], |(interval, _)| interval.end);
-        let read = rotor.reading(&of.state[row], &acceleration, &to);
-        let residual = std::array::from_fn(|a| of.position[a][row] - read[a]);
+        let read = rotor.reading(&pass.state[row], &acceleration, &to);
+        let residual = std::array::from_fn(|a| pass.position[a][row] - read[a]);
         each(row, &to, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
         from = to;
     }
 }
 
 /// State of the smoother for a row.
-struct Kept<const N: usize, const S: usize> {
-    /// From the row before; none at the first one.
+struct FilteredRow<const N: usize, const S: usize> {
+    /// From the previous row; none at the first one.
     transition: Option<Transition<N>>,
     predicted: Kalman<S>,
     innovation: Innovation<N, S>,
 }
 
 /// The smoothed trajectory of the counted rows (modified Bryson–Frazier recursion, Bierman 1973).
-fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64> {
-    let (On { rotor, piece, .. }, of) = (on, &Pass::<N, K>::of(on));
+fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> Vec<f64> {
+    let (Input { rotor, piece, .. }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
-    let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(start));
-    let mut kept = Vec::with_capacity(piece.filtered.len());
-    each_row(of, piece.filtered.clone(), |row, _, interval, residual| {
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start));
+    let mut filtered = Vec::with_capacity(piece.filtered.len());
+    each_row(pass, piece.filtered.clone(), |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, &interval.offset, &interval.noise, &SAME.currents, of.slow(1));
+            kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
         }
         let transition = interval.map(|(_, transition)| *transition);
         let predicted = kalman.clone();
-        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
-        kept.push(Kept { transition, predicted, innovation });
+        let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
+        filtered.push(FilteredRow { transition, predicted, innovation });
     });
     let (m, d) = (&rotor.sensor, rotor.delay);
     let mut r = [0.0; S];
     let mut smoothed = vec![0.0; 2 * N * piece.counted.len()];
     for row in piece.filtered.clone().rev() {
-        let keep = &kept[row - start];
-        let innovation = &keep.innovation;
+        let FilteredRow { transition, predicted, innovation } = &filtered[row - start];
         // r ← Hᵀ (S⁻¹ e − Kᵀ r) + r.
         let mut u = innovation.factor.unwhiten(innovation.factor.whiten(innovation.e));
         for (a, u) in u.iter_mut().enumerate() {
@@ -371,26 +370,26 @@ fn smooth<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> Vec<f64
         }
         if row >= piece.counted.start && row < piece.counted.end {
             let to = &mut smoothed[2 * N * (row - piece.counted.start)..][..2 * N];
-            for (i, before) in of.state[row].as_flattened().iter().enumerate() {
-                let change: f64 = (0..S).map(|j| keep.predicted.p[i][j] * r[j]).sum();
-                to[i] = before + keep.predicted.x[i] + change;
+            for (i, before) in pass.state[row].as_flattened().iter().enumerate() {
+                let change: f64 = (0..S).map(|j| predicted.p[i][j] * r[j]).sum();
+                to[i] = before + predicted.x[i] + change;
             }
         }
-        r = keep.transition.map_or(r, |transition| transition.apply_transposed(&r));
+        r = transition.map_or(r, |transition| transition.apply_transposed(&r));
     }
     smoothed
 }
 
-/// The innovations of the counted rows, row by row: in m, and whitened.
-fn innovations<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> [Vec<f64>; 2] {
-    let (On { case, rotor, piece }, of) = (on, &Pass::<N, K>::of(on));
-    let mut kalman = Kalman::<S>::diffuse::<N>(of.slow(piece.filtered.start));
+/// Innovations of the counted rows, row by row: in m, and whitened.
+fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> [Vec<f64>; 2] {
+    let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(piece.filtered.start));
     let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
-    each_row(of, piece.filtered.start..piece.counted.end, |row, _, interval, residual| {
+    each_row(pass, piece.filtered.start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, &interval.offset, &interval.noise, &SAME.currents, of.slow(1));
+            kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
         }
-        let innovation = kalman.update(rotor, of.variance(row, rotor.exponent), residual);
+        let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
         if row >= piece.counted.start {
             let error = if case.is_missing(row) { [f64::NAN; N] } else { innovation.e };
             innovations[0].extend(error);
@@ -400,40 +399,44 @@ fn innovations<const N: usize, const K: usize, const S: usize>(on: On<'_>) -> [V
     innovations
 }
 
-/// Levels of noise relative to those of a recording.
+/// Noise levels relative to those of a recording.
 #[derive(Clone, Copy)]
 pub(super) struct Levels {
     /// Factors of the noise of each current.
     pub currents: ByMagnet,
     /// Factor of the level of the slow force.
     pub slow: f64,
-    /// Change of the exponent of the gap in the position noise.
+    /// Change of the exponent with which position noise grows with the gap.
     pub exponent: f64,
-    /// Factor of the errors of currents that were not recorded.
+    /// Factor on the errors of currents that were not recorded.
     pub restored: f64,
 }
 
-/// As they are.
-pub(super) const SAME: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0, restored: 1.0 };
+/// Unchanged levels.
+pub(super) const UNCHANGED: Levels = Levels { currents: [1.0; 8], slow: 1.0, exponent: 0.0, restored: 1.0 };
 
-/// `[ln det sum, NIS sum, rows]` with noise times each of three sets of factors, at the same position noise.
-fn likelihoods<const N: usize, const K: usize, const S: usize>(on: On<'_>, levels: &[Levels; 3]) -> [[f64; 3]; 3] {
-    let (On { case, rotor, piece }, of) = (on, &Pass::<N, K>::of(on));
+/// `[Σ ln det, Σ NIS, rows]` for each of three sets of noise levels.
+pub(super) type Likelihoods = [[f64; 3]; 3];
+
+/// Likelihoods of three sets of levels at the same position noise.
+fn likelihoods<const N: usize, const K: usize, const S: usize>(input: Input<'_>, levels: &[Levels; 3]) -> Likelihoods {
+    let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
-    let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * of.slow(rows);
+    let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * pass.slow(rows);
     let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
     let mut logs = [LogProduct::<N>::new(); 3];
     let mut sums = [[0.0; 3]; 3];
-    each_row(of, start..piece.counted.end, |row, _, interval, residual| {
+    each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
-                kalman.predict(transition, &interval.offset, &interval.noise, &of.scales(row, levels), slow(levels, 1));
+                let scales = pass.scales(row, levels);
+                kalman.predict(transition, &interval.offset, &interval.noise, &scales, slow(levels, 1));
             }
         }
         for f in 0..3 {
-            let variance = of.variance(row, rotor.exponent + levels[f].exponent);
+            let variance = pass.variance(row, rotor.exponent + levels[f].exponent);
             let innovation = kalman[f].update(rotor, variance, residual);
-            if row >= piece.counted.start.max(start + 4) && case.tells(row) {
+            if row >= piece.counted.start.max(start + 4) && case.is_informative(row) {
                 let w = innovation.factor.whiten(innovation.e);
                 logs[f].times(innovation.det);
                 sums[f][1] += w.iter().map(|w| w * w).sum::<f64>();
@@ -447,10 +450,10 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(on: On<'_>, level
     sums
 }
 
-/// Values of all columns by coordinate, register by register.
-pub(super) struct Sheet<const N: usize>(Vec<[Register; N]>);
+/// Values of all columns by coordinate, grouped by register.
+pub(super) struct ColumnValues<const N: usize>(Vec<[Register; N]>);
 
-impl<const N: usize> Sheet<N> {
+impl<const N: usize> ColumnValues<N> {
     fn new(columns: usize) -> Self {
         Self(vec![[[0.0; REGISTER]; N]; columns.div_ceil(REGISTER)])
     }
@@ -467,66 +470,65 @@ impl<const N: usize> Sheet<N> {
     }
 }
 
-/// Sensitivities of a pass.
+/// Sensitivities computed by a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Columns {
-    /// To what is searched.
+    /// To the unknowns of the search.
     Searched,
     /// To all parameters.
     All,
-    /// The same with what the parameters do through the gains of the filter.
+    /// The same, including the effect of parameters through the filter gains.
     Total,
-    /// The instruments of all parameters, then the measured sensitivities, total ones.
+    /// Instruments of all parameters, then the measured sensitivities, both total.
     Instruments,
 }
 
-/// The sums that are wanted of a pass.
-pub(super) struct Wanted {
+/// Sums requested from a pass.
+pub(super) struct Request {
     columns: Columns,
-    /// Registers of these columns; others are left out.
+    /// Registers of the requested columns; others are skipped.
     registers: Vec<usize>,
-    /// Whether parameters of the bench are among them.
+    /// Whether bench parameters are among them.
     bench: bool,
 }
 
-impl Wanted {
-    /// `searched` tells whether a column is of use in a search.
+impl Request {
+    /// `searched` returns whether the search needs a column.
     pub fn of(columns: Columns, layout: &Layout, searched: impl Fn(usize) -> bool) -> Self {
-        let is_wanted = |j: &usize| columns != Columns::Searched || *j < layout.base || *j < layout.all && searched(*j);
-        let wanted = || (0..layout.columns()).filter(is_wanted);
-        let mut registers: Vec<usize> = wanted().map(|j| j / REGISTER).collect();
+        let is_needed = |j: &usize| columns != Columns::Searched || *j < layout.base || *j < layout.all && searched(*j);
+        let needed = || (0..layout.columns()).filter(is_needed);
+        let mut registers: Vec<usize> = needed().map(|j| j / REGISTER).collect();
         registers.dedup();
-        Self { columns, registers, bench: wanted().any(|j| j >= layout.base) }
+        Self { columns, registers, bench: needed().any(|j| j >= layout.base) }
     }
 }
 
-/// The passes of the filter for sizes that are fixed at compile time, for it is done at every sample.
+/// Passes of the filter with sizes fixed at compile time, since they run at every sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passes {
-    pub columns: fn(On<'_>, &Wanted) -> Vec<Block>,
+    pub columns: fn(Input<'_>, &Request) -> Vec<Block>,
     /// Coordinates and rates, row by row.
-    pub smooth: fn(On<'_>) -> Vec<f64>,
-    pub innovations: fn(On<'_>) -> [Vec<f64>; 2],
-    pub likelihoods: fn(On<'_>, &[Levels; 3]) -> [[f64; 3]; 3],
+    pub smooth: fn(Input<'_>) -> Vec<f64>,
+    pub innovations: fn(Input<'_>) -> [Vec<f64>; 2],
+    pub likelihoods: fn(Input<'_>, &[Levels; 3]) -> Likelihoods,
     /// Gaps in m and squared currents in A² of a row.
-    pub driven: fn(On<'_>, usize) -> [ByMagnet; 2],
+    pub gaps_and_squares: fn(Input<'_>, usize) -> [ByMagnet; 2],
 }
 
 impl Passes {
-    /// N coordinates, K magnets and S states.
+    /// For N coordinates, K magnets and S states.
     fn of<const N: usize, const K: usize, const S: usize>() -> Self {
         Self {
             columns: columns_of::<N, K, S>,
             smooth: smooth::<N, K, S>,
             innovations: innovations::<N, K, S>,
             likelihoods: likelihoods::<N, K, S>,
-            driven: driven::<N, K>,
+            gaps_and_squares: gaps_and_squares::<N, K>,
         }
     }
 }
 
-/// The filters of all parts of machines, by coordinates and magnets: without a slow force, and with one. Where states are as many, one serves: each takes a second
-/// to compile.
+/// Filters of all parts of machines, by coordinates and magnets: without and with a slow force. An axis has one for both, as each takes a second to compile.
 pub(super) fn passes(coordinates: usize, magnets: usize) -> [Passes; 2] {
     match (coordinates, magnets) {
         (1, 2) => [Passes::of::<1, 2, 3>(); 2],
@@ -538,10 +540,10 @@ pub(super) fn passes(coordinates: usize, magnets: usize) -> [Passes; 2] {
     }
 }
 
-fn driven<const N: usize, const K: usize>(on: On<'_>, row: usize) -> [ByMagnet; 2] {
-    let of = Pass::<N, K>::of(on);
+fn gaps_and_squares<const N: usize, const K: usize>(input: Input<'_>, row: usize) -> [ByMagnet; 2] {
+    let pass = Pass::<N, K>::of(input);
     let (mut gaps, mut squares) = (ByMagnet::default(), ByMagnet::default());
-    gaps[..K].copy_from_slice(&on.rotor.gaps::<N, K>(&of.state[row][0]));
-    squares[..K].copy_from_slice(&of.squares(row).middle);
+    gaps[..K].copy_from_slice(&input.rotor.gaps::<N, K>(&pass.state[row][0]));
+    squares[..K].copy_from_slice(&pass.squares(row).middle);
     [gaps, squares]
 }

@@ -1,4 +1,4 @@
-//! The Kalman filter of the deviation from a trajectory: transition over an interval, prediction, correction.
+//! Kalman filter of the deviation from a trajectory: transition over an interval, prediction, correction.
 //!
 //! Sizes: N coordinates, S states.
 
@@ -17,30 +17,30 @@ pub(super) struct Kalman<const S: usize> {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Innovation<const N: usize, const S: usize> {
     pub e: [f64; N],
-    /// That of the covariance of e.
+    /// Cholesky factor of the covariance of e.
     pub factor: Factor<N>,
     pub gain: [[f64; N]; S],
     /// Determinant of the covariance.
     pub det: f64,
 }
 
-/// The Cholesky factor L of a covariance, with the reciprocals of its diagonal.
+/// Cholesky factor L of a covariance, with the reciprocals of its diagonal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Factor<const N: usize>([[f64; N]; N]);
 
 impl<const N: usize> Factor<N> {
-    /// With the determinant of the covariance.
+    /// Factor and determinant of a covariance.
     #[inline(always)]
     fn of(s: &[[f64; N]; N]) -> (Self, f64) {
         let (mut l, mut det) = ([[0.0; N]; N], 1.0);
         for a in 0..N {
             for b in 0..a {
-                let rest: f64 = s[a][b] - (0..b).map(|c| l[a][c] * l[b][c]).sum::<f64>();
-                l[a][b] = rest * l[b][b];
+                let remainder: f64 = s[a][b] - (0..b).map(|c| l[a][c] * l[b][c]).sum::<f64>();
+                l[a][b] = remainder * l[b][b];
             }
-            let rest = s[a][a] - (0..a).map(|c| l[a][c] * l[a][c]).sum::<f64>();
-            det *= rest;
-            l[a][a] = 1.0 / rest.sqrt();
+            let remainder = s[a][a] - (0..a).map(|c| l[a][c] * l[a][c]).sum::<f64>();
+            det *= remainder;
+            l[a][a] = 1.0 / remainder.sqrt();
         }
         (Self(l), det)
     }
@@ -70,10 +70,10 @@ impl<const N: usize> Factor<N> {
     }
 }
 
-/// The transition of one interval, without the identity: stiffness K and gyroscope G act to the third order of its length.
+/// Transition over one interval minus identity: stiffness K and gyroscopic matrix G act to the third order of its length.
 #[derive(Clone, Copy)]
 pub(super) struct Transition<const N: usize> {
-    /// Of coordinates by coordinates and by rates, of rates by both.
+    /// Coordinates by coordinates, coordinates by rates, rates by coordinates, rates by rates.
     pub blocks: [[[f64; N]; N]; 4],
     h: f64,
 }
@@ -140,7 +140,7 @@ impl<const N: usize> Transition<N> {
         to
     }
 
-    /// `F P Fᵀ + Σ scale_k² Γ_k Γ_kᵀ`; `slow` is the variance that the acceleration of a slow force gains in an interval.
+    /// `F P Fᵀ + Σ scale_k² Γ_k Γ_kᵀ`; `slow` is the variance added to the acceleration of a slow force per interval.
     fn propagate<const S: usize>(&self, noise: &[[f64; N]], scales: &ByMagnet, slow: f64, p: &mut [[f64; S]; S]) {
         let h = self.h;
         // P is symmetric: its rows are its columns.
@@ -175,7 +175,7 @@ impl<const N: usize> Transition<N> {
         for i in 2 * N..S {
             p[i][i] += slow;
         }
-        // Rounding must not make it unsymmetric.
+        // Keep P symmetric despite rounding.
         for i in 0..S {
             for l in 0..i {
                 p[i][l] = p[l][i];
@@ -185,8 +185,7 @@ impl<const N: usize> Transition<N> {
 }
 
 impl<const S: usize> Kalman<S> {
-    /// Nothing is known of the state but that the rotor is near the trajectory, within a gap and a metre per second. `slow` is the variance of the acceleration of a
-    /// slow force.
+    /// Initial state: the rotor is near the trajectory, within a millimetre and a metre per second. `slow` is the variance of the acceleration of a slow force.
     pub fn diffuse<const N: usize>(slow: f64) -> Self {
         let mut p = [[0.0; S]; S];
         for a in 0..N {
@@ -214,7 +213,7 @@ impl<const S: usize> Kalman<S> {
         transition.propagate(noise, scales, slow, &mut self.p);
     }
 
-    /// `residual`: measured minus read at the trajectory.
+    /// `residual`: measured position minus the reading at the trajectory.
     pub fn update<const N: usize>(
         &mut self,
         rotor: &Rotor,

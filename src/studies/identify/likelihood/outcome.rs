@@ -1,15 +1,15 @@
-//! Results of a finished search: estimates with their deviations, budget, residuals, suspects.
+//! Results of a finished search: estimates with their standard deviations, budget, residuals, suspects.
 
 use nalgebra::DMatrix;
 
-use super::data::On;
+use super::data::Input;
 use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
 use super::search::Finished;
-use super::solve::{self, inverse, part};
+use super::solve::{self, inverse, submatrix};
 use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, OfPart, Suspect, Unbalance};
 
-/// χ² with one degree of freedom above which a bench parameter is a suspect: 8 · 10⁻⁶ by chance.
+/// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
 
 pub(super) fn report(
@@ -19,7 +19,7 @@ pub(super) fn report(
     gain_by_slow_force: f64,
 ) -> Identification {
     let search = &finished.search;
-    let (magnets, load) = (search.kind.layout.magnets, search.kind.layout.load);
+    let (magnets, load) = (search.model.layout.magnets, search.model.layout.load);
     let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
     let errors_m = search.prediction_errors().into_iter().enumerate();
     let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
@@ -28,7 +28,7 @@ pub(super) fn report(
         unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
         conditions: conditions.collect(),
         lambda,
-        bench: (0..search.kind.part.parameters.len()).map(|j| of_bench(finished, j, held.contains(&j))).collect(),
+        bench: (0..search.model.part.parameters.len()).map(|j| of_bench(finished, j, held.contains(&j))).collect(),
         suspects: suspects(finished),
         contradictions,
         by_scores: finished.by_scores,
@@ -39,7 +39,7 @@ pub(super) fn report(
     }
 }
 
-/// The unbalance whose parts are the unknowns `at` and the next one.
+/// Unbalance whose components are the unknowns `at` and `at + 1`.
 fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
     let [c, s] = [at, at + 1].map(|at| finished.search.x[at]);
     let size = c.hypot(s);
@@ -65,13 +65,13 @@ fn conditions(
 ) -> Conditions {
     let search = &finished.search;
     let case = &search.cases[r];
-    let (rotor, layout) = (search.rotor(r), search.kind.layout);
+    let (rotor, layout) = (search.rotor(r), search.model.layout);
     let ([mut ki, mut ks], mut rows) = ([ByMagnet::<f64>::default(); 2], 0);
     for piece in &case.pieces {
         let first = usize::from(piece.counted.start == piece.filtered.start);
         for row in piece.counted.clone().skip(first).filter(|row| !case.is_restored(*row)) {
-            let on = On { case, rotor: &rotor, piece };
-            let [gaps, squares] = (rotor.passes.driven)(on, row);
+            let input = Input { case, rotor: &rotor, piece };
+            let [gaps, squares] = (rotor.passes.gaps_and_squares)(input, row);
             for k in 0..layout.magnets {
                 let square = squares[k].max(0.0);
                 ki[k] += square.sqrt() / (gaps[k] * gaps[k]);
@@ -90,8 +90,8 @@ fn conditions(
         let sum = |part: usize| blocks().map(|block| block.harmonics[axis][harmonic][part]).sum::<f64>();
         sum(0) * sum(0) + sum(1) * sum(1)
     };
-    let powers = (0..layout.loads()).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic)));
-    let powers: Vec<[f64; HARMONICS]> = powers.collect();
+    let powers: Vec<[f64; HARMONICS]> =
+        (0..layout.loads()).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic))).collect();
     let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
@@ -99,13 +99,13 @@ fn conditions(
             position_noise_m: case.position_noise,
             current_noise_a: case.current_noise,
             slow_force_n: case.slow_force,
-            noise_exponent: search.kind.part.beside.exponent.then_some(Estimate {
+            noise_exponent: search.model.part.beside.exponent.then_some(Estimate {
                 value: case.exponent,
                 noise_std: case.exponent_std,
                 total_std: case.exponent_std,
             }),
             rows: case.rows(),
-            counting: case.counting(),
+            counting: case.effective_rows(),
             correlation: neighbours / blocks().map(|block| block.nis).sum::<f64>(),
         }],
         resolution_m: case.resolution_m.clone(),
@@ -117,27 +117,27 @@ fn conditions(
     }
 }
 
-/// A bench parameter, by its number.
+/// Results for a bench parameter, by index.
 fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     let search = &finished.search;
     let (magnets, unknown, parameter) =
-        (search.kind.layout.magnets, search.kind.layout.load + j, &search.kind.part.parameters[j]);
+        (search.model.layout.magnets, search.model.layout.load + j, &search.model.part.parameters[j]);
     let (mut estimate, mut estimated) = (finished.estimate(unknown), finished.at(unknown).is_some());
-    if let Some(std) = search.mass_tolerance().filter(|_| j == search.kind.places.mass) {
+    if let Some(std) = search.mass_tolerance().filter(|_| j == search.model.places.mass) {
         (estimate.total_std, estimated) = (std, true);
     }
     let tolerance = parameter.knowledge.tolerance().unwrap_or(parameter.typical);
-    // All that is estimated follows an error of the parameter, but for the parameter itself.
+    // All other estimates respond to an error of the parameter.
     let others: Vec<usize> = finished.estimated.iter().copied().filter(|at| *at != unknown).collect();
     let (a, _) = search.equations(&finished.normal, &others);
-    let response = inverse(&a).map(|inverse| inverse * part(&finished.normal.j, &others, &[unknown]));
+    let response = inverse(&a).map(|inverse| inverse * submatrix(&finished.normal.j, &others, &[unknown]));
     let relative = |k: usize, value: f64| value / search.x[k];
     let sensitivity = |k: usize| response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]));
     let sensitivity: Vec<f64> = (0..magnets).map(sensitivity).collect();
     let contribution = match finished.at(unknown) {
         None => sensitivity.iter().map(|s| s.abs() * tolerance).collect(),
         Some(i) => {
-            // Cov(λ, p)²/Var p is what λ's variance loses when p is known.
+            // Cov(λ, p)²/Var p is the variance that λ loses if p is known.
             let own = finished.total[(i, i)];
             (0..magnets).map(|k| relative(k, (finished.total[(k, i)].powi(2) / own).sqrt())).collect()
         }
@@ -152,18 +152,18 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let (h, b) = search.equations_by(&finished.normal, of, of, columns);
     let (g, _) = search.equations(&finished.normal, of);
     let Some(inverse) = solve::general_inverse(&h) else { return Vec::new() };
-    let coordinates = search.kind.layout.loads() as f64;
+    let coordinates = search.model.layout.loads() as f64;
     let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
     let rows: f64 = blocks().map(|block| coordinates * block.count).sum();
     let nis = blocks().map(|block| block.nis).sum::<f64>() / rows;
-    let load = search.kind.layout.load;
+    let load = search.model.layout.load;
     let suspect = |j: usize| {
         let unknown = load + j;
-        let projected = part(&finished.normal.j, &[unknown], columns) * &inverse;
+        let projected = submatrix(&finished.normal.j, &[unknown], columns) * &inverse;
         let all = finished.normal.j[(unknown, unknown)];
-        let cross = part(&finished.normal.j, of, &[unknown]);
+        let cross = submatrix(&finished.normal.j, of, &[unknown]);
         let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
-        // A parameter that the other unknowns imitate up to rounding cannot be suspected.
+        // A parameter that the other unknowns reproduce up to rounding cannot be suspected.
         if own <= 1e-9 * all {
             return None;
         }
@@ -172,7 +172,7 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         let std = (nis.max(1.0) / own).sqrt();
         (chi_square > SUSPECT).then_some(Suspect { parameter: j, value: score / own, std, chi_square })
     };
-    let exact = (0..search.kind.part.parameters.len()).filter(|j| finished.at(load + j).is_none());
+    let exact = (0..search.model.part.parameters.len()).filter(|j| finished.at(load + j).is_none());
     let mut suspects: Vec<Suspect> = exact.filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
     suspects

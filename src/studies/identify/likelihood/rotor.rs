@@ -1,41 +1,40 @@
-//! Equations of motion over one sample interval, linearised about a trajectory, and of the sensors, with their derivatives to all
-//! parameters.
+//! Equations of motion over one sample interval, linearised about a trajectory, and of the sensors, with their derivatives with respect to all parameters.
 //!
-//! The rotor and its magnets are those of the on-line estimator ([`Machine`]): N coordinates that the sensors read, K magnets, accelerations by
-//! unit forces. What a parameter of the bearing changes is the difference of two such descriptions. Descriptions have room for the largest machine; what is done at
-//! every sample knows N and K.
+//! Rotor and magnets are those of the on-line estimator ([`Machine`]): N coordinates read by the sensors, K magnets, accelerations by
+//! unit forces. The derivative with respect to a bearing parameter is the difference of two such descriptions. Descriptions have room for the largest
+//! machine; code that runs at every sample knows N and K.
 
 #![allow(clippy::needless_range_loop, reason = "several arrays go by one index")]
 
 use super::Part;
 use super::bench::Places;
 use super::case::Case;
-use super::filter::{Passes, Sheet};
+use super::filter::{ColumnValues, Passes};
 use super::lag::Lag;
 use crate::estimation::Machine;
 use crate::plant::PLANES;
 
-/// A value for each coordinate, and for each magnet, with room for the most of them.
+/// A value for each coordinate, and for each magnet, with room for the largest machine.
 pub(super) type ByAxis<T = f64> = [T; 4];
 pub(super) type ByMagnet<T = f64> = [T; 8];
 
 /// Coordinates in m and their rates in m/s.
 pub(super) type State<const N: usize> = [[f64; N]; 2];
 
-/// Places of the parameters of one recording: λ, U cos φ and U sin φ of each plane, loads, then the bench.
+/// Indices of the parameters of one recording: λ, U cos φ and U sin φ of each plane, loads, then the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
-    /// Number of magnets, and place of the first unbalance.
+    /// Number of magnets, and index of the first unbalance.
     pub magnets: usize,
-    /// Place of the first load. Among the unknowns of all recordings the bench begins here.
+    /// Index of the first load. Among the unknowns of all recordings the bench begins here.
     pub load: usize,
-    /// Place of the first parameter of the bench.
+    /// Index of the first bench parameter.
     pub base: usize,
     /// Number of parameters.
     pub all: usize,
-    /// Place of κ, if it is asked for.
+    /// Index of κ, if it is a parameter.
     pub dynamics: Option<usize>,
-    /// Whether the currents are commands, which have no noise that instruments would be needed for.
+    /// Whether the currents are commands, which are free of noise and need no instruments.
     pub commands: bool,
 }
 
@@ -45,17 +44,17 @@ impl Layout {
         self.base - self.load
     }
 
-    /// Number of unknowns that all recordings share: λ, U, then the bench.
+    /// Number of unknowns common to all recordings: λ, U, then the bench.
     pub fn shared(&self) -> usize {
         self.all - self.loads()
     }
 
-    /// Number of unknowns of so many recordings.
+    /// Number of unknowns of this number of recordings.
     pub fn unknowns(&self, recordings: usize) -> usize {
         self.shared() + self.loads() * recordings
     }
 
-    /// Place of the measured sensitivity to a parameter behind those of all parameters: λ and κ have one, for the noise of the currents biases their scores.
+    /// Column of the measured sensitivity to a parameter, after those of all parameters: λ and κ have one, since noise of the currents biases their scores.
     pub fn measured(&self, j: usize) -> Option<usize> {
         if self.commands {
             None
@@ -66,12 +65,12 @@ impl Layout {
         }
     }
 
-    /// Number of columns with the measured ones.
+    /// Number of columns, including the measured sensitivities.
     pub fn columns(&self) -> usize {
         self.all + if self.commands { 0 } else { self.magnets + usize::from(self.dynamics.is_some()) }
     }
 
-    /// Number of the unknown that parameter `j` of recording `r` is: λ, U, bench, then the loads of each recording.
+    /// Index of the unknown for parameter `j` of recording `r`: λ, U, bench, then the loads of each recording.
     pub fn unknown(&self, j: usize, r: usize) -> usize {
         if j < self.load {
             j
@@ -83,14 +82,14 @@ impl Layout {
     }
 }
 
-/// The response of a rotor to forces and motions: gaps in m, directions and accelerations per N, as in [`Machine`].
+/// Response of a rotor to forces and motions: gaps in m, directions and accelerations per N, as in [`Machine`].
 #[derive(Clone, Debug, Default)]
 pub(super) struct Description {
     gap_m: ByMagnet,
     directions: ByMagnet<ByAxis>,
     magnets: ByMagnet<ByAxis>,
-    /// By forces along y and z in each plane of unbalance, and of each backward force.
-    turning: [[ByAxis; 2]; PLANES],
+    /// By forces along y and z in each plane of unbalance, and by each backward force.
+    unbalance: [[ByAxis; 2]; PLANES],
     backward: [[ByAxis; 2]; PLANES],
     loads: ByAxis<ByAxis>,
     gyroscopic: ByAxis<ByAxis>,
@@ -112,7 +111,7 @@ impl Description {
             of.magnets[k] = row(k);
         }
         for p in 0..planes {
-            of.turning[p] = [0, 1].map(|axis| row(K + 2 * p + axis));
+            of.unbalance[p] = [0, 1].map(|axis| row(K + 2 * p + axis));
         }
         for p in 0..(U - N - machine.backward) / 2 {
             of.backward[p] = [0, 1].map(|axis| row(machine.backward + 2 * p + axis));
@@ -133,31 +132,31 @@ impl Description {
     }
 
     fn values(&mut self) -> impl Iterator<Item = &mut f64> {
-        let turning = self.turning.as_flattened_mut().iter_mut().chain(self.backward.as_flattened_mut());
-        let magnets = self.directions.iter_mut().chain(&mut self.magnets).chain(turning);
+        let rotating = self.unbalance.as_flattened_mut().iter_mut().chain(self.backward.as_flattened_mut());
+        let magnets = self.directions.iter_mut().chain(&mut self.magnets).chain(rotating);
         self.gap_m.iter_mut().chain(magnets.chain(&mut self.loads).chain(&mut self.gyroscopic).flatten())
     }
 }
 
-/// A kind of rotor: what the parameters of its bench do.
-pub(super) struct Kind<'a> {
+/// Model of a rotor: effects of its bench parameters.
+pub(super) struct Model<'a> {
     pub part: &'a Part,
     /// Whether a slow force is estimated.
     pub slow_force: bool,
-    /// Describes it with given values of its bench.
+    /// Describes the rotor for given values of its bench.
     pub describe: Describe<'a>,
-    /// Parameters of the bench that change the description, with the steps of central differences.
+    /// Bench parameters that change the description, with the steps of central differences.
     pub varied: Vec<(usize, f64)>,
     pub places: Places,
     pub layout: Layout,
-    /// The filters of its sizes, without a slow force and with one.
+    /// Filters of its sizes, without and with a slow force.
     pub passes: [Passes; 2],
 }
 
-/// Describes a rotor with given values of its bench.
+/// Describes a rotor for given values of its bench.
 pub(super) type Describe<'a> = Box<dyn Fn(&[f64]) -> Description + Sync + 'a>;
 
-/// One sample instant of the shaft.
+/// The shaft at one sample instant.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shaft {
     pub cos: f64,
@@ -171,7 +170,7 @@ pub(super) struct Shaft {
 }
 
 impl Shaft {
-    /// Factors of U cos φ and U sin φ in the force of the unbalance, (y, z).
+    /// Factors of U cos φ and U sin φ in the unbalance force (y, z).
     fn unbalance(&self) -> [[f64; 2]; 2] {
         let (c, s, w, b) = (self.cos, self.sin, self.square, self.rate);
         [[w * c + b * s, w * s - b * c], [-w * s + b * c, w * c + b * s]]
@@ -187,7 +186,7 @@ pub(super) struct Rotor {
     pub layout: Layout,
     pub places: Places,
     machine: Description,
-    /// Its derivatives to parameters of the bench, by number.
+    /// Derivatives of the description with respect to bench parameters, by index.
     varied: Vec<(usize, Description)>,
     /// cos and sin of the rotation of each pair of position sensors.
     rotations: Vec<[f64; 2]>,
@@ -198,25 +197,25 @@ pub(super) struct Rotor {
     pub delay: f64,
     /// Offset and `1 + gain` of the readings of the currents.
     current: ByMagnet<[f64; 2]>,
-    /// The currents, if they follow commands, and with a longer and a shorter lag.
+    /// Currents if they lag behind commands, also for a longer and a shorter lag.
     pub lag: Option<[Lag; 3]>,
     /// Standard deviation of the current noise, A.
     pub noise: f64,
-    /// Level of a slow force as an acceleration, a random walk, m/s² after a second.
+    /// Level of the slow force as an acceleration, a random walk, m/s² after one second.
     pub slow: f64,
-    /// Power of the gap with which the noise of the positions grows, and the nominal gap, m.
+    /// Exponent with which position noise grows with the gap, and the nominal gap, m.
     pub exponent: f64,
     pub nominal_m: f64,
-    /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet to the parameters: parameter, magnet, derivative.
+    /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet with respect to parameters: parameter, magnet, derivative.
     pub levels: Vec<(usize, usize, f64)>,
-    /// The filter.
+    /// Filter passes.
     pub passes: Passes,
 }
 
-/// One sample interval: `δ_k = F δ_{k−1} + offset + Σ_j Γ_j w_j` with stiffness and gyroscope in F, w of variance 1.
+/// One sample interval: `δ_k = F δ_{k−1} + offset + Σ_j Γ_j w_j` with stiffness and gyroscopic matrix in F, w of variance 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval<const N: usize, const K: usize> {
-    /// `∂a/∂q` in the middle, in 1/s².
+    /// `∂a/∂q` at the midpoint, in 1/s².
     pub stiffness: [[f64; N]; N],
     /// `∂a/∂q̇`, in 1/s; 0 unless the rotor tilts.
     pub gyroscopic: [[f64; N]; N],
@@ -226,26 +225,26 @@ pub(super) struct Interval<const N: usize, const K: usize> {
     pub noise: [[f64; N]; K],
     /// Acceleration at the end.
     pub end: [f64; N],
-    /// Point in the middle, m, squared currents there, A², and the shaft.
+    /// State at the midpoint, m and m/s, squared currents there, A², and the shaft.
     pub middle: State<N>,
     pub squares: [f64; K],
     pub shaft: Shaft,
 }
 
-/// Squared currents at start, middle, and end of an interval.
+/// Squared currents at start, midpoint and end of an interval.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Squares<const K: usize> {
     pub start: [f64; K],
     pub middle: [f64; K],
     pub end: [f64; K],
-    /// Standard deviations of those in the middle.
+    /// Standard deviations of those at the midpoint.
     pub std: [f64; K],
 }
 
-/// Forces (y, z) of unbalances by plane, and of backward forces by bearing, of which there are as many.
-type Turning = [[[f64; 2]; PLANES]; 2];
+/// Forces (y, z) of unbalances by plane, and of backward forces by bearing; there are as many bearings as planes.
+type SynchronousForces = [[[f64; 2]; PLANES]; 2];
 
-/// `sum += factor · of`, as far as both go.
+/// `sum += factor · of`, up to the shorter length.
 #[inline(always)]
 fn add(sum: &mut [f64], factor: f64, of: &[f64]) {
     sum.iter_mut().zip(of).for_each(|(sum, of)| *sum += factor * of);
@@ -256,27 +255,27 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// `factor · of` of the first N.
+/// `factor · of`, first N values.
 #[inline(always)]
 fn scaled<const N: usize>(of: &ByAxis, factor: f64) -> [f64; N] {
     std::array::from_fn(|n| of[n] * factor)
 }
 
 impl Rotor {
-    /// With the noise and the slow force of a recording.
-    pub fn new(kind: &Kind<'_>, theta: Vec<f64>, case: &Case<'_>) -> Self {
-        let (layout, places) = (kind.layout, kind.places.clone());
+    /// Rotor with the noise and the slow force of a recording.
+    pub fn new(model: &Model<'_>, theta: Vec<f64>, case: &Case<'_>) -> Self {
+        let (layout, places) = (model.layout, model.places.clone());
         let bench = &theta[layout.base..];
-        let varied = kind.varied.iter().map(|(at, step)| {
+        let varied = model.varied.iter().map(|(at, step)| {
             let [more, less] = [*step, -*step].map(|change| {
                 let mut bench = bench.to_vec();
                 bench[*at] += change;
-                (kind.describe)(&bench)
+                (model.describe)(&bench)
             });
             (*at, Description::derivative(more, less, *step))
         });
         let varied: Vec<(usize, Description)> = varied.collect();
-        let machine = (kind.describe)(bench);
+        let machine = (model.describe)(bench);
         let gain = |k: usize| 1.0 + bench[places.current_gain + k];
         let mut current = ByMagnet::default();
         let mut levels = Vec::new();
@@ -302,9 +301,9 @@ impl Rotor {
             let (sin, cos) = libm::sincos(bench[places.rotation]);
             let (common, different) = (bench[places.gain], bench[places.gain_difference]);
             let gain = [1.0 + common + different, 1.0 + common - different];
-            for (row, turned) in [[cos, -sin], [sin, cos]].into_iter().enumerate() {
+            for (row, rotated) in [[cos, -sin], [sin, cos]].into_iter().enumerate() {
                 offset[2 * p + row] = bench[places.offset[row]];
-                (0..2).for_each(|column| sensor[2 * p + row][2 * p + column] = gain[row] * turned[column]);
+                (0..2).for_each(|column| sensor[2 * p + row][2 * p + column] = gain[row] * rotated[column]);
             }
             rotations.push([cos, sin]);
         }
@@ -319,25 +318,24 @@ impl Rotor {
             current,
             lag: places.lag.and_then(|at| Lag::of(case, bench[at])),
             noise: case.current_noise,
-            slow: case.slow_force / kind.part.body.m_kg(),
+            slow: case.slow_force / model.part.body.m_kg(),
             exponent: case.exponent,
-            nominal_m: kind.part.body.gap_m(),
+            nominal_m: model.part.body.gap_m(),
             levels,
-            passes: kind.passes[usize::from(case.slow_force > 0.0)],
+            passes: model.passes[usize::from(case.slow_force > 0.0)],
             layout,
             places,
             theta,
         }
     }
 
-    /// A parameter of the bench, by its number.
+    /// A bench parameter by index.
     #[inline(always)]
     fn bench(&self, at: usize) -> f64 {
         self.theta[self.layout.base + at]
     }
 
-    /// Squared currents, A², free of the σ² that noise adds on average. `before` is the reading a sample earlier of a current that
-    /// is continuous.
+    /// Squared currents, A², minus the σ² that noise adds on average. `before` is the previous reading of a continuous current.
     #[inline(always)]
     pub fn squares<const K: usize>(&self, read: [f64; K], before: Option<[f64; K]>) -> Squares<K> {
         let current = |k: usize, read: f64| (read - self.current[k][0]) / self.current[k][1];
@@ -350,7 +348,7 @@ impl Rotor {
             None => end,
             Some(before) => std::array::from_fn(|k| current(k, before[k])),
         };
-        // The noise of a mean of two has half the variance.
+        // The mean of two readings has half the noise variance.
         let part = if before.is_some() { 0.5 } else { 1.0 };
         let square = |i: f64, variance: f64| i * i - variance;
         let middle = std::array::from_fn(|k| square(0.5 * (start[k] + end[k]), part * variance[k]));
@@ -363,9 +361,9 @@ impl Rotor {
         }
     }
 
-    /// The same of currents that follow commands: parabolas with the moments of their squares.
+    /// The same for currents that lag behind commands: parabolas with the moments of their squares.
     #[inline(always)]
-    pub fn following<const K: usize>(&self, lag: &Lag, command: [f64; K], row: usize) -> Squares<K> {
+    pub fn lagged_squares<const K: usize>(&self, lag: &Lag, command: [f64; K], row: usize) -> Squares<K> {
         let mut squares = self.squares(command, None);
         for k in 0..K {
             let [offset, gain] = self.current[k];
@@ -379,7 +377,7 @@ impl Rotor {
         squares
     }
 
-    /// Adds the acceleration by the magnets, with given gaps and squared currents, A².
+    /// Adds the acceleration by the magnets for given gaps and squared currents, A².
     #[inline(always)]
     pub fn add_pulls<const N: usize, const K: usize>(&self, sum: &mut [f64; N], gaps: [f64; K], squares: [f64; K]) {
         for k in 0..K {
@@ -387,32 +385,32 @@ impl Rotor {
         }
     }
 
-    /// Gaps at a point, the iron path included, m.
+    /// Gaps at a point, iron path included, m.
     #[inline(always)]
     pub fn gaps<const N: usize, const K: usize>(&self, at: &[f64; N]) -> [f64; K] {
         std::array::from_fn(|k| self.machine.gap_m[k] - dot(&self.machine.directions[k], at))
     }
 
     #[inline(always)]
-    fn turning(&self, shaft: &Shaft) -> Turning {
+    fn synchronous_forces(&self, shaft: &Shaft) -> SynchronousForces {
         let [by_cos, by_sin] = shaft.unbalance();
-        let mut turning = [[[0.0; 2]; PLANES]; 2];
+        let mut synchronous = [[[0.0; 2]; PLANES]; 2];
         for p in 0..self.machine.planes {
             let at = self.layout.magnets + 2 * p;
             let (u_c, u_s) = (self.theta[at], self.theta[at + 1]);
-            turning[0][p] = [0, 1].map(|a| u_c * by_cos[a] + u_s * by_sin[a]);
+            synchronous[0][p] = [0, 1].map(|a| u_c * by_cos[a] + u_s * by_sin[a]);
             let [b_c, b_s] = self.places.backward.map(|first| self.bench(first + p));
-            turning[1][p] = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
+            synchronous[1][p] = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
         }
-        turning
+        synchronous
     }
 
-    /// Acceleration that a description makes of all forces but those of the magnets, and of the speeds.
+    /// Acceleration by all forces except those of the magnets, and by gyroscopic effect, in a given description.
     #[inline(always)]
     fn external<const N: usize>(
         &self,
         of: &Description,
-        turning: &Turning,
+        synchronous: &SynchronousForces,
         shaft: &Shaft,
         rate: &[f64; N],
     ) -> [f64; N] {
@@ -422,8 +420,8 @@ impl Rotor {
         }
         for p in 0..self.machine.planes {
             for axis in 0..2 {
-                add(&mut sum, turning[0][p][axis], &of.turning[p][axis]);
-                add(&mut sum, turning[1][p][axis], &of.backward[p][axis]);
+                add(&mut sum, synchronous[0][p][axis], &of.unbalance[p][axis]);
+                add(&mut sum, synchronous[1][p][axis], &of.backward[p][axis]);
             }
         }
         if N > 2 {
@@ -442,14 +440,14 @@ impl Rotor {
         shaft: &Shaft,
         rate: &[f64; N],
     ) -> [f64; N] {
-        let mut sum = self.external(&self.machine, &self.turning(shaft), shaft, rate);
+        let mut sum = self.external(&self.machine, &self.synchronous_forces(shaft), shaft, rate);
         self.add_pulls(&mut sum, gaps, squares);
         sum
     }
 
-    /// The interval between two points of the trajectory. The stiffness is that of the expected `i_k²/gap_k²`, once they are known: in that of the measured
-    /// ones, noise of the currents would meet itself in the innovations, and bias the scores of all that hardly moves the rotor (an offset by 20 standard
-    /// deviations after 5 s, with 12 nm and 41 mA).
+    /// The interval between two points of the trajectory. Its stiffness uses the expected `i_k²/gap_k²` once they are known: with the measured ones,
+    /// current noise would be correlated with itself in the innovations and bias the scores of parameters that hardly move the rotor (an offset by 20
+    /// standard deviations after 5 s, with 12 nm and 41 mA).
     pub fn interval<const N: usize, const K: usize>(
         &self,
         [from, to]: [&State<N>; 2],
@@ -458,7 +456,7 @@ impl Rotor {
         [at_start, at_middle, at_end]: [Shaft; 3],
     ) -> Interval<N, K> {
         let h = self.h;
-        // The cubic through both points and both velocities.
+        // Cubic through both points and both velocities.
         let middle: State<N> = [
             std::array::from_fn(|a| 0.5 * (from[0][a] + to[0][a]) + h / 8.0 * (from[1][a] - to[1][a])),
             std::array::from_fn(|a| 1.5 / h * (to[0][a] - from[0][a]) - 0.25 * (from[1][a] + to[1][a])),
@@ -485,10 +483,10 @@ impl Rotor {
         Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle, shaft: at_middle }
     }
 
-    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, those of the bench as well if asked for, and after all parameters once more those of λ and κ, for the measured ones.
+    /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, including the bench if requested; after all parameters the measured sensitivities of λ and κ.
     ///
-    /// The point is where the filter predicts the rotor, not on the smoothed trajectory: that one knows the innovations to come, and with the
-    /// negative stiffness their product has an expectation (the derivative of ln det S, for a rotor held by feedback).
+    /// The point is where the filter predicts the rotor, not on the smoothed trajectory, which depends on later innovations: with the
+    /// negative stiffness their product has a non-zero expectation (the derivative of ln det S, for a rotor held by feedback).
     pub fn force_columns<const N: usize, const K: usize>(
         &self,
         [at, rate]: &State<N>,
@@ -496,7 +494,7 @@ impl Rotor {
         measured: [f64; K],
         shaft: &Shaft,
         bench: bool,
-        d: &mut Sheet<N>,
+        d: &mut ColumnValues<N>,
     ) {
         let (layout, places, machine) = (&self.layout, &self.places, &self.machine);
         let gaps: [f64; K] = self.gaps(at);
@@ -517,23 +515,23 @@ impl Rotor {
             }
         }
         let [by_cos, by_sin] = shaft.unbalance();
-        let turned = |[y, z]: &[ByAxis; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
+        let combined = |[y, z]: &[ByAxis; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
         for p in 0..machine.planes {
-            d.put(layout.magnets + 2 * p, turned(&machine.turning[p], by_cos));
-            d.put(layout.magnets + 2 * p + 1, turned(&machine.turning[p], by_sin));
+            d.put(layout.magnets + 2 * p, combined(&machine.unbalance[p], by_cos));
+            d.put(layout.magnets + 2 * p + 1, combined(&machine.unbalance[p], by_sin));
             if bench {
                 let [cos, sin] = places.backward.map(|first| layout.base + first + p);
-                d.put(cos, turned(&machine.backward[p], [shaft.cos, -shaft.sin]));
-                d.put(sin, turned(&machine.backward[p], [shaft.sin, shaft.cos]));
+                d.put(cos, combined(&machine.backward[p], [shaft.cos, -shaft.sin]));
+                d.put(sin, combined(&machine.backward[p], [shaft.sin, shaft.cos]));
             }
         }
         (0..N).for_each(|n| d.put(layout.load + n, scaled(&machine.loads[n], 1.0)));
         if !bench {
             return;
         }
-        let turning = self.turning(shaft);
+        let synchronous = self.synchronous_forces(shaft);
         for (j, varied) in &self.varied {
-            let mut column: [f64; N] = self.external(varied, &turning, shaft, rate);
+            let mut column: [f64; N] = self.external(varied, &synchronous, shaft, rate);
             if let Some(place) = layout.measured(layout.base + j) {
                 let mut column = column;
                 (0..K).for_each(|k| add(&mut column, self.theta[k] * measured[k], &varied.magnets[k]));
@@ -548,45 +546,45 @@ impl Rotor {
         }
     }
 
-    /// Where the sensors look, with their run-out, before gains and rotation.
+    /// Position at the sensors with their run-out, before gains and rotation.
     #[inline(always)]
-    fn seen<const N: usize>(&self, [at, rate]: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
+    fn sensed<const N: usize>(&self, [at, rate]: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
-        let mut seen: [f64; N] =
+        let mut sensed: [f64; N] =
             std::array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
-        for (seen, places) in seen.chunks_exact_mut(2).zip(&self.places.pairs) {
+        for (sensed, places) in sensed.chunks_exact_mut(2).zip(&self.places.pairs) {
             let r = places.runout.map(|at| self.bench(at));
-            seen[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + r[4] * c_2 + r[5] * s_2;
-            seen[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + r[6] * c_2 + r[7] * s_2;
+            sensed[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + r[4] * c_2 + r[5] * s_2;
+            sensed[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + r[6] * c_2 + r[7] * s_2;
         }
-        seen
+        sensed
     }
 
     /// Readings of the position sensors at a point of the trajectory, m.
     #[inline(always)]
     pub fn reading<const N: usize>(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
-        let seen = self.seen(at, acceleration, shaft);
-        std::array::from_fn(|a| dot(&self.sensor[a], &seen) + self.offset[a])
+        let sensed = self.sensed(at, acceleration, shaft);
+        std::array::from_fn(|a| dot(&self.sensor[a], &sensed) + self.offset[a])
     }
 
-    /// `∂reading/∂θ` at a fixed trajectory, for all but the parameters of the force, whose columns stay as they are.
+    /// `∂reading/∂θ` at a fixed trajectory; columns of force parameters stay unchanged.
     pub fn sensor_columns<const N: usize>(
         &self,
         at: &State<N>,
         acceleration: &[f64; N],
         shaft: &Shaft,
-        d: &mut Sheet<N>,
+        d: &mut ColumnValues<N>,
     ) {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let base = self.layout.base;
-        let seen = self.seen(at, acceleration, shaft);
-        let late: [f64; N] = std::array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
-        d.put(base + self.places.delay, std::array::from_fn(|n| dot(&self.sensor[n], &late)));
+        let sensed = self.sensed(at, acceleration, shaft);
+        let by_delay: [f64; N] = std::array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
+        d.put(base + self.places.delay, std::array::from_fn(|n| dot(&self.sensor[n], &by_delay)));
         if let Some([offset, gain]) = self.places.single {
             d.set(0, base + offset, 1.0);
-            d.set(0, base + gain, seen[0]);
+            d.set(0, base + gain, sensed[0]);
         }
         for (p, (places, [r_c, r_s])) in self.places.pairs.iter().zip(&self.rotations).enumerate() {
             let first = 2 * p;
@@ -596,12 +594,12 @@ impl Rotor {
             };
             put(places.offset[0], 1.0, 0.0);
             put(places.offset[1], 0.0, 1.0);
-            let [y, z] = [seen[first], seen[first + 1]];
-            let turned = [r_c * y - r_s * z, r_s * y + r_c * z];
-            put(places.gain, turned[0], turned[1]);
-            put(places.gain_difference, turned[0], -turned[1]);
+            let [y, z] = [sensed[first], sensed[first + 1]];
+            let rotated = [r_c * y - r_s * z, r_s * y + r_c * z];
+            put(places.gain, rotated[0], rotated[1]);
+            put(places.gain_difference, rotated[0], -rotated[1]);
             let (common, different) = (1.0 + self.bench(places.gain), self.bench(places.gain_difference));
-            put(places.rotation, -(common + different) * turned[1], (common - different) * turned[0]);
+            put(places.rotation, -(common + different) * rotated[1], (common - different) * rotated[0]);
             let m = [0, 1].map(|row| [self.sensor[first + row][first], self.sensor[first + row][first + 1]]);
             let runouts = [[c, s], [-s, c], [c, -s], [s, c], [c_2, 0.0], [s_2, 0.0], [0.0, c_2], [0.0, s_2]];
             for (part, [y, z]) in runouts.into_iter().enumerate() {

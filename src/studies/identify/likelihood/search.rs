@@ -1,4 +1,4 @@
-//! The search for the most likely parameters; what it found, with its covariance, is in `finish.rs`.
+//! Search for the most likely parameters; `finish.rs` turns it into results with their covariance.
 
 mod finish;
 
@@ -11,68 +11,71 @@ use finish::finish;
 
 use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, restored_step, slow_force_step};
 use super::changes;
-use super::data::{On, Piece};
+use super::data::{Input, Piece};
 use super::expected::expected;
-use super::filter::{Block, Columns, Levels, SAME, Wanted};
+use super::filter::{Block, Columns, Levels, Likelihoods, Request, UNCHANGED};
 use super::outcome;
-use super::rotor::{Kind, Rotor};
-use super::solve::{Normal, inverse, part};
+use super::rotor::{Model, Rotor};
+use super::solve::{Normal, inverse, submatrix};
 use super::{Body, Change, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
 use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
 
 /// Passes about the measured trajectory before the smoother takes over: without load and unbalance it would follow a wrong model.
 const UNSMOOTHED: usize = 2;
-/// Most iterations.
-const MOST: usize = 30;
-/// Converged: largest step in standard deviations.
+/// Maximum number of iterations.
+const MAX_ITERATIONS: usize = 30;
+/// Convergence: largest step in standard deviations.
 const CONVERGED: f64 = 0.05;
-/// The same before bench parameters are estimated with the rest.
+/// The same before bench parameters are estimated with the others.
 const ROUGH: f64 = 1.0;
-/// Longest step of a bench parameter, in typical tolerances: a bench of the test `all_parameters_of_a_bench_are_found_at_once` is not found without.
-const LONGEST: f64 = 3.0;
-/// Changes of the logarithm of a noise level below this need no second look.
+/// Longest step of a bench parameter, in typical tolerances: without it the search misses a bench of the test `all_parameters_of_a_bench_are_found_at_once`.
+const MAX_STEP: f64 = 3.0;
+/// Smaller changes of the logarithm of a noise level need no second update.
 const NOISE_SETTLED: f64 = 0.002;
-/// A parameter without a tolerance has one that cannot matter, in typical tolerances.
-const FREE: f64 = 1e3;
-/// A free parameter that is known to this many typical tolerances only is not told by the data.
-const NOT_SEPARATED: f64 = 20.0;
+/// Prior standard deviation of a free parameter, in typical tolerances: too wide to matter.
+const FREE_STD: f64 = 1e3;
+/// A free parameter with a standard deviation above this many typical tolerances is not determined by the data.
+const MAX_FREE_STD: f64 = 20.0;
 
-/// Where bench parameters are estimated, all rows together tell as much as so many: the likelihood is raised to the power `BENCH_ROWS`/rows.
+/// Where bench parameters are estimated, all rows together carry at most the information of this many: the likelihood is raised to the power `BENCH_ROWS`/rows.
 ///
-/// Its scores have a bias that grows with the rows, their standard deviation with the root of them. Noise of the positions comes back through the
-/// controller as current and motion, noise of the currents stands in the regressors; combinations of parameters that hardly change the motion (delay,
-/// offsets, gap, and gain together) explain it. At the truth, nominal bench, 0.1 µm and 10 mA, the step with all typical tolerances is −2.1 standard
-/// deviations in the delay after 5 s, −4.9 after 40 s, with 1 µm −10.6 in an offset and −6 in λ2 after 40 s (seeds 70000–70003). One
-/// parameter alone shows none of it, nor do regressors that take from other turns what repeats; these leave too little to find the rest by.
+/// The bias of its scores grows with the number of rows, their standard deviation with its root. Position noise returns through the controller as
+/// current and motion, current noise enters the regressors; combinations of parameters that hardly change the motion (delay, offsets, gap, and gain
+/// together) absorb it. At the true parameters, nominal bench, 0.1 µm and 10 mA, the step with all typical tolerances is −2.1 standard deviations in the
+/// delay after 5 s, −4.9 after 40 s, with 1 µm −10.6 in an offset and −6 in λ2 after 40 s (seeds 70000–70003). A single parameter shows no such bias, nor
+/// do regressors predicted from other turns; these carry too little information to find the other parameters.
 const BENCH_ROWS: f64 = 50_000.0;
-/// Rows of a long recording, in stretches over the whole of it, from which the search starts: all rows are for its last iterations.
+/// Rows from which the search of a long recording starts, in stretches spread over all of it; only the last iterations use all rows.
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
-/// Kinds of innovations.
+/// Indices of the innovations, in m and whitened.
 const METRES: usize = 0;
 const WHITENED: usize = 1;
-/// Pieces that are smoothed together at least.
-const SMOOTHED: usize = 8;
+/// Minimum number of pieces smoothed together.
+const MIN_SMOOTHED: usize = 8;
 
-/// Why a matrix of information has no inverse.
-const NOT_APART: &str = "the data do not determine all parameters: state tolerances, or estimate fewer";
+/// Reason why an information matrix has no inverse.
+const NOT_DETERMINED: &str = "the data do not determine all parameters: state tolerances, or estimate fewer";
 
-/// Sums of the blocks of every piece, with the number of its recording.
+/// A piece, with the index of its recording.
+type Task = (usize, Piece);
+
+/// Sums of the blocks of every piece, with the index of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
 
 /// Rows with their smoothed trajectory.
 type Smoothed = (Range<usize>, Vec<f64>);
 
-/// All that is searched.
+/// A search with its recordings and unknowns.
 pub(super) struct Search<'a> {
     pub cases: Vec<Case<'a>>,
-    pub kind: &'a Kind<'a>,
+    pub model: &'a Model<'a>,
     /// Unknowns as in [`Layout::unknown`](super::rotor::Layout::unknown).
     pub x: Vec<f64>,
-    /// Mean and standard deviation of the prior of each unknown; 0 for what is not estimated.
+    /// Prior mean and standard deviation of each unknown; a standard deviation of 0 if it is not estimated.
     pub prior: Vec<(f64, f64)>,
-    /// Power of the likelihood ([`BENCH_ROWS`], [`Case::counting`]).
+    /// Exponent of the likelihood ([`BENCH_ROWS`], [`Case::effective_rows`]).
     weight: f64,
     pub iterations: usize,
     pub converged: bool,
@@ -81,43 +84,43 @@ pub(super) struct Search<'a> {
 impl Search<'_> {
     /// The rotor in recording `r`.
     pub fn rotor(&self, r: usize) -> Rotor {
-        let (case, layout) = (&self.cases[r], self.kind.layout);
+        let (case, layout) = (&self.cases[r], self.model.layout);
         let theta = (0..layout.all).map(|j| self.x[layout.unknown(j, r)]).collect();
-        Rotor::new(self.kind, theta, case)
+        Rotor::new(self.model, theta, case)
     }
 
     fn coordinates(&self) -> usize {
-        self.kind.layout.loads()
+        self.model.layout.loads()
     }
 
-    /// Unknowns that are parameters of the bench.
+    /// Range of the unknowns that are bench parameters.
     fn bench(&self) -> Range<usize> {
-        self.kind.layout.load..self.kind.layout.shared()
+        self.model.layout.load..self.model.layout.shared()
     }
 
-    /// Numbers of the unknowns that are estimated.
+    /// Indices of the estimated unknowns.
     fn estimated(&self) -> Vec<usize> {
         (0..self.x.len()).filter(|at| self.prior[*at].1 > 0.0).collect()
     }
 
-    fn tasks(&self) -> Vec<(usize, Piece)> {
+    fn tasks(&self) -> Vec<Task> {
         let cases = self.cases.iter().enumerate();
         cases.flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece.clone()))).collect()
     }
 
-    /// A pass of the filter over pieces of recordings; results in their order.
-    fn passes<R: Send + Sync>(&self, tasks: &[(usize, Piece)], pass: &(dyn Fn(On<'_>) -> R + Sync)) -> Vec<(usize, R)> {
+    /// Runs a pass of the filter over pieces of recordings; results are in their order.
+    fn passes<R: Send + Sync>(&self, tasks: &[Task], pass: &(dyn Fn(Input<'_>) -> R + Sync)) -> Vec<(usize, R)> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         in_order(tasks.len(), &|task| {
             let (r, piece) = &tasks[task];
-            (*r, pass(On { case: &self.cases[*r], rotor: &rotors[*r], piece }))
+            (*r, pass(Input { case: &self.cases[*r], rotor: &rotors[*r], piece }))
         })
     }
 
     fn pass(&self, columns: Columns) -> Blocks {
-        let layout = &self.kind.layout;
-        let wanted = Wanted::of(columns, layout, |j| self.prior[layout.unknown(j, 0)].1 > 0.0);
-        let mut blocks = self.passes(&self.tasks(), &|on| (on.rotor.passes.columns)(on, &wanted));
+        let layout = &self.model.layout;
+        let request = Request::of(columns, layout, |j| self.prior[layout.unknown(j, 0)].1 > 0.0);
+        let mut blocks = self.passes(&self.tasks(), &|input| (input.rotor.passes.columns)(input, &request));
         for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
@@ -125,17 +128,17 @@ impl Search<'_> {
     }
 
     fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
-        let mut normal = Normal::new(self.kind.layout, self.cases.len());
+        let mut normal = Normal::new(self.model.layout, self.cases.len());
         blocks.iter().for_each(|(r, blocks)| blocks.iter().for_each(|block| normal.add(block, *r)));
         normal
     }
 
-    /// `J + Π` and `b + Π(mean − x)` of what is estimated.
+    /// `J + Π` and `b + Π(mean − x)` of the estimated unknowns.
     pub fn equations(&self, normal: &Normal, of: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
         self.equations_by(normal, of, of, of)
     }
 
-    /// The same from other rows and columns of the sums than those of the unknowns.
+    /// The same with other rows and columns of the sums than those of the unknowns.
     pub fn equations_by(
         &self,
         normal: &Normal,
@@ -143,7 +146,7 @@ impl Search<'_> {
         rows: &[usize],
         columns: &[usize],
     ) -> (DMatrix<f64>, DVector<f64>) {
-        let mut a = part(&normal.j, rows, columns);
+        let mut a = submatrix(&normal.j, rows, columns);
         let mut b = DVector::from_fn(of.len(), |i, _| normal.b[rows[i]]);
         for (i, at) in of.iter().enumerate() {
             let (mean, std) = self.prior[*at];
@@ -154,12 +157,12 @@ impl Search<'_> {
         (a, b)
     }
 
-    /// The step of Gauss and Newton from the present point by unknown, 0 for what is not estimated, and its largest component in standard deviations.
+    /// Gauss–Newton step from the present point by unknown, 0 if not estimated, and its largest component in standard deviations.
     fn newton(&self, normal: &Normal) -> Result<(Vec<f64>, f64), Failed> {
         let of = self.estimated();
         let (a, b) = self.equations(normal, &of);
         let is_finite = b.iter().all(|b| b.is_finite());
-        let covariance = inverse(&a).filter(|_| is_finite).ok_or_else(|| Failed::Diverged(NOT_APART.into()))?;
+        let covariance = inverse(&a).filter(|_| is_finite).ok_or_else(|| Failed::Diverged(NOT_DETERMINED.into()))?;
         let solved = &covariance * &b;
         let (mut step, mut largest) = (vec![0.0; self.x.len()], 0.0_f64);
         for (i, at) in of.iter().enumerate() {
@@ -169,74 +172,77 @@ impl Search<'_> {
         Ok((step, largest))
     }
 
-    /// Part of a step that the linearisation can follow: with bench parameters it is shortened as a whole, for its components belong together.
+    /// Fraction of a step within which the linearisation holds. With bench parameters the whole step is shortened, as its components belong together.
     fn within(&self, step: &[f64]) -> f64 {
-        let moving = self.bench().zip(&self.kind.part.parameters).filter(|(at, _)| step[*at] != 0.0);
-        moving.map(|(at, parameter)| LONGEST * parameter.typical / step[at].abs()).fold(1.0, f64::min)
+        let moving = self.bench().zip(&self.model.part.parameters).filter(|(at, _)| step[*at] != 0.0);
+        moving.map(|(at, parameter)| MAX_STEP * parameter.typical / step[at].abs()).fold(1.0, f64::min)
     }
 
-    /// Twice the negative logarithm of likelihood and priors, up to a constant.
+    /// Minus twice the logarithm of likelihood and priors, up to a constant.
     pub fn merit(&self, blocks: &[(usize, Vec<Block>)]) -> f64 {
         let fit: f64 = blocks.iter().flat_map(|(_, blocks)| blocks).map(|block| block.nis + block.log_det).sum();
-        let far = |at: &usize| {
+        let deviation_squared = |at: &usize| {
             let (mean, std) = self.prior[*at];
-            (self.x[*at] - mean) / std
+            let deviation = (self.x[*at] - mean) / std;
+            deviation * deviation
         };
-        self.weight * fit + self.estimated().iter().map(far).map(|far| far * far).sum::<f64>()
+        self.weight * fit + self.estimated().iter().map(deviation_squared).sum::<f64>()
     }
 
-    /// Smooths the trajectories, a group of pieces at a time: those of all at once would take as much memory as the trajectories themselves.
+    /// Smooths the trajectories, a group of pieces at a time: all at once would take as much memory as the trajectories themselves.
     fn smooth(&mut self) {
         let mut before = Vec::new();
-        for group in self.tasks().chunks(SMOOTHED.max(2 * rayon::current_num_threads())) {
-            let smoothed = self.passes(group, &|on| (on.piece.counted.clone(), (on.rotor.passes.smooth)(on)));
-            // A piece is linearised about the former trajectory of its neighbours: a group is taken over after the next one.
-            self.take_over(std::mem::replace(&mut before, smoothed));
+        for group in self.tasks().chunks(MIN_SMOOTHED.max(2 * rayon::current_num_threads())) {
+            let smoothed =
+                self.passes(group, &|input| (input.piece.counted.clone(), (input.rotor.passes.smooth)(input)));
+            // A piece is linearised about the former trajectory of its neighbours: a group is stored after the next one is smoothed.
+            self.store(std::mem::replace(&mut before, smoothed));
         }
-        self.take_over(before);
+        self.store(before);
     }
 
-    fn take_over(&mut self, smoothed: Vec<(usize, Smoothed)>) {
+    fn store(&mut self, smoothed: Vec<(usize, Smoothed)>) {
         for (r, (rows, track)) in smoothed {
             let n = 2 * self.coordinates();
             self.cases[r].track.state[n * rows.start..n * rows.end].copy_from_slice(&track);
         }
     }
 
-    /// Whether the bench is exactly as stated, but for the mass, which is not searched unless a load is known, and for κ, which is like another λ.
+    /// Whether the bench is exactly as stated, apart from the mass, which is searched only if a load is known, and κ, which acts like another λ.
     fn exact(&self) -> bool {
-        let layout = self.kind.layout;
-        self.kind.part.parameters.iter().enumerate().all(|(j, parameter)| match parameter.knowledge {
+        let layout = self.model.layout;
+        self.model.part.parameters.iter().enumerate().all(|(j, parameter)| match parameter.knowledge {
             Knowledge::Exact => true,
             _ if layout.dynamics == Some(layout.base + j) => true,
-            Knowledge::Tolerance(_) => j == self.kind.places.mass && !self.kind.part.beside.is_loaded(),
+            Knowledge::Tolerance(_) => j == self.model.places.mass && !self.model.part.beside.is_loaded(),
             Knowledge::Free => false,
         })
     }
 
-    /// Tolerance of the mass, relative, if it is not searched with the rest: it scales λ, unbalance and loads, and no data tell it.
+    /// Relative tolerance of the mass, if it is not searched with the others: it scales λ, unbalance and loads, and the data do not determine it.
     pub fn mass_tolerance(&self) -> Option<f64> {
-        self.kind.part.parameters[self.kind.places.mass].knowledge.tolerance().filter(|_| self.exact())
+        self.model.part.parameters[self.model.places.mass].knowledge.tolerance().filter(|_| self.exact())
     }
 
-    /// Finds what was to be expected of every row, if the bench is exactly as stated: where its parameters are searched, what is found at one point does not
-    /// belong to the next.
-    fn expect(&mut self) {
+    /// Computes the expected values of every row if the bench is exactly as stated. Where its parameters are searched, values found at one point do not
+    /// hold at the next.
+    fn compute_expected(&mut self) {
         if !self.exact() {
             return;
         }
         let innovations = self.innovations(WHITENED, 0.0);
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
-            let on = On { case, rotor, piece: &case.pieces[0] };
-            case.track.expected = expected(on, innovations);
+            let input = Input { case, rotor, piece: &case.pieces[0] };
+            case.track.expected = expected(input, innovations);
         }
     }
 
-    /// The innovations of every recording, row by row, [`METRES`] or [`WHITENED`]; `none` where there are none.
-    fn innovations(&self, kind: usize, none: f64) -> Vec<Vec<f64>> {
-        let pass =
-            |on: On<'_>| (on.piece.counted.clone(), std::mem::take(&mut (on.rotor.passes.innovations)(on)[kind]));
+    /// Innovations of every recording, row by row, [`METRES`] or [`WHITENED`]; `none` where there are none.
+    fn innovations(&self, which: usize, none: f64) -> Vec<Vec<f64>> {
+        let pass = |input: Input<'_>| {
+            (input.piece.counted.clone(), std::mem::take(&mut (input.rotor.passes.innovations)(input)[which]))
+        };
         let n = self.coordinates();
         let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.at.len()]).collect();
         for (r, (rows, own)) in self.passes(&self.tasks(), &pass) {
@@ -245,7 +251,7 @@ impl Search<'_> {
         all
     }
 
-    /// Position minus its prediction from the samples before, by recording, coordinate and row, in m; NaN where a row was not used.
+    /// Position minus its one-step prediction, by recording, coordinate and row, m; NaN where a row was not used.
     pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
         let count = self.coordinates();
         let column = |rows: &[f64], n: usize| rows.iter().skip(n).step_by(count).copied().collect();
@@ -254,8 +260,8 @@ impl Search<'_> {
     }
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
-    fn likelihoods(&self, levels: [Levels; 3]) -> Vec<[[f64; 3]; 3]> {
-        let sums = self.passes(&self.tasks(), &|on| (on.rotor.passes.likelihoods)(on, &levels));
+    fn likelihoods(&self, levels: [Levels; 3]) -> Vec<Likelihoods> {
+        let sums = self.passes(&self.tasks(), &|input| (input.rotor.passes.likelihoods)(input, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
         for (r, sums) in sums {
             let total = totals[r].as_flattened_mut().iter_mut();
@@ -264,31 +270,31 @@ impl Search<'_> {
         totals
     }
 
-    /// One step of a level of noise by the likelihoods of the recordings; the largest change.
-    fn step_level(&mut self, levels: [Levels; 3], step: impl Fn(&mut Case<'_>, &[[f64; 3]; 3]) -> f64) -> f64 {
+    /// One update of a noise level by the likelihoods of the recordings; returns the largest change.
+    fn step_level(&mut self, levels: [Levels; 3], step: impl Fn(&mut Case<'_>, &Likelihoods) -> f64) -> f64 {
         let totals = self.likelihoods(levels);
         self.cases.iter_mut().zip(&totals).map(|(case, sums)| step(case, sums)).fold(0.0, f64::max)
     }
 
-    /// One step of the noise levels that were not told; the largest change of a logarithm.
+    /// One update of the unknown noise levels; returns the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
         let mut change = 0.0_f64;
         if !self.cases.iter().all(Case::has_known_noise) {
-            let levels = steps.map(|factor| Levels { currents: [factor; 8], ..SAME });
+            let levels = steps.map(|factor| Levels { currents: [factor; 8], ..UNCHANGED });
             change = self.step_level(levels, noise_step);
         }
-        if self.kind.part.beside.exponent {
-            let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..SAME });
+        if self.model.part.beside.exponent {
+            let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..UNCHANGED });
             change = change.max(self.step_level(levels, exponent_step));
         }
         if self.cases.iter().any(|case| !case.square_error.is_empty()) {
-            let levels = steps.map(|restored| Levels { restored, ..SAME });
+            let levels = steps.map(|restored| Levels { restored, ..UNCHANGED });
             change = change.max(self.step_level(levels, restored_step));
         }
-        if self.kind.slow_force {
-            let least = LEAST_SLOW_FORCE * self.weight_n();
-            let levels = steps.map(|slow| Levels { slow, ..SAME });
+        if self.model.slow_force {
+            let least = MIN_SLOW_FORCE * self.weight_n();
+            let levels = steps.map(|slow| Levels { slow, ..UNCHANGED });
             change = change.max(self.step_level(levels, |case, sums| slow_force_step(case, sums, least)));
         }
         change
@@ -296,18 +302,18 @@ impl Search<'_> {
 
     /// Weight of the rotor, N.
     fn weight_n(&self) -> f64 {
-        self.kind.part.body.m_kg() * GRAVITY_M_S2
+        self.model.part.body.m_kg() * GRAVITY_M_S2
     }
 
-    /// By how much a slow force raises the log-likelihood, everything else as it is: one of the estimated level, or else the best of three.
+    /// Gain in log-likelihood by a slow force with everything else unchanged: at the estimated level, or else at the best of three.
     fn gain_by_slow_force(&mut self) -> f64 {
         let level = SLOW_FORCE * self.weight_n();
-        let slow = |slow: f64| Levels { slow, ..SAME };
-        let sum = |totals: Vec<[[f64; 3]; 3]>| -> [f64; 3] {
+        let slow = |slow: f64| Levels { slow, ..UNCHANGED };
+        let sum = |totals: Vec<Likelihoods>| -> [f64; 3] {
             std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
-        if self.kind.slow_force {
-            let [without, with, _] = sum(self.likelihoods([ABSENT, 1.0, 1.0].map(slow)));
+        if self.model.slow_force {
+            let [without, with, _] = sum(self.likelihoods([NEGLIGIBLE, 1.0, 1.0].map(slow)));
             return with - without;
         }
         let [without, ..] = sum(self.likelihoods([1.0; 3].map(slow)));
@@ -317,26 +323,23 @@ impl Search<'_> {
         with.into_iter().fold(f64::NEG_INFINITY, f64::max) - without
     }
 
-    /// Noise levels until they hardly change, in three steps at most; the first change of a logarithm.
+    /// Updates noise levels until they hardly change, at most three times; returns the first change of a logarithm.
     fn settle_noise(&mut self) -> f64 {
         let first = self.noise();
-        let mut last = first;
-        for _ in 0..2 {
-            if last > NOISE_SETTLED {
-                last = self.noise();
-            }
+        if first > NOISE_SETTLED && self.noise() > NOISE_SETTLED {
+            self.noise();
         }
         first
     }
 
-    /// Where the search has ended.
-    fn found(&self) -> Point {
+    /// Current point of the search.
+    fn point(&self) -> Point {
         let noise =
             |case: &Case<'_>| [case.position_noise, case.current_noise, case.slow_force, case.exponent, case.restored];
         (self.x.clone(), self.cases.iter().map(noise).collect())
     }
 
-    /// Starts where a search over some of the rows ended, about the trajectory of all.
+    /// Starts where a search over some of the rows ended, about the trajectory of all rows.
     fn start_at(&mut self, (x, noise): Point) {
         self.x = x;
         for (case, noise) in self.cases.iter_mut().zip(noise) {
@@ -345,35 +348,35 @@ impl Search<'_> {
         self.smooth();
     }
 
-    /// λ, unbalance and load first, then the lag of the currents, then all: far from the solution, bench parameters would take up what λ has to explain, and a delay
-    /// what a lag has to.
+    /// Estimates λ, unbalance and load first, then the lag of the currents, then everything: far from the solution, bench parameters would absorb the
+    /// effect of λ, and a delay that of a lag.
     fn run(&mut self) -> Result<(), Failed> {
-        let told = self.prior.clone();
+        let prior = self.prior.clone();
         let bench = self.bench();
-        let lag = self.kind.places.lag.map(|at| bench.start + at);
+        let lag = self.model.places.lag.map(|at| bench.start + at);
         self.prior[bench].iter_mut().for_each(|prior| prior.1 = 0.0);
         let mut first = self.iterate(0, ROUGH);
         if let Some(lag) = lag {
-            self.prior[lag] = told[lag];
+            self.prior[lag] = prior[lag];
             first = first.and_then(|()| self.iterate(UNSMOOTHED, ROUGH));
         }
-        self.prior = told;
+        self.prior = prior;
         first?;
-        if self.kind.layout.dynamics.is_some() {
+        if self.model.layout.dynamics.is_some() {
             self.iterate(UNSMOOTHED, ROUGH)?;
         }
-        self.expect();
+        self.compute_expected();
         self.iterate(UNSMOOTHED, CONVERGED)
     }
 
-    /// Iterates until the largest step is smaller than `enough` standard deviations; the first `begun` iterations are done.
+    /// Iterates until the largest step is smaller than `limit` standard deviations, from iteration `first` on.
     ///
-    /// Forces are linear in λ, unbalance and load, and the data tell their balance far better than each of them: straight steps keep it. On curves, along which λ
-    /// is multiplied, noise of the currents took up what was off balance, and 16 of 18 searches did not converge in 30 iterations (`scripts/faults.py`, seed 7807:
-    /// stuck sensor, coarse quantisation, slow force); these take 4 to 9.
-    fn iterate(&mut self, begun: usize, enough: f64) -> Result<(), Failed> {
+    /// Forces are linear in λ, unbalance and load, and the data determine their balance far better than each of them: straight steps preserve it. Along
+    /// curves on which λ is multiplied, current noise absorbed the imbalance, and 16 of 18 searches did not converge in 30 iterations (`scripts/faults.py`,
+    /// seed 7807: stuck sensor, coarse quantisation, slow force); straight steps take 4 to 9.
+    fn iterate(&mut self, first: usize, limit: f64) -> Result<(), Failed> {
         self.converged = false;
-        for iteration in begun..MOST {
+        for iteration in first..MAX_ITERATIONS {
             self.iterations = iteration + 1;
             let blocks = self.pass(Columns::Searched);
             let (step, mut largest) = self.newton(&self.normal(&blocks))?;
@@ -384,10 +387,10 @@ impl Search<'_> {
             }
             if iteration + 1 >= UNSMOOTHED {
                 self.smooth();
-                // The process noise is that of λ σ_i: the levels belong to the point before its likelihood counts.
+                // Process noise follows λ σ_i: noise levels must fit the point before its likelihood counts.
                 largest = largest.max(self.settle_noise());
             }
-            if iteration > UNSMOOTHED && largest < enough {
+            if iteration > UNSMOOTHED && largest < limit {
                 self.converged = true;
                 break;
             }
@@ -396,39 +399,39 @@ impl Search<'_> {
     }
 }
 
-/// Where a search ends: unknowns, and by recording noise of positions and currents, level of the slow force, power of the gap, level of the errors of what was restored.
+/// Point of a search: unknowns, and by recording the noise of positions and currents, level of the slow force, noise exponent, factor on restored errors.
 type Point = (Vec<f64>, Vec<[f64; 5]>);
 
-/// λ that would carry the weight of the rotor with the currents of the recording.
+/// λ that carries the weight of the rotor with the currents of the recording.
 fn first_guess(cases: &[Case<'_>], body: &Body) -> f64 {
     let currents = cases.iter().flat_map(|case| &case.current).copied().flatten();
     let square = Some(mean(currents.map(|i| i * i))).filter(|square| *square > 0.0).unwrap_or(1.0);
     body.m_kg() * GRAVITY_M_S2 * body.gap_m() * body.gap_m() / (body.magnets() as f64 * square)
 }
 
-/// A search before its first step, with its priors.
+/// A search with its priors, before the first step.
 fn start<'a>(
     recordings: &'a [Recording],
     masks: &[Vec<bool>],
-    kind: &'a Kind<'a>,
+    model: &'a Model<'a>,
     held: &[usize],
 ) -> Result<Search<'a>, Failed> {
-    let (part, body) = (kind.part, &kind.part.body);
+    let (part, body) = (model.part, &model.part.body);
     let cases =
         recordings.iter().zip(masks).zip(1..).map(|((of, mask), recording)| {
             prepare(of, part, mask).ok_or(Failed::TooShort { recording, wanted: SHORTEST })
         });
     let mut cases: Vec<Case<'_>> = cases.collect::<Result<_, _>>()?;
-    if kind.slow_force {
+    if model.slow_force {
         cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * body.m_kg() * GRAVITY_M_S2);
     }
-    let layout = kind.layout;
+    let layout = model.layout;
     let n = layout.unknowns(recordings.len());
     let mut x = vec![0.0; n];
     let mut prior = vec![(0.0, 0.0); n];
     let lambda = first_guess(&cases, body);
     x[..layout.magnets].fill(lambda);
-    prior[..layout.magnets].fill((lambda, FREE * lambda));
+    prior[..layout.magnets].fill((lambda, FREE_STD * lambda));
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
     prior[layout.magnets..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
     prior[layout.shared()..n].fill((0.0, 1e3 * body.m_kg()));
@@ -442,44 +445,43 @@ fn start<'a>(
         prior.1 = match parameter.knowledge {
             Knowledge::Exact => 0.0,
             Knowledge::Tolerance(std) => std,
-            Knowledge::Free => FREE * parameter.typical,
+            Knowledge::Free => FREE_STD * parameter.typical,
         };
     }
     held.iter().for_each(|j| prior[layout.load + j].1 = 0.0);
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
-    let counting = cases.iter().map(Case::counting).sum::<usize>() as f64;
-    let mut search = Search { cases, kind, x, prior, weight: 1.0, iterations: 0, converged: false };
-    search.weight = counting / rows;
+    let weight = cases.iter().map(Case::effective_rows).sum::<usize>() as f64 / rows;
+    let mut search = Search { cases, model, x, prior, weight, iterations: 0, converged: false };
     if search.exact() {
-        search.prior[layout.load + kind.places.mass].1 = 0.0;
+        search.prior[layout.load + model.places.mass].1 = 0.0;
     } else {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
     Ok(search)
 }
 
-/// Level of a slow force from which the search starts, and the least one, in weights of the rotor after a second.
+/// Initial and smallest level of a slow force, in weights of the rotor after one second.
 const SLOW_FORCE: f64 = 1e-3;
-const LEAST_SLOW_FORCE: f64 = 1e-7;
-/// Part of a level that does not matter.
-const ABSENT: f64 = 1e-3;
-/// Least part of the rows that has to remain.
-const REMAINS: f64 = 0.5;
-/// Most rounds in which contradictions are left out.
-const ROUNDS: usize = 6;
+const MIN_SLOW_FORCE: f64 = 1e-7;
+/// Fraction of a level that is negligible.
+const NEGLIGIBLE: f64 = 1e-3;
+/// Smallest fraction of the rows that must remain.
+const MIN_REMAINING: f64 = 0.5;
+/// Maximum number of rounds in which inconsistent rows are left out.
+const MAX_ROUNDS: usize = 6;
 
-/// The widest of the bench parameters that are free but not told by the data: the others may be told once it is held.
+/// The most uncertain free bench parameter not determined by the data: once it is held, the others may become determined.
 fn not_separated(finished: &Finished<'_>) -> Option<usize> {
-    let (parameters, first) = (&finished.search.kind.part.parameters, finished.search.kind.layout.load);
+    let (parameters, first) = (&finished.search.model.part.parameters, finished.search.model.layout.load);
     let typical = |j: usize| parameters[j].typical;
     let std = |j: usize| finished.estimate(first + j).total_std;
     let free = (0..parameters.len()).filter(|j| parameters[*j].knowledge == Knowledge::Free);
-    let too_wide = free.filter(|j| std(*j) > NOT_SEPARATED * typical(*j));
+    let too_wide = free.filter(|j| std(*j) > MAX_FREE_STD * typical(*j));
     let width = |j: usize| std(j) / typical(j);
     too_wide.reduce(|widest, j| if width(j) > 0.99 * width(widest) { j } else { widest })
 }
 
-/// Some of the rows in stretches, evenly distributed; `None` where there are few.
+/// Masks that use some of the rows in evenly distributed stretches; `None` if there are few rows.
 fn stretches(masks: &[Vec<bool>]) -> Option<Vec<Vec<bool>>> {
     let all: usize = masks.iter().flatten().filter(|used| **used).count();
     let period = STRETCH * all / FIRST_ROWS;
@@ -490,20 +492,20 @@ fn stretches(masks: &[Vec<bool>]) -> Option<Vec<Vec<bool>>> {
 pub(super) fn fit<'a>(
     recordings: &'a [Recording],
     masks: &[Vec<bool>],
-    kind: &'a Kind<'a>,
+    model: &'a Model<'a>,
     held: &mut Vec<usize>,
 ) -> Result<Finished<'a>, Failed> {
-    // The first search ends before the other begins: each has its own trajectory of all rows.
-    let near = stretches(masks).and_then(|masks| {
-        let mut first = start(recordings, &masks, kind, held).ok()?;
+    // The first search ends before the second begins, as each holds a trajectory of all rows.
+    let from_stretches = stretches(masks).and_then(|masks| {
+        let mut first = start(recordings, &masks, model, held).ok()?;
         first.run().ok()?;
-        first.converged.then(|| first.found())
+        first.converged.then(|| first.point())
     });
-    let mut search = start(recordings, masks, kind, held)?;
-    match near {
-        Some(near) => {
-            search.start_at(near);
-            search.expect();
+    let mut search = start(recordings, masks, model, held)?;
+    match from_stretches {
+        Some(point) => {
+            search.start_at(point);
+            search.compute_expected();
             search.iterate(UNSMOOTHED, CONVERGED)?;
         }
         None => search.run()?,
@@ -513,28 +515,28 @@ pub(super) fn fit<'a>(
         let Some(widest) = not_separated(&finished) else { return Ok(finished) };
         held.push(widest);
         search = finished.search;
-        search.prior[kind.layout.load + widest].1 = 0.0;
-        search.x[kind.layout.load + widest] = 0.0;
+        search.prior[model.layout.load + widest].1 = 0.0;
+        search.x[model.layout.load + widest] = 0.0;
         search.run()?;
     }
 }
 
-/// Which rows are used: all.
+/// Masks that use all rows.
 fn all_rows(recordings: &[Recording]) -> Vec<Vec<bool>> {
     recordings.iter().map(|recording| vec![true; recording.rows()]).collect()
 }
 
-/// A change that keeps the search over all rows from a solution: where a half has one, the change shows from there. Returns the smaller side, and which rows
-/// are used without it.
-fn change_from_a_half(recordings: &[Recording], kind: &Kind<'_>) -> Option<(Contradiction, Vec<Vec<bool>>)> {
+/// A change that prevents the search over all rows from finding a solution: it is detected from the solution of one half. Returns the smaller side, and
+/// the masks without it.
+fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Contradiction, Vec<Vec<bool>>)> {
     let mut masks = all_rows(recordings);
     let from = |second: bool| {
         let of = |mask: &Vec<bool>| (0..mask.len()).map(|row| (2 * row >= mask.len()) == second).collect();
         let half: Vec<Vec<bool>> = masks.iter().map(of).collect();
         let mut held = Vec::new();
-        let own = fit(recordings, &half, kind, &mut held).ok().filter(Finished::is_solution)?;
-        let mut search = start(recordings, &masks, kind, &held).ok()?;
-        search.start_at(own.search.found());
+        let own = fit(recordings, &half, model, &mut held).ok().filter(Finished::is_solution)?;
+        let mut search = start(recordings, &masks, model, &held).ok()?;
+        search.start_at(own.search.point());
         let finished = finish(search).ok()?;
         let change = changes::change(&finished)?;
         Some((finished, change))
@@ -544,44 +546,44 @@ fn change_from_a_half(recordings: &[Recording], kind: &Kind<'_>) -> Option<(Cont
     Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
-pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bool) -> Result<Identification, Failed> {
+pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: bool) -> Result<Identification, Failed> {
     let mut masks = all_rows(recordings);
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
-    let mut found = fit(recordings, &masks, kind, &mut held);
-    let mut halves_are_left = leaves_out;
+    let mut found = fit(recordings, &masks, model, &mut held);
+    let mut halves_remain = exclude;
     let mut gain = None;
-    // Each round leaves out what contradicts most.
-    for _ in 0..ROUNDS {
-        // Away from a solution everything contradicts everything.
+    // Each round leaves out the most inconsistent rows.
+    for _ in 0..MAX_ROUNDS {
+        // Tests are meaningful only near a solution.
         let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
-            if !std::mem::take(&mut halves_are_left) {
+            if !std::mem::take(&mut halves_remain) {
                 break;
             }
-            // Rows that were left out before contradicted no solution.
-            let Some((side, without)) = change_from_a_half(recordings, kind) else { break };
+            // Rows left out so far were not inconsistent with any solution.
+            let Some((side, without)) = change_from_a_half(recordings, model) else { break };
             (masks, contradictions) = (without, vec![side]);
             held.clear();
-            found = fit(recordings, &masks, kind, &mut held);
+            found = fit(recordings, &masks, model, &mut held);
             continue;
         };
         let disturbed = changes::disturbed(finished);
-        // A few rows that are disturbed look like a change of what is before or after them.
+        // A few disturbed rows look like a change of the rows before or after them.
         let is_short = |part: &Contradiction| part.rows.len() <= 2 * finished.search.cases[part.recording].block();
         let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
         let change = changes::change(finished).filter(|_| !brief);
-        if !leaves_out && (change.is_some() || !disturbed.is_empty()) {
+        if !exclude && (change.is_some() || !disturbed.is_empty()) {
             return Err(Failed::Contradicted);
         }
         if let Some(change) = change {
-            // A force that wanders looks like changes of the load, or of λ.
+            // A wandering force looks like changes of the load or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
             let Some(side) = changes::leave_out(recordings, &mut masks, finished, &change) else { break };
             contradictions.push(side);
         } else {
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
             let all: usize = finished.search.cases.iter().map(Case::rows).sum();
-            if disturbed.is_empty() || left as f64 > (1.0 - REMAINS) * all as f64 {
+            if disturbed.is_empty() || left as f64 > (1.0 - MIN_REMAINING) * all as f64 {
                 break;
             }
             for contradiction in disturbed {
@@ -589,11 +591,11 @@ pub(super) fn identify(recordings: &[Recording], kind: &Kind<'_>, leaves_out: bo
                 contradictions.push(contradiction);
             }
         }
-        found = fit(recordings, &masks, kind, &mut held);
+        found = fit(recordings, &masks, model, &mut held);
     }
     let mut finished = found?;
-    let gain = gain.filter(|_| !kind.slow_force);
-    // A single change of λ looks like a slow force, of which nothing is left in the rest.
+    let gain = gain.filter(|_| !model.slow_force);
+    // A single change of λ looks like a slow force that is absent from the remaining rows.
     let changes = contradictions.iter().map(|of| &of.what).filter(|what| !matches!(what, Change::Disturbed { .. }));
     let is_one_change = matches!(changes.collect::<Vec<_>>()[..], [Change::Lambda(_)]);
     let gain = match gain {

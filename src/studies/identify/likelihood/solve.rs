@@ -19,7 +19,7 @@ impl Normal {
         Self { layout, j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
     }
 
-    /// Adds what a block of recording `r` has.
+    /// Adds the sums of a block of recording `r`.
     pub fn add(&mut self, block: &Block, r: usize) {
         let layout = self.layout;
         let with_bench = layout.columns();
@@ -40,12 +40,12 @@ impl Normal {
     }
 }
 
-/// The inverse of a symmetric positive definite matrix, scaled by its diagonal first; `None` unless it is one.
+/// Inverse of a symmetric positive definite matrix, scaled by its diagonal first; `None` if it is not positive definite.
 pub(super) fn inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     scaled(a, |a| Some(a.cholesky()?.inverse()))
 }
 
-/// The inverse of a matrix whose rows and columns belong together, scaled by its diagonal first.
+/// Inverse of a matrix with corresponding rows and columns, scaled by its diagonal first.
 pub(super) fn general_inverse(a: &DMatrix<f64>) -> Option<DMatrix<f64>> {
     scaled(a, DMatrix::try_inverse)
 }
@@ -57,7 +57,7 @@ fn scaled(a: &DMatrix<f64>, inverse: fn(DMatrix<f64>) -> Option<DMatrix<f64>>) -
     inverse.iter().all(|value| value.is_finite()).then_some(inverse)
 }
 
-/// The rows and columns `of` of a matrix.
-pub(super) fn part(a: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
+/// Submatrix of these rows and columns.
+pub(super) fn submatrix(a: &DMatrix<f64>, rows: &[usize], columns: &[usize]) -> DMatrix<f64> {
     DMatrix::from_fn(rows.len(), columns.len(), |i, l| a[(rows[i], columns[l])])
 }
