@@ -531,7 +531,7 @@ impl Default for &'static Machine {
     }
 }
 
-/// The machine of that name.
+/// The machine of this name.
 pub fn find(name: &str) -> Option<&'static Machine> {
     MACHINES.iter().find(|machine| machine.name == name)
 }

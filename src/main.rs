@@ -22,10 +22,7 @@ const COMMIT: Option<[u8; DIGITS]> = {
             break;
         }
     }
-    match rest.first_chunk() {
-        Some(digits) => Some(*digits),
-        None => None,
-    }
+    rest.first_chunk().copied()
 };
 
 fn main() -> ExitCode {

@@ -44,7 +44,7 @@ impl<T: Scalar> Shaft<T> {
         joined(self.m_kg, [self.m_kg, self.m_kg, self.transverse_kgm2, self.transverse_kgm2])
     }
 
-    /// The gyroscopic moments `−Ω G q̇`, in N·m, at the speed Ω in rad/s and the rates q̇ in m/s and rad/s; `None` if the rotor cannot tilt.
+    /// The gyroscopic moments `−Ω G q̇`, in N·m, at the speed Ω in rad/s and the rates q̇ in m/s and rad/s; `None` without tilt.
     #[inline]
     pub fn gyroscopic<const N: usize>(&self, omega_rad_s: T, rates: [T; N]) -> Option<[T; N]> {
         if N < ACROSS {

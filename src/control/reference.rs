@@ -274,7 +274,7 @@ impl Transition {
 ///
 /// Computed as base + ω·(count · T_s), with a new base when ω changes, so that it does not drift.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Turning {
+pub(super) struct ReferenceAngle {
     /// Number of samples taken.
     samples: u64,
     /// θ at the sample at which ω last changed, in rad.
@@ -287,7 +287,7 @@ pub(super) struct Turning {
     theta_rad: f64,
 }
 
-impl Turning {
+impl ReferenceAngle {
     /// Advances to the next sample; ω applies from this sample on.
     pub fn sample(&mut self, omega_rad_s: f64, step_s: f64) {
         let since_base_s = (self.samples - self.base_sample) as f64 * step_s;
@@ -311,7 +311,7 @@ impl Turning {
 #[serde(bound = "[f64; N]: Saved, [Signal; N]: Saved")]
 pub struct ReferenceState<const N: usize> {
     /// θ.
-    turning: Turning,
+    turning: ReferenceAngle,
     /// Coordinates at the first sample, in m or rad.
     first: [f64; N],
     /// Estimate of the external reference of each coordinate at the last sample.
@@ -364,9 +364,9 @@ impl<const N: usize, const B: usize> Reference<N, B> {
             checks.of(bearing.prefix, |checks| match config.shape {
                 _ if bearing.if_beside() == 1 => check_sine(path, step_s, magnets, checks),
                 Shape::External => (),
-                Shape::Fourier => check_contour_reach(&config.contour, machine, magnets, checks),
-                Shape::Ellipse => check_ellipse_reach(path, 0.0, bearing, magnets, checks),
-                Shape::Lobes => check_ellipse_reach(path, config.lobe_amplitude_m, bearing, magnets, checks),
+                Shape::Fourier => check_contour(&config.contour, machine, magnets, checks),
+                Shape::Ellipse => check_ellipse(path, 0.0, bearing, magnets, checks),
+                Shape::Lobes => check_ellipse(path, config.lobe_amplitude_m, bearing, magnets, checks),
             });
         }
         let external = config.shape == Shape::External;
@@ -386,7 +386,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 
     /// The state before the first sample: θ = 0, an external reference at rest.
     pub fn start(&self) -> ReferenceState<N> {
-        ReferenceState { turning: Turning::default(), first: [0.0; N], signal: [Signal::default(); N] }
+        ReferenceState { turning: ReferenceAngle::default(), first: [0.0; N], signal: [Signal::default(); N] }
     }
 
     /// Advances to the next sample, at the measured coordinates; a lift begins at those of the first sample. `omega_rad_s` applies from
@@ -485,13 +485,13 @@ impl<const B: usize> ReferenceConfig<B> {
 /// Rejects an ellipse with lobes that may touch a magnet.
 ///
 /// In the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
-fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
+fn check_ellipse(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
     let PathConfig { r_y_m: r_y, r_z_m: r_z, .. } = *path;
     let a = lobes_m.abs();
     let s = magnets.gap_m();
     let towards = magnets.directions().iter().map(|e_k| [r_y * e_k[0], r_z * e_k[1]]);
-    let reach = |[y, z]: [f64; 2]| (y * y + z * z).sqrt() + a;
-    let Some((number, [y, z])) = (1..).zip(towards).find(|(_, towards)| reach(*towards) >= s) else { return };
+    let extent = |[y, z]: [f64; 2]| (y * y + z * z).sqrt() + a;
+    let Some((number, [y, z])) = (1..).zip(towards).find(|(_, towards)| extent(*towards) >= s) else { return };
     let (name, value) = if a >= y.abs() && a >= z.abs() {
         ("reference.lobeAmplitude".to_owned(), lobes_m)
     } else if y.abs() >= z.abs() {
@@ -499,9 +499,9 @@ fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magne
     } else {
         ("reference.rZ".to_owned(), r_z)
     };
-    let (reach, gap) = (Short(reach([y, z])), Short(s));
+    let (extent, gap) = (Short(extent([y, z])), Short(s));
     let wanted = format!(
-        "a reference trajectory that does not touch magnet {number} (it extends to {reach} m, the gap is {gap} m)"
+        "a reference trajectory that does not touch magnet {number} (it extends to {extent} m, the gap is {gap} m)"
     );
     checks.require(false, name, format_args!("{value} m"), wanted);
 }
@@ -526,7 +526,7 @@ fn check_sine(path: &PathConfig, step_s: f64, magnets: &Magnets, checks: &mut Ch
 
 /// Rejects a contour that touches a magnet, checked at 45 angles per period of the highest harmonic; the finding names the largest
 /// coefficient.
-fn check_contour_reach(contour: &Contour, machine: &Machine, magnets: &Magnets, checks: &mut Checks) {
+fn check_contour(contour: &Contour, machine: &Machine, magnets: &Magnets, checks: &mut Checks) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
     for index in 0..ANGLES {

@@ -107,9 +107,7 @@ where
     }
 
     fn accepts(&self, state: &Self::State) -> Result<(), String> {
-        self.0
-            .accepts(&state.controller)
-            .then_some(())
-            .ok_or_else(|| "the state is not one that this controller can have".into())
+        let accepted = self.0.accepts(&state.controller);
+        accepted.then_some(()).ok_or_else(|| "the state is not one that this controller can have".into())
     }
 }

@@ -197,10 +197,8 @@ where
     }
 
     fn accepts(&self, state: &Self::State, _: &Self::Values, time_s: Option<f64>) -> Result<(), String> {
-        if time_s.is_some_and(|time_s| !self.0.accepts(state, time_s)) {
-            return Err("the state does not belong to this time or to these parameters".into());
-        }
-        Ok(())
+        let accepted = time_s.is_none_or(|time_s| self.0.accepts(state, time_s));
+        accepted.then_some(()).ok_or_else(|| "the state does not belong to this time or to these parameters".into())
     }
 
     fn base_step_s(&self) -> f64 {
@@ -249,10 +247,9 @@ where
         let towards = direction.config.clone();
         let mut derivatives = Self::Values::default();
         // Before the run the parameters determine the states.
-        let (start_m, start_m_s) = (towards.position_m, towards.velocity_m_s);
         let from = |state: f64, start: f64| if started { state } else { state + start };
-        derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], start_m[n]));
-        derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], start_m_s[n]));
+        derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], towards.position_m[n]));
+        derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], towards.velocity_m_s[n]));
         derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
         derivatives.omega_rad_s = direction.input.omega_rad_s;
         let line = point.along(&Point {

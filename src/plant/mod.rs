@@ -17,8 +17,8 @@
 //! m Z̈ = Σ F_k cos α_k + p_z + c_z    P(7), P(3)
 //! ```
 //!
-//! Coordinates, signs and G of a shaft that tilts are those of [`shaft`](crate::bearing::shaft). A change of speed adds no tilting moment:
-//! the driving torque acts along the rotor's own axis, and its components across the axis at rest are exactly `J_p Ω̇ (γ, −β)`.
+//! Coordinates, signs and G of a shaft that tilts are those of [`shaft`](crate::bearing::shaft). A change of speed adds no term for the
+//! tilt: the driving torque acts along the rotor's own axis, and its components across the axis at rest are just `J_p Ω̇ (γ, −β)`.
 //!
 //! `p` are all forces on the rotor except those of magnets and backup bearings: per axis a, with the absolute time `t`,
 //! `p_a + amplitude_a sin(ω_p t + phase_a) + m g_a`, and along (y, z) the unbalance `U ω² (cos(θ + φ), sin(θ + φ))`, of a shaft in two
@@ -28,8 +28,8 @@
 //!
 //! The classical Runge–Kutta method with equal sub-steps of at most `max_step_s`. Where the model is faster, sub-steps are divided
 //! until they are at most [`SAFETY`] over the fastest rate: of the coils `R ∂i/∂ψ`, of the rotor in the field of the magnets
-//! `√(Σ 2F_k/gap_k d_kᵀM⁻¹d_k)`, of the narrowest gap `|v|/gap`, and of a contact. The instants at which contact with a backup bearing
-//! begins or ends are located, and a sub-step ends there, so that none crosses a kink.
+//! `√(Σ 2F_k/gap_k d_kᵀM⁻¹d_k)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which contact with a backup
+//! bearing begins or ends is located, and a sub-step ends there, so that none crosses a kink.
 //!
 //! # Samples
 //!

@@ -36,10 +36,8 @@ pub fn read(text: &str) -> Result<Fit, String> {
             (title.trim() == name).then_some((index, unit.trim_end_matches(']').trim().to_owned()))
         });
         let (index, given) = found.ok_or_else(|| format!("there is no column {name} with its unit: {wanted}"))?;
-        let factor = unit.convert(1.0, &given);
-        let factor = factor
-            .ok_or_else(|| format!("the unit {given} is not one of {}", unit.names().collect::<Vec<_>>().join(", ")))?;
-        Ok::<_, String>((index, factor))
+        let column = unit.convert(1.0, &given).map(|factor| (index, factor));
+        column.ok_or_else(|| format!("the unit {given} is not one of {}", unit.names().collect::<Vec<_>>().join(", ")))
     };
     let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
     let mut points: Vec<[f64; 3]> = Vec::new();

@@ -10,7 +10,7 @@ use fmu_export::{Instance, Step};
 use crate::invalid::Short;
 use crate::progress::Progress;
 use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::{Connection, Element, Scenario};
+use crate::simulation::scenario::{Connection, Element, Scenario, place};
 
 /// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]
@@ -100,7 +100,7 @@ pub fn run_altered(
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
-    fits(scenario, outputs.len())?;
+    check_memory(scenario, outputs.len())?;
     let mut transferred = Vec::with_capacity(wires.len());
     let mut balance_s = scenario.balance_s;
     let steps = steps(scenario);
@@ -216,7 +216,7 @@ fn steps(scenario: &Scenario) -> usize {
 }
 
 /// Rejects a run whose recording would not fit into memory.
-fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
+fn check_memory(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
     let samples = (scenario.duration_s / scenario.step_s).round() + 1.0;
     let bytes = samples * (outputs + 1) as f64 * size_of::<f64>() as f64;
     if bytes <= MOST_BYTES {
@@ -259,14 +259,10 @@ pub fn start(element: &Element) -> Result<Instance, Vec<String>> {
 /// # Panics
 /// If a connection is not between variables of the scenario.
 pub fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
-    let place = |[element, variable]: [String; 2]| {
-        let at = scenario.elements.iter().position(|candidate| candidate.name == element)?;
-        Some((at, scenario.elements[at].index(&variable)?))
+    let found = |[element, variable]: [String; 2]| {
+        place(&scenario.elements, &element, &variable).expect("a variable of a model")
     };
-    let connections = scenario.connections().into_iter();
-    connections
-        .map(|Connection { from, to }| [from, to].map(|end| place(end).expect("a variable of a model")))
-        .collect()
+    scenario.connections().into_iter().map(|Connection { from, to }| [from, to].map(found)).collect()
 }
 
 /// Adds a column for every wanted output and returns their variables.

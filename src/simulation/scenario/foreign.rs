@@ -24,7 +24,7 @@ fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
     keys.iter().filter(|key| !has(key)).collect()
 }
 
-/// A finding if another machine has more of the names than the machine `given` in the scenario; empty if none is.
+/// A finding if another machine has more of the names than that of the scenario; `given` is empty if the scenario names no machine.
 pub fn finding(given: &str, keys: &[Key]) -> Option<String> {
     let own = if given.is_empty() { Some(&MACHINES[0]) } else { machine::find(given) };
     let here = missing(own?, keys);

@@ -108,7 +108,7 @@ pub struct Element {
 }
 
 impl Element {
-    /// Index of the variable of that name.
+    /// Index of the variable of this name.
     pub fn index(&self, variable: &str) -> Option<usize> {
         read::position(&self.model_type, variable)
     }
@@ -129,6 +129,12 @@ impl Element {
     pub fn values(&self) -> Vec<(usize, Value)> {
         self.settings.iter().cloned().collect::<BTreeMap<_, _>>().into_iter().collect()
     }
+}
+
+/// Finds a variable by the name of its element and its own name: index of the element, index of the variable.
+pub(super) fn place(elements: &[Element], element: &str, variable: &str) -> Option<(usize, usize)> {
+    let at = elements.iter().position(|candidate| candidate.name == element)?;
+    Some((at, elements[at].index(variable)?))
 }
 
 /// A scenario, checked as far as possible without running it.

@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, ScenarioError, connected, foreign};
+use super::{Connection, Element, Profile, Scenario, ScenarioError, connected, foreign, place};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -205,42 +205,42 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         Element { name: name.into(), model_type, settings: Vec::new() }
     };
     let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
-    let mut reading = Reading { connected: connected(&elements), elements, findings };
+    let mut assignment = Assignment { connected: connected(&elements), elements, findings };
     let all = flatten(&document.all);
     for (at, (name, table)) in document.elements().into_iter().enumerate() {
         // Names that no element has are reported below.
-        let model_type = reading.elements[at].model_type.clone();
+        let model_type = assignment.elements[at].model_type.clone();
         for (key, value) in all.iter().filter(|(key, _)| knows(&model_type, key)) {
-            reading.set(at, "all", key, value);
+            assignment.set(at, "all", key, value);
         }
         for (key, value) in flatten(table) {
             if knows(&model_type, &key) {
-                reading.set(at, name, &key, value);
+                assignment.set(at, name, &key, value);
             } else {
-                reading.findings.push(unknown(name, &key, &names(&[&model_type])));
+                assignment.findings.push(unknown(name, &key, &names(&[&model_type])));
             }
         }
     }
-    let models: Vec<_> = reading.elements.iter().map(|element| &*element.model_type).collect();
+    let models: Vec<_> = assignment.elements.iter().map(|element| &*element.model_type).collect();
     for (key, _) in all.iter().filter(|(key, _)| !models.iter().any(|model_type| knows(model_type, key))) {
-        reading.findings.push(unknown("all", key, &names(&models)));
+        assignment.findings.push(unknown("all", key, &names(&models)));
     }
     if let Some(file) = &document.contour {
         match contour_settings(file, folder, models[1]) {
-            Ok(settings) => reading.elements[1].settings.extend(settings),
-            Err(why) => reading.findings.push(format!("contour = \"{file}\" is refused: {why}")),
+            Ok(settings) => assignment.elements[1].settings.extend(settings),
+            Err(why) => assignment.findings.push(format!("contour = \"{file}\" is refused: {why}")),
         }
     }
-    changes.iter().for_each(|(path, value)| reading.change(path, value));
-    reading.compare(&document.compare);
+    changes.iter().for_each(|(path, value)| assignment.change(path, value));
+    assignment.compare(&document.compare);
     let mut profiles = Vec::new();
     for (number, text) in (1..).zip(&document.profile) {
-        match reading.profile(text) {
+        match assignment.profile(text) {
             Ok(profile) => profiles.push(profile),
-            Err(all) => reading.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
+            Err(all) => assignment.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
         }
     }
-    let Reading { elements, connected, findings } = reading;
+    let Assignment { elements, connected, findings } = assignment;
     if !document.identify.is_empty() && machine.name != AXIAL.name {
         findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
     }
@@ -262,13 +262,13 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
 }
 
 /// The elements of a loop while values are assigned.
-struct Reading<'f> {
+struct Assignment<'f> {
     elements: Vec<Element>,
     connected: Vec<Connection>,
     findings: &'f mut Vec<String>,
 }
 
-impl Reading<'_> {
+impl Assignment<'_> {
     /// Assigns the value of a key to the element at this index; `table` names its source in messages.
     fn set(&mut self, at: usize, table: &str, key: &str, value: &toml::Value) {
         let Element { name, model_type, settings } = &mut self.elements[at];
@@ -343,9 +343,9 @@ impl Reading<'_> {
                     self.findings.push(format!("compare = \"{method}\" is refused: it is listed twice"));
                 }
                 Ok(value) => {
-                    let mut beside = Element { name: method.clone(), ..estimator.clone() };
-                    beside.settings.push((index, Value::Integer(value)));
-                    self.elements.push(beside);
+                    let mut added = Element { name: method.clone(), ..estimator.clone() };
+                    added.settings.push((index, Value::Integer(value)));
+                    self.elements.push(added);
                 }
             }
         }
@@ -356,10 +356,7 @@ impl Reading<'_> {
         let mut refused: Vec<String> = Vec::new();
         let mut targets = Vec::new();
         for path in &text.of {
-            let found = path.split_once('.').and_then(|(name, variable)| {
-                let at = self.elements.iter().position(|element| element.name == name)?;
-                Some((at, self.elements[at].index(variable)?))
-            });
+            let found = path.split_once('.').and_then(|(name, variable)| place(&self.elements, name, variable));
             let Some((at, index)) = found else {
                 refused.push(format!("there is no variable {path}; expected element.variable, as in plant.omega"));
                 continue;
