@@ -1,6 +1,6 @@
-//! On-line parameter estimation of a radial magnetic bearing with three magnets.
+//! On-line parameter estimation of magnetic bearings.
 //!
-//! SI units throughout, axis order (y, z), magnets in the order 1, 2, 3. Each layer uses only those above it:
+//! SI units throughout, axis order (y, z), magnets in the order of their numbers. Each layer uses only those above it:
 //!
 //! 1. the equations, which know nothing of FMI, access no files, and do not allocate while stepping: [`bearing`],
 //!    [`plant`], [`control`], [`estimation`]. Configuration and state are separate types: a configuration is validated

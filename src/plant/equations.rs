@@ -280,8 +280,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             return Motion { position_m: [nan; N], velocity_m_s: [nan; N], linkage_wb: [nan; K] };
         }
         let (force_n, coils) = self.forces(conditions.open, x.linkage_wb, input, gap_m);
-        let none = [T::constant(0.0); K];
-        let induced_v = coils.map_or(none, |coils| self.induced_v(conditions.open, &coils, input));
+        let induced_v = coils.map_or([T::constant(0.0); K], |coils| self.induced_v(conditions.open, &coils, input));
         let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
         let resultant_n = self.geometry.resultant(force_n);
         Motion {

@@ -172,8 +172,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// # Errors
     /// A coil that is too fast; nothing changes then.
     pub fn retune(&mut self, to: &PlantConfigOf<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
-        let PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, ref harmonic, .. } = *to;
-        let harmonic = harmonic.clone();
+        let PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, .. } = to.clone();
         let config =
             PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, ..self.config().clone() };
         Checks::all(|checks| config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, checks))?;
@@ -302,17 +301,16 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let numbers = [&numbers[..], &state.position_m, &state.velocity_m_s, &state.linkage_wb];
         let inside = self.equations.geometry().gaps(state.position_m).iter().all(|gap| *gap > 0.0);
         // Importers may begin a step slightly off the end of the last one.
-        let tolerance_s = step_s + 1e-6 * t_s.abs().max(1.0);
+        let slack_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
-        let in_order =
-            instant_s(state.samples) >= t_s - tolerance_s && instant_s(state.samples.max(1) - 1) <= t_s + tolerance_s;
+        let taken = instant_s(state.samples) >= t_s - slack_s && instant_s(state.samples.max(1) - 1) <= t_s + slack_s;
         let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
         let possible = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
         are_finite(&numbers)
             && inside
-            && in_order
+            && taken
             && (self.config().sensor.delay_s == 0.0 || possible.contains(&state.delayed.taken))
-            && (state.time_s - t_s).abs() <= tolerance_s
+            && (state.time_s - t_s).abs() <= slack_s
     }
 
     /// The instant of the last sample, in s; sample 0 is taken at the start.
