@@ -1,5 +1,5 @@
-//! Tells `src/main.rs` where git logs the commits that are checked out, so that the program can report its
-//! commit. Only the program depends on that file: a new commit does not rebuild the library.
+//! Tells `src/main.rs` where git logs the checked-out commits, so that the program can report its commit. Only the program
+//! depends on that file: a new commit does not rebuild the library.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -14,9 +14,9 @@ fn main() {
     println!("cargo::rustc-env=COMMIT_LOG={}", log.display());
 }
 
-/// Where git logs what is checked out, if this is the root of a repository.
+/// Git's log of checked-out commits, if this is the root of a repository.
 fn log() -> Option<PathBuf> {
-    // A copy of the sources within another repository has commits of its own, or none.
+    // A copy of the sources inside another repository must not report the commits of that one.
     Path::new(".git").exists().then_some(())?;
     let output = Command::new("git").args(["rev-parse", "--git-path", "logs/HEAD"]).output().ok()?;
     let path = String::from_utf8(output.stdout).ok()?;

@@ -6,7 +6,7 @@ use std::fmt;
 pub use crate::variables::Invalid;
 use crate::variables::{Variables, outside};
 
-/// A computed number in a message, with five significant digits at most.
+/// A computed number in a message, with at most five significant digits.
 pub struct Short(pub f64);
 
 impl fmt::Display for Short {
@@ -21,14 +21,14 @@ impl fmt::Display for Short {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("the input {name} is not finite: {value}")]
 pub struct NotFinite {
-    /// Name of the input as in the interface.
+    /// Name in the interface.
     pub name: String,
-    /// Its value.
+    /// Value.
     pub value: f64,
 }
 
 impl NotFinite {
-    /// Refuses inputs that are not finite.
+    /// Rejects inputs that are not finite.
     pub(crate) fn check(names: &dyn Fn() -> Vec<String>, values: &[f64]) -> Result<(), Self> {
         match values.iter().position(|value| !value.is_finite()) {
             Some(at) => Err(Self { name: names().swap_remove(at), value: values[at] }),
@@ -42,7 +42,7 @@ pub(crate) fn are_finite(numbers: &[&[f64]]) -> bool {
     numbers.iter().all(|numbers| numbers.iter().all(|number| number.is_finite()))
 }
 
-/// Collects findings, so that a user sees all of them at once: [`Checks::all`].
+/// Collects all findings, so that the user sees them at once: [`Checks::all`].
 #[derive(Debug, Default)]
 pub struct Checks {
     found: Vec<Invalid>,
@@ -67,7 +67,7 @@ impl Checks {
         self.require(value.is_finite() && value > 0.0, name, format_args!("{value} {unit}"), "a finite number above 0");
     }
 
-    /// Requires a finite number that is not negative.
+    /// Requires a finite, non-negative number.
     pub fn not_negative(&mut self, name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) {
         self.require(
             value.is_finite() && value >= 0.0,
@@ -82,7 +82,7 @@ impl Checks {
         self.require(value.is_finite(), name, format_args!("{value} {unit}"), "a finite number");
     }
 
-    /// Checks a part whose names begin with `prefix`, for instance `A.`.
+    /// Runs `check` and prepends `prefix`, for instance `A.`, to the names in its findings.
     pub fn of<T>(&mut self, prefix: &str, check: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.found.len();
         let checked = check(self);
@@ -92,11 +92,10 @@ impl Checks {
         checked
     }
 
-    /// Checks the described variables of a structure and, if all are finite and within their limits, makes something of it and checks what
-    /// else there is.
+    /// Checks that the described variables of a structure are finite and within their limits, then runs `make` with its own checks.
     ///
     /// # Errors
-    /// All findings of the first kind, or all of the second one, in order.
+    /// All variables outside their limits, or else all findings of `make`, in order.
     pub fn described<V: Variables, T>(
         of: &V,
         context: &V::Context,
@@ -106,7 +105,7 @@ impl Checks {
         if found.is_empty() { Self::all(make) } else { Err(found) }
     }
 
-    /// Makes something of parameters and checks them.
+    /// Runs `make`, which builds a value and checks its parameters.
     ///
     /// # Errors
     /// All findings, in order.

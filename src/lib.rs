@@ -1,12 +1,12 @@
-//! On-line parameter estimation of a radial magnetic bearing with three magnets.
+//! On-line parameter estimation of magnetic bearings.
 //!
-//! SI units throughout, axis order (y, z), magnets in the order 1, 2, 3. Each layer uses only those above it:
+//! SI units throughout, axis order (y, z), magnets in the order of their numbers. Each layer uses only those above it:
 //!
 //! 1. the equations, which know nothing of FMI, access no files, and do not allocate while stepping: [`bearing`],
 //!    [`plant`], [`control`], [`estimation`]. Configuration and state are separate types: a configuration is validated
-//!    once, when it is made ([`invalid`] collects the errors), and a step changes only the state. Elementary functions
-//!    come from the crate `libm`, so that all platforms compute the same bits. [`machine`] holds the names of what differs between
-//!    rotors, and [`mod@variables`] how a field is described: unit, limits, meaning;
+//!    once, when it is created ([`invalid`] collects the errors), and a step changes only the state. Elementary functions
+//!    come from the crate `libm`, so that all platforms compute the same bits. [`machine`] describes the machines,
+//!    [`mod@variables`] the fields of structures: unit, limits, meaning;
 //! 2. [`fmu`]: the equations as FMUs, through the crate `fmu_export`;
 //! 3. [`simulation`]: scenarios and the closed loop;
 //! 4. [`studies`]: many runs, and identification from recordings of a test bench;

@@ -1,14 +1,14 @@
-//! The machines of this project, each described once: its bearings, coordinates and sensors, and how they are called.
+//! The machines of this project, each described once: its bearings, coordinates and sensors, with their names.
 //!
-//! Names of variables, connections, scenario keys and FMUs follow from a description. The equations know the sizes of their arrays alone, as
-//! const generics: `Machine::of` finds the description of sizes.
+//! Names of variables, connections, scenario keys and FMUs derive from this description. The equations only know the sizes of their
+//! arrays, as const generics; `Machine::of` finds the description for given sizes.
 
 use std::ops::Range;
 
 /// Name and description.
-type Called = (&'static str, &'static str);
+type Described = (&'static str, &'static str);
 
-/// A coordinate, by the names of what belongs to it.
+/// A coordinate: the names of its variables.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coordinate {
     /// The coordinate itself.
@@ -17,11 +17,11 @@ pub struct Coordinate {
     pub rate: &'static str,
     /// Its acceleration.
     pub acceleration: &'static str,
-    /// The load on it, an input.
+    /// The load along it, an input.
     pub load: &'static str,
-    /// All forces on it except those of magnets and backup bearings.
+    /// All forces along it except those of magnets and backup bearings.
     pub perturbation: &'static str,
-    /// Whether it is an angle, and the force on it a moment.
+    /// Whether it is an angle, so that its force is a moment.
     pub is_angle: bool,
 }
 
@@ -31,23 +31,23 @@ impl Coordinate {
     }
 }
 
-/// A reading of position.
+/// A position reading.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reading {
     /// Its name.
     pub name: &'static str,
-    /// Begin and end of the names of what belongs to it.
+    /// Prefix and suffix of the names of its variables.
     pub around: (&'static str, &'static str),
-    /// The axis that it is for, and the bearing if there are several.
+    /// Its axis, with the bearing if there are several.
     pub axis: &'static str,
 }
 
 /// A bearing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bearing {
-    /// Prefix of the names of all that belongs to it.
+    /// Prefix of the names of its variables.
     pub prefix: &'static str,
-    /// Whether it holds the rotor across the shaft, and not along it.
+    /// Whether it is radial, not axial.
     pub is_radial: bool,
     /// Number of its magnets.
     pub magnets: usize,
@@ -62,32 +62,32 @@ impl Bearing {
         Self { prefix, is_radial: false, magnets: 2 }
     }
 
-    /// Its name; empty if there is no other.
+    /// Its name; empty if it is the only one.
     pub fn name(&self) -> &'static str {
         self.prefix.trim_end_matches('.')
     }
 
-    /// Whether it is the only one of its machine.
+    /// Whether it is the only bearing of its machine.
     pub(crate) const fn is_alone(&self) -> bool {
         self.prefix.is_empty()
     }
 
-    /// ` of bearing A`; nothing where there is but one.
+    /// ` of bearing A`; empty for the only bearing.
     fn located(&self, preposition: &str) -> String {
         if self.is_alone() { String::new() } else { format!(" {preposition} bearing {}", self.name()) }
     }
 
-    /// 1 for what every radial bearing has, 0 for others.
+    /// Count of a variable that only radial bearings have: 1 or 0.
     pub(crate) fn if_radial(&self) -> usize {
         usize::from(self.is_radial)
     }
 
-    /// 1 for what belongs to a place along the shaft, 0 for others.
+    /// Count of a variable that only radial bearings placed along a shaft have: 1 or 0.
     pub(crate) fn if_placed(&self) -> usize {
         usize::from(self.is_radial && !self.is_alone())
     }
 
-    /// 1 for what only an axial bearing beside others has.
+    /// Count of a variable that only an axial bearing beside others has: 1 or 0.
     pub(crate) fn if_beside(&self) -> usize {
         usize::from(!self.is_radial && !self.is_alone())
     }
@@ -97,17 +97,17 @@ impl Bearing {
         if self.is_radial { "y" } else { "x" }
     }
 
-    /// The number of directions in which it holds the rotor.
+    /// Number of directions in which it supports the rotor.
     const fn directions(&self) -> usize {
         if self.is_radial { 2 } else { 1 }
     }
 
-    /// Whether its magnets come in pairs that may face each other.
+    /// Whether its magnets can form opposed pairs.
     const fn is_paired(&self) -> bool {
         self.magnets == 2 * self.directions()
     }
 
-    /// The number of groups of magnets that have a smallest force of their own: the pairs, or all magnets together.
+    /// Number of groups of magnets, each with its own smallest force: one per pair, or one for all magnets.
     pub const fn groups(&self) -> usize {
         if self.is_paired() { self.directions() } else { 1 }
     }
@@ -118,20 +118,20 @@ impl Bearing {
 pub struct Machine {
     /// Its name in scenarios.
     pub name: &'static str,
-    /// The models of plant, controller and estimator, with a description each.
-    pub models: [Called; 3],
+    /// The models of plant, controller and estimator, with their descriptions.
+    pub models: [Described; 3],
     /// The bearings, in the order of their magnets.
     pub bearings: &'static [Bearing],
-    /// Number of planes with an unbalance.
+    /// Number of unbalance planes.
     pub planes: usize,
-    /// The coordinates; among them angles if the shaft tilts.
+    /// The coordinates, including angles if the shaft tilts.
     pub coordinates: &'static [Coordinate],
-    /// The readings of position.
+    /// The position readings.
     pub readings: &'static [Reading],
 }
 
 impl Machine {
-    /// The machine with N coordinates and K magnets. A shaft that is none of [`MACHINES`] has no name.
+    /// The machine with N coordinates and K magnets. A shaft that is not among [`MACHINES`] has no name.
     pub(crate) const fn of<const N: usize, const K: usize>() -> &'static Self {
         const ALL: &[Machine] = &MACHINES;
         let mut at = 0;
@@ -144,7 +144,7 @@ impl Machine {
         const { &if N < 4 { PLANAR } else { Self::shaft::<N, K>("", [("", ""); 3]) } }
     }
 
-    /// That with B bearings and K magnets.
+    /// The machine with B bearings and K magnets.
     pub(crate) const fn with<const B: usize, const K: usize>() -> &'static Self {
         match (B, K) {
             (1, 2) => Self::of::<1, K>(),
@@ -154,8 +154,8 @@ impl Machine {
         }
     }
 
-    /// A shaft that tilts, in two radial bearings, and with N = 5 coordinates in an axial one, with K magnets in all.
-    const fn shaft<const N: usize, const K: usize>(name: &'static str, models: [Called; 3]) -> Self {
+    /// A shaft in two radial bearings, with N = 5 also in an axial one; K magnets in total.
+    const fn shaft<const N: usize, const K: usize>(name: &'static str, models: [Described; 3]) -> Self {
         const { assert!(N == 4 || N == 5, "a shaft that tilts") };
         Self {
             name,
@@ -172,13 +172,13 @@ impl Machine {
         }
     }
 
-    /// The bearing of magnet k, counted from 0, by its place among the bearings, and the magnet's number there, counted from 1.
+    /// Index of the bearing of magnet k, both counted from 0, and the magnet's number in that bearing, counted from 1.
     pub fn magnet(&self, k: usize) -> Option<(usize, usize)> {
         let numbered = |(b, bearing): (usize, &Bearing)| (1..=bearing.magnets).map(move |number| (b, number));
         self.bearings.iter().enumerate().flat_map(numbered).nth(k)
     }
 
-    /// The bearings with their magnets, by their places among all.
+    /// The bearings with the index ranges of their magnets.
     pub fn magnets_of_bearings(&self) -> Vec<(&'static Bearing, Range<usize>)> {
         self.bearings.iter().enumerate().map(|(b, bearing)| (bearing, self.magnets_of(b))).collect()
     }
@@ -188,7 +188,7 @@ impl Machine {
         self.before(self.bearings.len())[0]
     }
 
-    /// Number of magnets, of groups, and of readings, before those of a bearing.
+    /// Number of magnets, groups and readings that precede those of a bearing.
     const fn before(&self, bearing: usize) -> [usize; 3] {
         let (mut before, mut b) = ([0; 3], 0);
         while b < bearing {
@@ -200,59 +200,59 @@ impl Machine {
         before
     }
 
-    /// The magnets of a bearing, by their places among all.
+    /// Index range of a bearing's magnets.
     pub(crate) const fn magnets_of(&self, bearing: usize) -> Range<usize> {
         self.before(bearing)[0]..self.before(bearing + 1)[0]
     }
 
-    /// The groups of a bearing, by their places among all.
+    /// Index range of a bearing's groups.
     pub(crate) const fn groups_of(&self, bearing: usize) -> Range<usize> {
         self.before(bearing)[1]..self.before(bearing + 1)[1]
     }
 
-    /// The readings of a bearing, by their places among all.
+    /// Index range of a bearing's readings.
     pub const fn readings_of(&self, bearing: usize) -> Range<usize> {
         self.before(bearing)[2]..self.before(bearing + 1)[2]
     }
 
-    /// Bearing, and number in it, of each group of magnets that has a smallest force of its own, both counted from 0.
+    /// Bearing of each group of magnets with its own smallest force, and its number in the bearing, both counted from 0.
     pub fn groups(&self) -> Vec<(usize, usize)> {
         let of_bearing = |(b, bearing): (usize, &Bearing)| (0..bearing.groups()).map(move |group| (b, group));
         self.bearings.iter().enumerate().flat_map(of_bearing).collect()
     }
 
-    /// The group of magnet k, by its place in [`groups`](Self::groups).
+    /// Index of magnet k's group in [`groups`](Self::groups).
     pub(crate) fn group(&self, k: usize) -> usize {
         let Some((bearing, number)) = self.magnet(k) else { return 0 };
         self.before(bearing)[1] + (number - 1) % self.bearings[bearing].groups()
     }
 
-    /// Whether all magnets come in pairs that may face each other.
+    /// Whether all magnets can form opposed pairs.
     pub fn is_paired(&self) -> bool {
         self.bearings.iter().all(Bearing::is_paired)
     }
 
-    /// Whether the shaft tilts in several bearings; if not, one bearing holds a rotor that does not.
+    /// Whether the shaft tilts, in several bearings; a rotor in one bearing does not.
     pub(crate) const fn tilts(&self) -> bool {
         self.bearings.len() > 1
     }
 
-    /// The number of what only a shaft that tilts has.
+    /// `number` for a shaft that tilts, 0 for a rotor in one bearing.
     pub(crate) fn if_tilting(&self, number: usize) -> usize {
         if self.tilts() { number } else { 0 }
     }
 
-    /// The number of what only a rotor in one bearing has.
+    /// `number` for a rotor in one bearing, 0 for a shaft that tilts.
     pub(crate) fn if_single(&self, number: usize) -> usize {
         if self.tilts() { 0 } else { number }
     }
 
-    /// Whether the machine is a single bearing and holds the rotor across its axis.
+    /// Whether the machine is a single radial bearing.
     pub fn is_planar(&self) -> bool {
         matches!(self.bearings, [bearing] if bearing.is_radial)
     }
 
-    /// The coordinates that a bearing moves.
+    /// Indices of the coordinates on which a bearing acts.
     pub fn moves(&self, bearing: usize) -> Vec<usize> {
         let axial = !self.bearings[bearing].is_radial;
         (0..self.coordinates.len()).filter(|n| (self.coordinates[*n].position == X) == axial).collect()
@@ -276,12 +276,12 @@ impl Machine {
         self.bearings.iter().map(|bearing| format!("{}{name}", bearing.prefix)).collect()
     }
 
-    /// Names of the bias current of each bearing, if all have pairs of magnets that may face each other.
+    /// Names of the bias current of each bearing, if all magnets can form opposed pairs.
     pub fn of_biases(&self) -> Vec<String> {
         if self.is_paired() { self.of_bearings("bias.current") } else { Vec::new() }
     }
 
-    /// Names of a variable of each group: that of the bearing, with a number if it has several.
+    /// Names of a variable of each group: numbered if the bearing has several.
     pub fn of_groups(&self, name: &str) -> Vec<String> {
         let of = |(bearing, group): (usize, usize)| {
             let Bearing { prefix, .. } = self.bearings[bearing];
@@ -307,13 +307,13 @@ impl Machine {
         radial.map(|bearing| format!("{}{name}", bearing.prefix)).collect()
     }
 
-    /// Names of a variable of each plane of unbalance: `unbalance.phase`, or `unbalance[1].phase`.
+    /// Names of a variable of each unbalance plane: `unbalance.phase`, or `unbalance[1].phase`.
     pub fn of_planes(&self, name: &str) -> Vec<String> {
         let number = |plane: usize| if self.planes > 1 { format!("[{plane}]") } else { String::new() };
         (1..=self.planes).map(|plane| format!("unbalance{}.{name}", number(plane))).collect()
     }
 
-    /// Number of independent parts of the motion: radial bearings and an axial one make two.
+    /// Number of independent parts of the motion: two with both radial and axial bearings.
     pub fn parts(&self) -> usize {
         1 + usize::from(self.radial() > 0 && self.axial() > 0)
     }
@@ -323,7 +323,7 @@ impl Machine {
         ["", "X."][..self.parts()].iter().map(|prefix| format!("{prefix}{name}")).collect()
     }
 
-    /// 1 for the machine of the paper, for which its methods are, 0 for all others.
+    /// Count of a variable of the paper's methods, which exist for its machine only: 1 or 0.
     pub fn of_paper(&self) -> usize {
         usize::from(*self == PLANAR)
     }
@@ -333,7 +333,7 @@ impl Machine {
         self.readings.iter().map(|Reading { around: (begin, end), .. }| format!("{begin}{name}{end}")).collect()
     }
 
-    /// Names of the references in the order of the readings.
+    /// Names of the references, in the order of the readings.
     pub fn of_references(&self) -> Vec<String> {
         let names = self.of_readings("reference.").into_iter();
         names.map(|name| if name.ends_with('.') { name + X } else { name }).collect()
@@ -350,23 +350,23 @@ impl Machine {
         self.readings.iter().map(|reading| reading.name.to_owned()).collect()
     }
 
-    /// Names of what belongs to each coordinate.
+    /// Names of a variable of each coordinate.
     pub fn of_coordinates(&self, part: fn(&Coordinate) -> &'static str) -> Vec<String> {
         self.coordinates.iter().map(|coordinate| part(coordinate).to_owned()).collect()
     }
 
-    /// Names of what belongs to each coordinate that is a length: `gravity.` gives `gravity.Y`.
+    /// Names of a variable of each coordinate that is a length: `gravity.` gives `gravity.Y`.
     pub(crate) fn of_lengths(&self, name: &str) -> Vec<String> {
         let lengths = self.coordinates.iter().filter(|coordinate| !coordinate.is_angle);
         lengths.map(|coordinate| format!("{name}{}", coordinate.position)).collect()
     }
 
-    /// Names of what belongs to each coordinate at the start: `Y0`.
+    /// Names of the start value of each coordinate: `Y0`.
     pub fn at_start(&self, part: fn(&Coordinate) -> &'static str) -> Vec<String> {
         self.of_coordinates(part).into_iter().map(|name| name + "0").collect()
     }
 
-    /// Names of what belongs to the load on each coordinate: `p` and `Hat` give `pYHat`, and `MYHat` for a moment.
+    /// Names of a variable of the load along each coordinate: `p` and `Hat` give `pYHat`, or `MYHat` for a moment.
     pub fn of_loads(&self, force: &str, end: &str) -> Vec<String> {
         let of = |coordinate: &Coordinate| {
             let (kind, axis) = coordinate.load.split_at(1);
@@ -381,17 +381,17 @@ impl Machine {
         format!("{} {axis}", self.either(n, "along", "about"))
     }
 
-    /// Names of a force along each axis of a rotor in one bearing; of several bearings each has its own.
+    /// Names of a force along each axis of a rotor in one bearing; several bearings have their own forces.
     pub fn of_resultant(&self, name: &str) -> Vec<String> {
         if self.tilts() { Vec::new() } else { self.of_lengths(name) }
     }
 
-    /// The first for a coordinate that is a length or what belongs to one, the second for an angle.
+    /// `length` if coordinate n is a length, `angle` if it is an angle.
     pub fn either<T>(&self, n: usize, length: T, angle: T) -> T {
         if self.coordinates[n].is_angle { angle } else { length }
     }
 
-    /// A description with words for what stands in braces, of the element with that index of the variable of that name.
+    /// A description with its placeholders in braces filled in, for element `index` of the variable `name`.
     pub fn describe(&self, description: &str, name: &str, index: usize) -> String {
         let mut text = description.to_owned();
         if !text.contains('{') {
@@ -432,15 +432,15 @@ impl Machine {
     }
 }
 
-/// The name of the coordinate along the shaft.
+/// Name of the coordinate along the shaft.
 const X: &str = "X";
 
-/// Plant, controller and estimator of a machine, each with its description.
+/// Plant, controller and estimator of a machine, with their descriptions.
 macro_rules! models {
     ($($name:literal: $description:literal,)*) => { [$(($name, $description)),*] };
 }
 
-/// The coordinates of a shaft that tilts. The first one is left out if something else holds it along its axis; a rotor in one bearing has some of them.
+/// The coordinates of a shaft that tilts: without an axial bearing the first is omitted. A rotor in one bearing has some of them.
 const COORDINATES: [Coordinate; 5] = [
     Coordinate::new([X, "vX", "aX", "pX", "perturbation.X"], false),
     Coordinate::new(["Y", "vY", "aY", "pY", "perturbation.Y"], false),
@@ -478,7 +478,7 @@ pub const PLANAR4: Machine = Machine {
     ..PLANAR
 };
 
-/// One axis held by a magnet on either side.
+/// One axis with a magnet on either side.
 pub const AXIAL: Machine = Machine {
     name: "axial",
     models: models! {
@@ -501,7 +501,7 @@ const READINGS_OF_SHAFT: &[Reading] = &[
     Reading { name: "Xm", around: ("X.", ""), axis: "x" },
 ];
 
-/// The spindle: a rigid shaft in two radial bearings with three magnets each, and an axial one.
+/// The spindle: a rigid shaft in two radial bearings with three magnets each and an axial bearing.
 pub const SPINDLE: Machine = Machine::shaft::<5, 8>(
     "spindle",
     models! {
@@ -521,7 +521,7 @@ pub const SPINDLE4: Machine = Machine::shaft::<5, 10>(
     },
 );
 
-/// All machines, in the order in which they are shown; a scenario that names none is of the first.
+/// All machines, in display order; the first is the default of scenarios.
 pub const MACHINES: [Machine; 5] = [PLANAR, SPINDLE, PLANAR4, SPINDLE4, AXIAL];
 
 impl Default for &'static Machine {
@@ -531,7 +531,7 @@ impl Default for &'static Machine {
     }
 }
 
-/// The machine of that name.
+/// The machine of this name.
 pub fn find(name: &str) -> Option<&'static Machine> {
     MACHINES.iter().find(|machine| machine.name == name)
 }

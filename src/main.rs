@@ -2,14 +2,14 @@
 
 use std::process::ExitCode;
 
-/// The log of checked-out commits, one per line, the present one last; empty if there is none. It is read here and not in the
-/// library, so that the bytes of the library do not depend on the commit.
+/// The log of checked-out commits, one per line, the current one last; empty if there is none. Not in the library, so that its
+/// bytes do not depend on the commit.
 const LOG: &[u8] = include_bytes!(env!("COMMIT_LOG"));
 
 /// Number of digits of a commit to show.
 const DIGITS: usize = 12;
 
-/// The commit of the last line, which begins with the previous commit, a blank, and the present one.
+/// The commit of the last line, which begins with the previous commit, a blank, and the current one.
 const COMMIT: Option<[u8; DIGITS]> = {
     let mut line = LOG.len().saturating_sub(1);
     while line > 0 && LOG[line - 1] != b'\n' {
@@ -22,10 +22,7 @@ const COMMIT: Option<[u8; DIGITS]> = {
             break;
         }
     }
-    match rest.first_chunk() {
-        Some(digits) => Some(*digits),
-        None => None,
-    }
+    rest.first_chunk().copied()
 };
 
 fn main() -> ExitCode {

@@ -1,4 +1,4 @@
-//! Packages the FMUs and the SSPs of machines from the library just built, and from those built for other platforms.
+//! Packages FMUs and SSPs from the library just built and from those built for other platforms.
 
 use std::path::{Path, PathBuf};
 
@@ -14,13 +14,13 @@ use crate::output::Format;
 use crate::report::frame;
 use crate::simulation::scenario::{Scenario, suggestion};
 
-/// The machines that are packaged if none is named: those that the README begins with.
+/// The machines packaged by default.
 pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 
 /// The machines of these names.
 ///
 /// # Errors
-/// A name that none has, with the nearest one; one that is listed twice.
+/// An unknown name, with the nearest known one; a duplicate.
 pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
     let known = MACHINES.map(|machine| machine.name.to_owned());
     let mut machines: Vec<&Machine> = Vec::new();
@@ -35,8 +35,8 @@ pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, Stri
     Ok(machines)
 }
 
-/// Picture and documentation text of a model, and the licences that go with every binary: this project's and those of the
-/// linked crates. Controllers and estimators of all machines with one bearing, or of all spindles, have one picture.
+/// Picture and documentation text of a model, and the licences of every binary: this project's and those of the linked crates.
+/// The controllers of all machines with one bearing share a picture, as do those of the spindles; likewise the estimators.
 fn extras(name: &str) -> Extras {
     macro_rules! extras {
         ($($model:literal $picture:literal),*) => {
@@ -78,28 +78,27 @@ fn extras(name: &str) -> Extras {
     licenses.into_iter().fold(extras, |extras, (file, text)| extras.license(file, text))
 }
 
-/// The library that was built together with the running program.
+/// The library built together with the running program.
 ///
 /// # Errors
-/// If it is not beside the program.
+/// It is not beside the program.
 pub fn built_library() -> Result<PathBuf, PackageError> {
     package::built_library(FMUS.library())
 }
 
-/// Reads binaries for the given platforms, and adds the library that was built together with this program unless one is given
-/// for this platform.
+/// Reads binaries for the given platforms, and adds [`built_library`] unless one is given for this platform.
 ///
 /// # Errors
-/// Whatever file cannot be read, or is not a library for its platform.
+/// A file that cannot be read, or is not a library for its platform.
 pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, PackageError> {
     package::binaries(given, built_library)
 }
 
-/// Writes the FMUs of machines, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, and their SSPs, which hold those for FMI 2.0, into
-/// a folder, which is created if missing. With `arrays`, the FMUs for FMI 3.0 have arrays.
+/// Writes the FMUs of machines, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, and their SSPs, which contain the FMUs for
+/// FMI 2.0, into a folder, which is created if missing. With `arrays`, the FMUs for FMI 3.0 have arrays.
 ///
 /// # Errors
-/// Whatever file cannot be written.
+/// A file that cannot be written.
 pub fn package(
     binaries: &Binaries,
     machines: &[&Machine],
@@ -134,10 +133,10 @@ pub fn package(
     package::write(archives, binaries, folder)
 }
 
-/// Writes the model descriptions and the table of all variables into a folder; the results are checked in.
+/// Writes the model descriptions and the table of all variables into a folder; these files are checked in.
 ///
 /// # Errors
-/// Whatever file cannot be written.
+/// A file that cannot be written.
 pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
     let write = |format: Format, name: String, text: &str| {
         let path = folder.join(name);
@@ -152,17 +151,17 @@ pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
     write(Format::Markdown, "VARIABLES.md".into(), &variables())
 }
 
-/// The variables of all FMUs as Markdown.
+/// The table of the variables of all FMUs, in Markdown.
 pub fn variables() -> String {
     let head = "# Variables of the FMUs\n\nWritten by `cargo run --release -- describe` out of the tables in `src/fmu/`. The unit in \
                 brackets is proposed for display.\n";
     head.to_owned() + &documentation::markdown(catalogue().iter().map(|model| &**model))
 }
 
-/// The structures in the archive of the closed loop of a machine, with the parameters of scenarios that come with the program.
+/// The system structures in the SSP of a machine, with the parameters of built-in scenarios.
 ///
-/// libcosim and ecos ignore parameters of type Enumeration. So the default structure is one whose enumerations have their start
-/// values: it gives the same results in all tools. The paper's simulation needs `method = paper`.
+/// libcosim and ecos ignore parameters of type Enumeration, so all enumerations of the default structure have their start values:
+/// it gives the same results in all tools. The paper's simulation needs `method = paper`.
 fn systems(machine: &Machine) -> Vec<System> {
     let system = |file: &str, name: &str, parameters: &str| {
         let scenario = Scenario::open(Path::new(parameters)).expect("a scenario that comes with the program is sound");
@@ -175,7 +174,7 @@ fn systems(machine: &Machine) -> Vec<System> {
     }
 }
 
-/// The closed loop of a scenario, without the estimators that run beside it for comparison.
+/// The closed loop of a scenario, without the estimators run for comparison.
 fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> System {
     let elements = scenario.in_loop().iter().map(|element| ssp::Element {
         name: element.name.clone(),
@@ -200,7 +199,7 @@ fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> S
     }
 }
 
-/// The closed loop of a scenario as one SSP: the FMUs for FMI 2.0, wired, with a parameter set of this name.
+/// The closed loop of a scenario as an SSP: the FMUs for FMI 2.0, connected, with a parameter set of this name.
 ///
 /// # Errors
 /// [`PackageError::Archive`], [`PackageError::Model`].
@@ -215,7 +214,7 @@ pub fn system_archive(scenario: &Scenario, parameters: &str, binaries: &Binaries
     package::archive(&system.name, &members)
 }
 
-/// The parameters of a scenario's closed loop as one parameter set (SSV) of this name.
+/// The parameters of a scenario's closed loop as a parameter set (SSV) of this name.
 pub fn parameter_set(scenario: &Scenario, parameters: &str) -> String {
     system_of(scenario, ssp::DEFAULT, scenario.machine.models[0].0, parameters).parameter_set()
 }

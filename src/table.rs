@@ -1,4 +1,4 @@
-//! A table of results, to print or to show on a page.
+//! A table of results, for the terminal or a page.
 
 /// A table of results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -14,7 +14,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table with a title, a note that may be empty, names of the columns, and rows.
+    /// A table from its fields.
     pub fn new(
         title: impl Into<String>,
         note: impl Into<String>,

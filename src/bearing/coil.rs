@@ -1,6 +1,6 @@
 //! The coil of a magnet: flux, current, force and field energy, all from one energy function.
 //!
-//! The same current drives the flux `φ` through the air gap and, if there is any, the leakage `L_leak i`:
+//! The current drives the flux `φ` through the air gap and the leakage flux `L_leak i`:
 //!
 //! ```text
 //! ψ = φ + L_leak i                                  flux linked with the coil
@@ -11,7 +11,7 @@
 //! ```
 //!
 //! `φ_s` is the flux at which the iron takes as much current as the nominal gap, `i_s = φ_s s/(2λ)`; `φ_s = 0` means ideal
-//! iron. Then `i = 2λ/gap` of flux per ampere, `L = L_leak + 2λ/gap`, and the force is P(4), `λ i²/gap²`.
+//! iron. Then `φ = 2λ/gap · i`, `L = L_leak + 2λ/gap`, and the force is P(4), `λ i²/gap²`.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,20 +30,20 @@ pub enum Drive {
     Voltage,
 }
 
-/// The least flux that may saturate the iron, in Wb: with it a step of 0.1 ms takes some 0.2 ms with 5 A. The iron of any magnet carries a
-/// hundred times as much.
+/// Lower limit of the saturation flux, in Wb: there a step of 0.1 ms takes about 0.2 ms to compute at 5 A. The iron of any real magnet
+/// carries a hundred times as much.
 const LEAST_SATURATION_WB: f64 = 1.0e-4;
 
 /// The shortest time constant `L/R` of a coil, in s.
 ///
-/// The integration resolves the time constant; a faster coil would take more than ten thousand sub-steps per millisecond and is
-/// better described by current drive.
+/// The integration resolves the time constant: a faster coil would take more than ten thousand sub-steps per millisecond and is
+/// better modelled by current drive.
 pub const SHORTEST_TIME_CONSTANT_S: f64 = 1e-6;
 
 /// Limit of the Newton iterations for the flux in saturated iron; convergence is monotone, and quadratic near the solution.
 const MOST_ITERATIONS: usize = 60;
 
-/// Whether the iron of coils may saturate: the controller assumes that it does not.
+/// Whether the model includes saturation of the iron; the controller's does not.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Saturates(pub bool);
 
@@ -69,9 +69,10 @@ pub struct CoilConfig<T = f64> {
 }
 
 impl CoilConfig {
-    /// Reports parameters with which a step takes too long, by their names in the interface; `gap_m` and `lambda_nm2_a2` belong to the magnets.
+    /// Reports parameters with which a step takes too long, by their names in the interface; `gap_m` and `lambda_nm2_a2` are those of
+    /// the magnets.
     pub(crate) fn check<const K: usize>(&self, gap_m: [f64; K], lambda_nm2_a2: [f64; K], checks: &mut Checks) {
-        // The iron is the stiffer the less flux saturates it, and the integration takes steps as short.
+        // The lower the saturation flux, the stiffer the equations, and the shorter the steps of the integration.
         checks.require(
             self.saturation_wb == 0.0 || self.saturation_wb >= LEAST_SATURATION_WB,
             "coil.fluxSaturation",
@@ -90,12 +91,12 @@ impl CoilConfig {
 }
 
 impl<T: Scalar> CoilConfig<T> {
-    /// Combines these parameters with others, number by number.
+    /// Combines two sets of parameters, number by number.
     pub fn with<U: Scalar, V>(&self, other: &CoilConfig<U>, join: impl Fn(T, U) -> V) -> CoilConfig<V> {
         joined!(self, other, join, CoilConfig { resistance_ohm, leakage_h, limit_v, saturation_wb;; drive: self.drive })
     }
 
-    /// The coil of one magnet with its λ in N·m²/A² and the nominal gap in m.
+    /// The coil of a magnet with λ in N·m²/A² and the nominal gap in m.
     #[inline]
     pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {
         let reluctance = T::constant(0.5) / lambda_nm2_a2;
@@ -125,7 +126,7 @@ pub struct Coil<T = f64> {
     lambda_nm2_a2: T,
     leakage_h: T,
     saturation_wb: T,
-    /// `i_s`: current that the iron takes at the flux `φ_s`, in A.
+    /// `i_s`: current taken by the iron at the flux `φ_s`, in A.
     iron_a: T,
 }
 
@@ -153,7 +154,7 @@ impl<T: Scalar> CoilPoint<T> {
 }
 
 impl<T: Scalar> Coil<T> {
-    /// `L = L_leak + 2λ/gap`, in H, for iron that does not saturate.
+    /// `L = L_leak + 2λ/gap`, in H, without saturation.
     #[inline]
     pub fn inductance_h(&self, gap_m: T) -> T {
         self.leakage_h + self.lambda_nm2_a2 * 2.0 / gap_m
@@ -161,8 +162,8 @@ impl<T: Scalar> Coil<T> {
 
     /// The coil at the flux linkage ψ in Wb and a gap above 0 in m.
     pub fn at_linkage(&self, linkage_wb: T, gap_m: T) -> CoilPoint<T> {
-        // Newton's method starts at the largest flux that the linkage allows: the curve is convex beyond the solution, so the
-        // iterations descend to it without overshoot.
+        // Start at the largest flux that the linkage allows: the curve is convex beyond the solution, so Newton's method descends
+        // to it without overshoot.
         let mut flux = linkage_wb * (self.lambda_nm2_a2 * 2.0 / gap_m) / self.inductance_h(gap_m);
         if self.saturates() && !self.leakage_h.is_zero() {
             flux = solve(flux, |flux| {
@@ -177,10 +178,10 @@ impl<T: Scalar> Coil<T> {
     pub fn at_current(&self, current_a: T, gap_m: T) -> CoilPoint<T> {
         let mut flux = current_a * 2.0 * self.lambda_nm2_a2 / gap_m;
         if self.saturates() {
-            // Beyond φ_s the iron alone gives a tighter bound on the flux, a few iterations from the solution.
+            // Beyond φ_s the iron alone bounds the flux more tightly, a few iterations from the solution.
             let ratio = (current_a.value() / self.iron_a.value()).abs();
             let bound = self.saturation_wb.value() * libm::pow(ratio, 1.0 / 7.0);
-            // Not if the bound is 0/0.
+            // False for a bound of 0/0.
             if flux.value().abs() > bound {
                 flux = T::constant(bound.copysign(flux.value()));
             }
@@ -230,22 +231,22 @@ impl<T: Scalar> Coil<T> {
     }
 }
 
-/// Newton's method for a function that rises and is convex away from 0, from beyond the solution; `f` returns value and slope.
+/// Newton's method for an increasing function that is convex away from 0, started beyond the solution; `f` returns value and slope.
 fn solve<T: Scalar>(start: T, f: impl Fn(T) -> (T, T)) -> T {
-    let better = |x: T| {
+    let iterate = |x: T| {
         let (value, slope) = f(x);
         x - value / slope
     };
     let mut x = start;
     for _ in 0..MOST_ITERATIONS {
         let last = x.value();
-        x = better(x);
+        x = iterate(x);
         if x.value() == last || (x.value() - last).abs() <= 4.0 * f64::EPSILON * last.abs() {
             break;
         }
     }
     for _ in 0..T::POLISHING {
-        x = better(x);
+        x = iterate(x);
     }
     x
 }

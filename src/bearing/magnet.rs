@@ -12,38 +12,37 @@
 //! F_3 = F_1 + F_y/√3 + F_z
 //! ```
 //!
-//! P(5) prints `F_0 − |F_y|/√3 + F_z` in the second line, and exchanges the signs of `F_y` in the two formulas below it. Taken
-//! literally, it asks for negative forces and feeds back positively in y. [`Magnets::allocate`] uses neither: these formulas
-//! hold for one set of angles only. It solves P(3) for any number of magnets at any admissible angles and agrees with the corrected formulas where they
-//! apply.
+//! P(5) prints `F_0 − |F_y|/√3 + F_z` in the second line and swaps the signs of `F_y` in the two formulas below it. Taken literally,
+//! it demands negative forces and gives positive feedback in y. [`Magnets::allocate`] uses neither version, since they hold for one
+//! set of angles only. It solves P(3) for any number of magnets at any admissible angles and agrees with the corrected formulas
+//! where they apply.
 //!
 //! # Opposed pairs
 //!
-//! Two magnets that face each other share a force f along their line. With the smallest force F_0 it is `F_0 + max(±f, 0)` each. With a
+//! Two opposed magnets share a force f along their common line. With a smallest force F_0 each pulls with `F_0 + max(±f, 0)`. With a
 //! bias current i_0 the currents are `i_0 ± i_c`, and `f = a (i_0 + i_c)² − b (i_0 − i_c)²` with `a = λ₊/gap₊²` and `b = λ₋/gap₋²` has one
-//! solution with both currents above 0; beyond it one magnet alone pulls. In the centre, with equal λ, it is the linear law of the field,
-//! `i_c = f/k_i` with `k_i = 4 λ i_0/s²` (Schweitzer and Maslen, Magnetic Bearings, 2009, section 4.2); off the centre it compensates the
-//! negative stiffness as well.
+//! solution with both currents above 0; for larger f only one magnet pulls. In the centre, with equal λ, this is the usual linear law
+//! `i_c = f/k_i` with `k_i = 4 λ i_0/s²` (Schweitzer and Maslen, Magnetic Bearings, 2009, section 4.2); off-centre it also compensates
+//! the negative stiffness.
 
 use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::scalar::Scalar;
-use crate::invalid::Checks;
-use crate::invalid::Invalid;
+use crate::invalid::{Checks, Invalid};
 use crate::variables::Choice;
 
-/// Two magnets whose angle has a smaller sine than this (0.57°) count as parallel.
+/// Two magnets are considered parallel if the sine of the angle between them is smaller than this (0.57°).
 ///
-/// The forces for a resultant across two nearly parallel magnets grow with the inverse of this sine, and so does the standard
-/// deviation of their identified λ.
+/// The forces needed for a resultant across two nearly parallel magnets grow with the inverse of this sine, and so does the
+/// standard deviation of their identified λ.
 pub const SMALLEST_SINE: f64 = 1e-2;
 
-/// Two magnets face each other if their directions add up to less than this: angles may be given with six digits.
+/// Two magnets are opposed if each component of the sum of their directions is below this: angles may be given with six digits.
 const OPPOSED: f64 = 1e-5;
 
-/// The greatest angle of a magnet, rad, two turns: degrees would be taken for rad.
+/// Limit of the angle of a magnet, in rad, two turns: a larger one was probably meant in degrees.
 const MOST_RAD: f64 = 2.0 * TAU;
 
 /// The largest number of magnets in a bearing.
@@ -78,9 +77,9 @@ impl Used {
     }
 }
 
-/// The angles, in rad, of three magnets as in the paper, or of four in opposed pairs, 1 and 3, 2 and 4; along an axis there are none.
+/// Default angles in rad: of three magnets as in the paper, of four in opposed pairs, 1 and 3, 2 and 4; axial magnets have none.
 ///
-/// Of so many magnets, and 0 for further ones.
+/// Elements beyond the number of magnets are unused.
 pub(crate) fn angles_rad<const K: usize>(magnets: usize) -> [f64; K] {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_4, PI};
     std::array::from_fn(|k| match magnets {
@@ -97,7 +96,7 @@ fn alpha_name(k: usize) -> String {
 
 /// `F_k = λ_k i_k² / gap_k²`, in N, P(4), for λ in N·m²/A², currents in A and gaps in m.
 ///
-/// A magnet pulls towards itself whatever the sign of its current.
+/// A magnet attracts whatever the sign of its current.
 #[inline]
 pub fn forces<T: Scalar, const K: usize>(lambda_nm2_a2: [T; K], current_a: [T; K], gap_m: [T; K]) -> [T; K] {
     std::array::from_fn(|k| {
@@ -115,19 +114,19 @@ pub fn currents<const K: usize>(force_n: [f64; K], gap_m: [f64; K], lambda_nm2_a
 
 /// Geometry of K magnets around a rotor with N coordinates q: nominal gaps and directions.
 ///
-/// The planar rotor has `q = (y, z)` and three magnets; a [`Shaft`](crate::bearing::shaft::Shaft) has four coordinates or five.
+/// The planar rotor has `q = (y, z)` and three magnets; a [`Shaft`](crate::bearing::shaft::Shaft) has four or five coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geometry<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Gap of each magnet with the rotor in the centre, in m; the paper's `s`.
     pub gap_m: [T; K],
-    /// `d_k`: how far the point of the rotor before magnet k moves towards the magnet, per unit of each coordinate. So the
-    /// generalised force of magnet k is `F_k d_k`. In the plane it is the direction `e_k = (sin α_k, cos α_k)`.
+    /// `d_k`: displacement of the rotor towards magnet k, at the magnet, per unit of each coordinate. So the generalised force of
+    /// magnet k is `F_k d_k`. In the plane it is the direction `e_k = (sin α_k, cos α_k)`.
     pub directions: [[T; N]; K],
 }
 
 impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
-    /// The magnets of one bearing with the nominal gap in m: in the plane (y, z) at the angles `α_k` of P(3) in rad; along an axis, which
-    /// needs no angles, the first towards +x and the second towards −x.
+    /// The magnets of one bearing with the nominal gap in m: in the plane (y, z) at the angles `α_k` of P(3) in rad; in an axial bearing,
+    /// which needs no angles, the first towards +x and the second towards −x.
     pub fn new(gap_m: T, alpha_rad: [T; K]) -> Self {
         let directions = std::array::from_fn(|k| {
             if N == 1 {
@@ -139,9 +138,9 @@ impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
         Self { gap_m: [gap_m; K], directions }
     }
 
-    /// `gap_k = s_k − d_k · q`, in m, of a rotor at the coordinates q; the bracket of P(4).
+    /// `gap_k = s_k − d_k · q`, in m, with the rotor at the coordinates q; the bracket of P(4).
     ///
-    /// A gap of 0 or below means contact.
+    /// A gap of 0 or less means contact.
     #[inline]
     pub fn gaps(&self, q: [T; N]) -> [T; K] {
         std::array::from_fn(|k| self.gap_m[k] - dot(self.directions[k], q))
@@ -157,36 +156,36 @@ impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
     }
 }
 
-/// Scalar product, summed from the first component on.
+/// Scalar product, summed in the order of the components.
 #[inline]
 fn dot<T: Scalar, const N: usize>(a: [T; N], b: [T; N]) -> T {
     (1..N).fold(a[0] * b[0], |sum, n| sum + a[n] * b[n])
 }
 
-/// The magnets of one bearing: force allocation. Those of a radial one pull in the plane (y, z), the two of an axial one along the first
-/// of these axes.
+/// The magnets of one bearing: force allocation. Those of a radial bearing pull in the plane (y, z), the two of an axial one along the
+/// first of these axes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Magnets {
     /// Nominal gap `s`, in m.
     gap_m: f64,
-    /// Number of magnets; of what is listed for each, as many count.
+    /// Number of magnets; only as many elements of the arrays are used.
     number: usize,
     /// `e_k = (sin α_k, cos α_k)`: the direction in which each magnet pulls the rotor.
     directions: [[f64; 2]; MOST_MAGNETS],
     /// `n` with `Σ n_k e_k = 0`, all components above 0, mean 1: forces without resultant.
     null: [f64; MOST_MAGNETS],
-    /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the smallest forces with a given resultant.
+    /// `Eᵀ(EEᵀ)⁻¹`, one row per magnet: the minimum-norm forces for a given resultant.
     inverse: [[f64; 2]; MOST_MAGNETS],
-    /// If magnets k and k + half their number face each other, for each such pair the row that gives the force along its line.
+    /// If magnets k and k + half their number are opposed: for each pair the row that gives the force along its line.
     pairs: Option<[[f64; 2]; 2]>,
 }
 
 impl Magnets {
-    /// Magnets at the angles `alpha_rad` in rad, of which the two of an axial bearing have none, with the nominal gap `gap_m` in m.
+    /// Magnets at the angles `alpha_rad` in rad, none for the two of an axial bearing, with the nominal gap `gap_m` in m.
     ///
     /// # Errors
-    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite or beyond two turns, if of three magnet k is parallel to an earlier one (see
-    /// [`SMALLEST_SINE`]), or if magnet k cannot balance others, as when all are within one half-plane: magnets only pull.
+    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite or beyond two turns, if one of three magnets is parallel to an
+    /// earlier one (see [`SMALLEST_SINE`]), or if magnet k cannot balance others, for instance with all in one half-plane: magnets only pull.
     pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
         Checks::all(|checks| {
             checks.positive("s", gap_m, "m");
@@ -195,7 +194,7 @@ impl Magnets {
         Checks::all(|checks| Self::checked(gap_m, alpha_rad, checks))
     }
 
-    /// Reports in `checks` what a gap above 0 and finite angles may have wrong; use the returned value only if there is nothing.
+    /// As [`new`](Self::new), for a gap above 0 and finite angles; the result is valid only if `checks` finds nothing.
     pub(crate) fn checked(gap_m: f64, alpha_rad: &[f64], checks: &mut Checks) -> Self {
         let mut directions = [[0.0; 2]; MOST_MAGNETS];
         if alpha_rad.is_empty() {
@@ -237,21 +236,21 @@ impl Magnets {
         self.gap_m
     }
 
-    /// `e_k`, without unit: the direction, (y, z), in which each magnet pulls the rotor.
+    /// `e_k`: the unit vector, (y, z), in which each magnet pulls the rotor.
     pub fn directions(&self) -> &[[f64; 2]] {
         &self.directions[..self.number]
     }
 
-    /// Whether the magnets face each other in pairs.
+    /// Whether the magnets form opposed pairs.
     pub fn is_paired(&self) -> bool {
         self.pairs.is_some()
     }
 
-    /// Writes the forces, in N, with the resultant `force_n` in N, (F_y, F_z) in the plane, and the smallest force `f0_n` in N of every
-    /// opposed pair, or of all magnets where they are not paired: the least of those given.
+    /// Writes the forces, in N, with the resultant `force_n` in N, (F_y, F_z) in the plane. `f0_n` is the smallest force in N of each
+    /// opposed pair; without pairs its minimum applies to all magnets.
     ///
     /// For any admissible angles: `F = Eᵀ(EEᵀ)⁻¹ (F_y, F_z) + c n` with `c = max_k (F_0 − F_k)/n_k`. With the paper's angles
-    /// this is P(5) with its signs corrected (see the module). No force falls below `f0_n`, not even by rounding.
+    /// this is P(5) with corrected signs (see the module). No force falls below `f0_n`, not even by rounding.
     #[inline(always)]
     pub fn allocate(&self, force_n: [f64; 2], f0_n: &[f64], forces_n: &mut [f64]) {
         if let Some(rows) = &self.pairs {
@@ -273,9 +272,8 @@ impl Magnets {
         }
     }
 
-    /// Writes the forces of opposed pairs, in N, with the resultant `force_n` in N, where the two currents of each pair have the mean
-    /// `bias_a`, in A, as long as both are above 0. `per_square` is `λ_k/gap_k²`, in N/A². See the module; 0 where the magnets are not
-    /// paired.
+    /// Writes the forces of opposed pairs, in N, with the resultant `force_n` in N, such that the two currents of each pair have the mean
+    /// `bias_a`, in A, as long as both are above 0. `per_square` is `λ_k/gap_k²`, in N/A². See the module; 0 without pairs.
     pub fn allocate_with_bias(&self, force_n: [f64; 2], bias_a: &[f64], per_square: &[f64], forces_n: &mut [f64]) {
         let Some(rows) = self.pairs else { return forces_n.fill(0.0) };
         let half = forces_n.len() / 2;
@@ -288,7 +286,7 @@ impl Magnets {
             } else if f <= -b * both_n {
                 [0.0, -f]
             } else {
-                // (a − b) i_c² + 2 (a + b) i_0 i_c + (a − b) i_0² − f = 0, in the form that also holds where a = b.
+                // (a − b) i_c² + 2 (a + b) i_0 i_c + (a − b) i_0² − f = 0, solved in a form that also holds for a = b.
                 let (second, first) = (a - b, 2.0 * (a + b) * i_0);
                 let zeroth = second * i_0 * i_0 - f;
                 let i_c = -2.0 * zeroth / (first + (first * first - 4.0 * second * zeroth).sqrt());
@@ -303,8 +301,8 @@ fn cross(a: [f64; 2], b: [f64; 2]) -> f64 {
     a[0] * b[1] - a[1] * b[0]
 }
 
-/// `n` with `Σ n_k e_k = 0`: of three magnets `sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)`, of more the sum of those of all three
-/// that stand all round the rotor. A magnet that belongs to no such three has 0.
+/// `n` with `Σ n_k e_k = 0`: `sin(α_2 − α_3) : sin(α_3 − α_1) : sin(α_1 − α_2)` for three magnets; for more, the sum over all triples
+/// that surround the rotor. A magnet in no such triple has 0.
 ///
 /// Computed from the rounded directions, so that n is their null vector to the last bits.
 fn null_vector(directions: &[[f64; 2]]) -> [f64; MOST_MAGNETS] {
@@ -339,7 +337,7 @@ fn inverse(directions: &[[f64; 2]]) -> [[f64; 2]; MOST_MAGNETS] {
     std::array::from_fn(|k| directions.get(k).copied().map(row).unwrap_or_default())
 }
 
-/// Of four magnets, if k and k + 2 face each other, the rows that split a force into parts along `e_1` and `e_2`.
+/// For four magnets of which k and k + 2 are opposed: the rows that resolve a force into components along `e_1` and `e_2`.
 fn pairs(e: &[[f64; 2]]) -> Option<[[f64; 2]; 2]> {
     let opposed = |k: usize| (0..2).all(|n| (e[k][n] + e[k + 2][n]).abs() < OPPOSED);
     if e.len() != 4 || !(0..2).all(opposed) {
@@ -350,9 +348,9 @@ fn pairs(e: &[[f64; 2]]) -> Option<[[f64; 2]; 2]> {
     (sine.abs() >= SMALLEST_SINE).then(|| rows.map(|row| row.map(|part| part / sine)))
 }
 
-/// Refuses magnets that cannot balance others, such as all within a half-plane.
+/// Rejects magnets that cannot balance others, for instance with all in one half-plane.
 fn check_all_round(alpha_rad: &[f64], directions: &[[f64; 2]], null: &[f64], checks: &mut Checks) {
-    // Within a half-plane the one in the middle is named: it lies between the others.
+    // If all are in one half-plane, the finding names one between the others.
     let between = |k: &usize| {
         let sides = || directions.iter().map(|e| cross(directions[*k], *e));
         sides().any(|side| side > 0.0) && sides().any(|side| side < 0.0)

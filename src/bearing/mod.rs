@@ -1,4 +1,4 @@
-//! The bearing: geometry and force law of its magnets, coils, and the backup bearing.
+//! The bearing: magnets, coils, rotor, and the backup bearing.
 //!
 //! In reading order:
 //!

@@ -1,12 +1,12 @@
 //! A rigid rotor in its bearings.
 //!
-//! In one bearing it moves across its axis or along it. In two radial bearings A and B the shaft tilts, and an axial bearing X may hold it as
-//! well. Coordinates and signs are those of [`shaft`]. Magnets are counted bearing by bearing; X 1 pulls towards +x. Positions along the
-//! shaft are in m from the centre of gravity. The sensors of one bearing read the coordinates, those of a shaft `h · q`, in the order A.Ym,
-//! A.Zm, B.Ym, B.Zm, Xm:
+//! In one bearing it moves laterally or axially. In two radial bearings A and B the shaft tilts, and there may be an axial bearing X.
+//! Coordinates and signs are those of [`shaft`]. Magnets are counted bearing by bearing; magnet 1 of X pulls towards +x. Positions along
+//! the shaft are in m from the centre of gravity. The sensors of a single bearing read the coordinates, those of a shaft `h · q`, in the
+//! order A.Ym, A.Zm, B.Ym, B.Zm, Xm:
 //!
 //! ```text
-//! A.Ym = y + ξ γ     A.Zm = z − ξ β        ξ of the sensors of A, not of its magnets; B likewise
+//! A.Ym = y + ξ γ     A.Zm = z − ξ β        ξ of A's sensors, not of its magnets; B likewise
 //! Xm = x                                   if there is an axial bearing
 //! ```
 
@@ -22,10 +22,10 @@ use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{METRE, RADIAN};
 use crate::variables::{Saved, Variables};
 
-/// The least distance along the shaft between two bearings, and between their sensors, in m.
+/// Minimum distance along the shaft between two bearings, and between their sensors, in m.
 ///
-/// At 1 mm a sensor noise of 0.1 µm is one of 0.1 mrad in the angles, as much as fits into a gap of 0.5 mm at the end of a shaft of
-/// several metres: nothing could be controlled with it.
+/// At 1 mm, sensor noise of 0.1 µm becomes 0.1 mrad of noise in the angles, which uses up a gap of 0.5 mm at the end of a shaft of
+/// several metres: control would be impossible.
 pub const SHORTEST_DISTANCE_M: f64 = 1e-3;
 
 /// A bearing.
@@ -43,7 +43,7 @@ pub struct BearingConfig<T = f64> {
     pub gap_m: T,
     /// Angle of magnet {k}{of bearing}; its direction is (sin alpha, cos alpha) in the y-z plane
     ///
-    /// Of a radial bearing; as many count as it has magnets.
+    /// For a radial bearing; elements beyond its number of magnets are unused.
     #[parameter(name = "alpha", count = context.magnets * context.if_radial(), unit = RADIAN)]
     pub alpha_rad: [T; MOST_MAGNETS],
 }
@@ -56,8 +56,7 @@ pub struct RotorConfig<T = f64, const B: usize = 1> {
     /// Inertia.
     #[nested(prefix = "")]
     pub shaft: Shaft<T>,
-    /// Begin and end of a shaft that tilts, in m from the centre of gravity. Nothing can be mounted beyond; the motion does not depend on
-    /// them.
+    /// Begin and end of a shaft that tilts, in m from the centre of gravity: limits for what is mounted, without effect on the motion.
     #[parameter(
         names = ["shaft.begin", "shaft.end"].into_iter().take(context.if_tilting(2)).collect::<Vec<_>>(), unit = METRE,
         nominal = 0.1,
@@ -70,7 +69,7 @@ pub struct RotorConfig<T = f64, const B: usize = 1> {
 }
 
 impl<const B: usize> RotorConfig<f64, B> {
-    /// The paper's bearing or one of the same size, or the spindle of the examples: 12 kg, 0.27 m between the bearings.
+    /// The paper's bearing, one of the same size, or the spindle of the examples: 12 kg, 0.27 m between the bearings.
     pub fn of(machine: &Machine) -> Self {
         let tilts = machine.tilts();
         let bearing = |b: usize| {
@@ -92,7 +91,7 @@ impl<const B: usize> RotorConfig<f64, B> {
 }
 
 impl<T: Scalar, const B: usize> RotorConfig<T, B> {
-    /// Gaps and directions of the magnets. Without the axial coordinate those of an axial bearing are left out.
+    /// Gaps and directions of the magnets; those of an axial bearing only with the axial coordinate.
     pub fn geometry<const N: usize, const K: usize>(&self) -> Geometry<T, N, K> {
         let places = Machine::of::<N, K>();
         let bearing = |k: usize| places.magnet(k).map_or((0, 0), |(bearing, number)| (bearing, number - 1));
@@ -123,7 +122,7 @@ impl<T: Scalar, const B: usize> RotorConfig<T, B> {
     }
 }
 
-/// Displacements (y, z) at the places of A and of B, and x if it is one of N coordinates, in m; in one bearing the coordinates themselves.
+/// Displacements (y, z) at positions of A and of B, and x if it is a coordinate, in m; for a single bearing the coordinates themselves.
 #[inline]
 fn in_bearings<T: Scalar, const N: usize, const B: usize>(at_m: [T; B], q: [T; N]) -> [T; N] {
     if N < shaft::ACROSS {
@@ -134,11 +133,11 @@ fn in_bearings<T: Scalar, const N: usize, const B: usize>(at_m: [T; B], q: [T; N
 }
 
 impl<const B: usize> RotorConfig<f64, B> {
-    /// Refuses a position that is not on the shaft.
+    /// Rejects a position that is not on the shaft.
     pub(crate) fn check_position(&self, name: impl Into<Cow<'static, str>>, at_m: f64, checks: &mut Checks) {
         let [begin_m, end_m] = self.extent_m;
         checks.require(
-            // Where the shaft itself has been refused, any position is accepted.
+            // If the shaft itself is invalid, any position is accepted.
             !(begin_m < end_m && (at_m < begin_m || at_m > end_m)),
             name,
             format_args!("{at_m} m"),
@@ -146,7 +145,7 @@ impl<const B: usize> RotorConfig<f64, B> {
         );
     }
 
-    /// Refuses a shaft that no body can be, and bearings or sensors that support or see no tilt.
+    /// Rejects physically impossible shafts, and bearings or sensors too close together to support or detect a tilt.
     fn check_shaft(&self, checks: &mut Checks) {
         let Shaft { transverse_kgm2, polar_kgm2, .. } = self.shaft;
         checks.require(
@@ -200,13 +199,13 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     /// A rotor.
     ///
     /// # Errors
-    /// Masses and moments of inertia that no body has, an empty shaft, positions beyond it, bearings or sensors at the same place, and of
-    /// each bearing what [`Magnets::new`] refuses, by their names in the interface.
+    /// Physically impossible masses and moments of inertia, an empty shaft, positions beyond it, bearings or sensors too close together, and
+    /// the errors of [`Magnets::new`] for each bearing, by their names in the interface.
     pub fn new(config: RotorConfig<f64, B>) -> Result<Self, Vec<Invalid>> {
         Checks::described(&config, Self::MACHINE, |checks| Self::checked(config, checks))
     }
 
-    /// Reports in `checks` what numbers within their limits may have wrong together; use the returned value only if there is nothing.
+    /// As [`new`](Self::new), for numbers within their limits; the result is valid only if `checks` finds nothing.
     pub(crate) fn checked(config: RotorConfig<f64, B>, checks: &mut Checks) -> Self {
         if Self::MACHINE.tilts() {
             config.check_shaft(checks);
@@ -239,7 +238,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         self.through(reading_m, |bearing| bearing.sensor_position_m)
     }
 
-    /// The coordinates with these displacements, in m and in the order of the readings, at a place of each bearing.
+    /// The coordinates for displacements, in m and in the order of the readings, at the position `at_m` of each radial bearing.
     #[inline]
     pub(crate) fn through(&self, displacement_m: [f64; N], at_m: impl Fn(&BearingConfig) -> f64) -> [f64; N] {
         if N < shaft::ACROSS {
@@ -249,7 +248,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         shaft::through(displacement_m[N - 1], [0, 1].map(|b| at_m(&self.config.bearings[b])), radial_m)
     }
 
-    /// The force at each bearing with a generalised force, in N: (F_y, F_z), or (F_x, 0) in an axial one.
+    /// The force at each bearing for a generalised force, in N: (F_y, F_z), or (F_x, 0) in an axial one.
     #[inline]
     fn shared(&self, force: [f64; N]) -> [[f64; 2]; B] {
         let mut shared = [[force[0], 0.0]; B];
@@ -262,7 +261,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         shared
     }
 
-    /// The forces of the magnets, in N, with the generalised force Q, in N or N·m; the smallest of each group is given, in N.
+    /// The forces of the magnets, in N, for the generalised force Q, in N or N·m, and the smallest force of each group, in N.
     #[inline(always)]
     pub fn allocate<const G: usize>(&self, force: [f64; N], smallest_n: [f64; G]) -> [f64; K] {
         let mut forces_n = [0.0; K];
@@ -273,7 +272,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         forces_n
     }
 
-    /// Those with a bias current in A for each group, for `λ_k/gap_k²` in N/A².
+    /// As [`allocate`](Self::allocate), with the bias current of each group in A; `per_square` is `λ_k/gap_k²` in N/A².
     pub fn allocate_with_bias<const G: usize>(
         &self,
         force: [f64; N],

@@ -1,15 +1,15 @@
 //! The number type of the equations: `f64`, or truncated Taylor series for exact derivatives.
 //!
-//! The equations of geometry, coil, backup bearing and rotor are written once, generic over [`Scalar`]. With `f64` they give
-//! values and integrate the motion; with [`Taylor`](crate::plant::linearisation::Taylor) they give derivatives along a line.
+//! The equations of geometry, coil, backup bearing and rotor are written once, generic over [`Scalar`]: `f64` gives values,
+//! for the integration of the motion, and [`Taylor`](crate::plant::linearisation::Taylor) gives derivatives along a line.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A real number, or one that changes along a line.
+/// A real number, or a Taylor series along a line.
 ///
-/// Comparisons in the equations use [`value`](Scalar::value): a derivative belongs to the branch that the value takes.
-/// Functions have other names than the methods of `f64`, which call the platform's functions in code that is not generic.
+/// Comparisons in the equations use [`value`](Scalar::value): the value selects the branch, for the derivatives too.
+/// The functions are not named like the methods of `f64`, which would call the platform's functions in non-generic code.
 pub trait Scalar:
     Copy
     + Debug
@@ -22,8 +22,8 @@ pub trait Scalar:
     + Add<f64, Output = Self>
     + Mul<f64, Output = Self>
 {
-    /// Newton iterations needed after the value has converged for the derivatives to converge; each one doubles the number of
-    /// correct coefficients.
+    /// Newton iterations that the derivatives need after the value has converged; each doubles the number of correct
+    /// coefficients.
     const POLISHING: u32;
 
     /// A number without derivatives.
@@ -32,7 +32,7 @@ pub trait Scalar:
     /// The value.
     fn value(self) -> f64;
 
-    /// Whether the value and all derivatives are 0, so that a term with it may be left out.
+    /// Whether the value and all derivatives are 0, so that terms with this factor may be skipped.
     fn is_zero(self) -> bool;
 
     /// Sine and cosine of an angle in rad.
@@ -69,13 +69,13 @@ impl Scalar for f64 {
     }
 }
 
-/// Two arrays combined number by number.
+/// Combines two arrays element by element.
 #[inline]
-pub(crate) fn each<T: Copy, U: Copy, V, const N: usize>(own: &[T; N], off: &[U; N], f: impl Fn(T, U) -> V) -> [V; N] {
-    std::array::from_fn(|k| f(own[k], off[k]))
+pub(crate) fn each<T: Copy, U: Copy, V, const N: usize>(a: &[T; N], b: &[U; N], f: impl Fn(T, U) -> V) -> [V; N] {
+    std::array::from_fn(|k| f(a[k], b[k]))
 }
 
-/// A structure made of two others: scalars and arrays combined number by number, then all other fields as given.
+/// Combines two structures: scalars and arrays element by element, all other fields as given.
 macro_rules! joined {
     ($own:expr, $other:expr, $join:expr, $type:ident {
         $($scalar:ident),*; $($list:ident),*; $($rest:ident: $value:expr),*

@@ -1,16 +1,16 @@
-//! Coordinates of a rigid rotor: of a shaft in two radial bearings, with or without an axial one, and of a rotor that does not tilt.
+//! Coordinates of a rigid rotor: a shaft in two radial bearings, with or without an axial one, or a rotor that does not tilt.
 //!
 //! ```text
 //! q = (x, y, z, β, γ), (y, z, β, γ), (y, z) or x    centre of gravity, in m; rotations about y and z, in rad
-//! y(ξ) = y + ξ γ     z(ξ) = z − ξ β        a point of the axis, ξ along the shaft from the centre of gravity
-//! M_β = −ξ F_z       M_γ = ξ F_y           moments of a force there
+//! y(ξ) = y + ξ γ     z(ξ) = z − ξ β        point of the axis, ξ along the shaft from the centre of gravity
+//! M_β = −ξ F_z       M_γ = ξ F_y           moments of a force at ξ
 //! m ẍ = F_x     m ÿ = F_y     m z̈ = F_z
 //! J_t β̈ = M_β − J_p Ω γ̇                    Ω about x, from y towards z
 //! J_t γ̈ = M_γ + J_p Ω β̇
 //! ```
 //!
 //! β and γ are small. With the complex coordinates `u = y + i z` and `ψ = γ − i β`, the displacement is `u + ξ ψ` and the rotation obeys
-//! `J_t ψ̈ − i J_p Ω ψ̇ = M_γ − i M_β`: solutions that turn with the rotor are forward whirls.
+//! `J_t ψ̈ − i J_p Ω ψ̇ = M_γ − i M_β`: solutions that turn in the direction of Ω are forward whirls.
 
 use serde::{Deserialize, Serialize};
 
@@ -19,10 +19,10 @@ use crate::machine::Machine;
 use crate::variables::Variables;
 use crate::variables::unit::{KILOGRAM, KILOGRAM_METRE2};
 
-/// Number of coordinates across the shaft, (y, z, β, γ). With an axial bearing x comes before them, and N is 5.
+/// Number of lateral coordinates of a shaft, (y, z, β, γ). With an axial bearing x precedes them, and N is 5.
 pub const ACROSS: usize = 4;
 
-/// Inertia of a rotor; only one that tilts has moments of inertia.
+/// Inertia of a rotor; moments of inertia only if it tilts.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine)]
 pub struct Shaft<T = f64> {
@@ -38,7 +38,7 @@ pub struct Shaft<T = f64> {
 }
 
 impl<T: Scalar> Shaft<T> {
-    /// The mass or moment of inertia of each coordinate, in kg or kg·m².
+    /// The mass or moment of inertia for each coordinate, in kg or kg·m².
     #[inline]
     pub fn inertia<const N: usize>(&self) -> [T; N] {
         joined(self.m_kg, [self.m_kg, self.m_kg, self.transverse_kgm2, self.transverse_kgm2])
@@ -56,26 +56,26 @@ impl<T: Scalar> Shaft<T> {
     }
 }
 
-/// Whether x, the first coordinate then, is one of N.
+/// Whether x is one of the N coordinates, in which case it is the first.
 pub const fn has_x<const N: usize>() -> bool {
     const { assert!(N == 1 || N == 2 || N == ACROSS || N == ACROSS + 1, "x, (y, z), (y, z, β, γ) or (x, y, z, β, γ)") };
     N == 1 || N == ACROSS + 1
 }
 
-/// Those of the coordinates (or of what belongs to each) of a shaft that tilts which are across it.
+/// The lateral ones of a shaft's coordinates, or of quantities per coordinate.
 #[inline]
 pub fn across<T: Copy, const N: usize>(q: [T; N]) -> [T; ACROSS] {
     std::array::from_fn(|a| q[N - ACROSS + a])
 }
 
-/// All coordinates (or what belongs to each), of x and of those across the shaft.
+/// All coordinates, or quantities per coordinate, from x and the lateral ones.
 #[inline]
 fn joined<T: Copy, const N: usize>(x: T, across: [T; ACROSS]) -> [T; N] {
     let first = usize::from(has_x::<N>());
     std::array::from_fn(|a| if a < first { x } else { across[a - first] })
 }
 
-/// Displacement (y, z) of the axis at ξ in m, for coordinates or for their rates; of a rotor that moves along it alone (x, 0).
+/// Displacement (y, z) of the axis at ξ in m, for coordinates or their rates; (x, 0) for a rotor that only moves axially.
 #[inline]
 pub fn displacement<T: Scalar, const N: usize>(at_m: T, q: [T; N]) -> [T; 2] {
     if N < ACROSS {
@@ -85,7 +85,7 @@ pub fn displacement<T: Scalar, const N: usize>(at_m: T, q: [T; N]) -> [T; 2] {
     [y + at_m * gamma, z - at_m * beta]
 }
 
-/// The coordinates, or their rates, of a shaft with the axial position x whose axis is displaced by (y, z) at two places ξ in m.
+/// The coordinates, or their rates, of a shaft at the axial position x with the displacements (y, z) at two positions ξ in m.
 #[inline]
 pub fn through<const N: usize>(x: f64, at_m: [f64; 2], [[y_1, z_1], [y_2, z_2]]: [[f64; 2]; 2]) -> [f64; N] {
     let length_m = at_m[1] - at_m[0];
@@ -93,7 +93,7 @@ pub fn through<const N: usize>(x: f64, at_m: [f64; 2], [[y_1, z_1], [y_2, z_2]]:
     joined(x, [y_1 - at_m[0] * gamma, z_1 - at_m[0] * minus_beta, -minus_beta, gamma])
 }
 
-/// The forces (F_y, F_z) at two places ξ in m with a generalised force, in N, apart from its axial part.
+/// The forces (F_y, F_z), in N, at two positions ξ in m that are equivalent to a generalised force, without its axial part.
 #[inline]
 pub fn shared<const N: usize>(at_m: [f64; 2], force: [f64; N]) -> [[f64; 2]; 2] {
     let [y, z, beta, gamma] = across(force);
@@ -108,7 +108,7 @@ pub fn generalised<T: Scalar, const N: usize>(at_m: T, [y, z]: [T; 2]) -> [T; N]
     joined(T::constant(0.0), [y, z, -(at_m * z), at_m * y])
 }
 
-/// The generalised force of a force along the axis, in N.
+/// The generalised force of an axial force, in N.
 #[inline]
 pub fn along<T: Scalar, const N: usize>(x: T) -> [T; N] {
     let zero = T::constant(0.0);

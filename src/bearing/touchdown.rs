@@ -1,17 +1,17 @@
-//! The backup bearing: a ring that the rotor touches when levitation is lost.
+//! The backup bearing: a ring that catches the rotor when levitation is lost.
 //!
-//! With r the distance of the rotor from the centre and `δ = r − clearance`, the ring pushes inwards with
+//! With the distance r of the rotor from the centre and `δ = r − clearance`, the ring pushes inwards with
 //!
 //! ```text
 //! N = k δ + d δ̇            while δ > 0 and N > 0, else 0
 //! ```
 //!
-//! so that it never pulls. Friction is `−μ N v/√(v² + v_0²)`, with v the velocity of the rotor's surface against the ring, `v_t
-//! + ω · radius`, and `v_0` [`SLIDING_M_S`]. The speed of the rotor is an input: friction does not slow it down.
+//! so that it never pulls. Friction is `−μ N v/√(v² + v_0²)`, with the sliding velocity `v = v_t + ω · radius` of the rotor's
+//! surface on the ring and `v_0` = [`SLIDING_M_S`]. The speed of the rotor is an input: friction does not slow it down.
 //!
-//! The ring has no mass and a soft mount. A rotor that whirls in contact carries the ring around the centre, at the distance δ
+//! The ring is massless and softly mounted. A rotor that whirls in contact carries the ring around the centre, at the distance δ
 //! and the rate `v_t/r`, and the damper of the mount opposes that with `−d δ v_t/r`. So a backward whirl, driven by friction,
-//! settles where `μ k = d Ω` and does not grow for ever; far above the ring's natural frequency it still destroys bearings.
+//! settles where `μ k = d Ω` instead of growing without bound; far above the ring's natural frequency it still destroys bearings.
 
 use serde::{Deserialize, Serialize};
 
@@ -20,17 +20,17 @@ use crate::machine::Bearing;
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE};
 
-/// Velocity, in m/s, above which friction slides; below, it rises linearly, so that standstill needs no special case.
+/// Sliding velocity, in m/s, below which friction rises linearly, so that standstill needs no special case.
 pub const SLIDING_M_S: f64 = 0.01;
 
-/// The ring; by default half the paper's gap, with a rotor of 6.7 kg a natural frequency of 435 Hz and 14 % of the critical damping, no
-/// friction.
+/// The ring. By default its clearance is half the paper's gap, and there is no friction; a rotor of 6.7 kg has a natural frequency of
+/// 435 Hz and 14 % of critical damping.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Bearing, default)]
 pub struct TouchdownConfig<T = f64> {
     /// Distance from the centre at which the rotor touches the backup bearing{at bearing}
     ///
-    /// If it exceeds the nominal gap, the rotor may reach a magnet first, which ends the run.
+    /// Beyond the nominal gap, the rotor may reach a magnet first, which ends the run.
     #[parameter(
         name = "touchdown.clearance", unit = METRE, above = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4
     )]
@@ -53,14 +53,14 @@ pub struct TouchdownConfig<T = f64> {
 }
 
 impl TouchdownConfig {
-    /// Whether rotor and ring are in contact, for a position in m and a velocity in m/s, (y, z).
+    /// Whether rotor and ring are in contact, at a position in m and a velocity in m/s, (y, z).
     pub fn touches(&self, position_m: [f64; 2], velocity_m_s: [f64; 2]) -> bool {
-        // Well inside, the common case, no root is needed.
+        // Within the clearance, the common case, no root is needed.
         let [y, z] = position_m;
         y * y + z * z > self.clearance_m * self.clearance_m && self.push_n(position_m, velocity_m_s) > 0.0
     }
 
-    /// The fastest rate of the contact, in 1/s, for a rotor of mass `m_kg` in kg under the contact force `push_n` in N.
+    /// The fastest rate of the contact, in 1/s, for the rotor mass `m_kg` in kg and the contact force `push_n` in N.
     pub fn rate(&self, m_kg: f64, push_n: f64) -> f64 {
         let spring = (self.stiffness_n_m / m_kg).sqrt();
         let damper = self.damping_ns_m / m_kg;
@@ -69,7 +69,7 @@ impl TouchdownConfig {
 }
 
 impl<T: Scalar> TouchdownConfig<T> {
-    /// Combines these parameters with others, number by number.
+    /// Combines two sets of parameters, number by number.
     pub fn with<U: Scalar, V>(&self, other: &TouchdownConfig<U>, join: impl Fn(T, U) -> V) -> TouchdownConfig<V> {
         joined!(self, other, join, TouchdownConfig { clearance_m, stiffness_n_m, damping_ns_m, friction, radius_m;; })
     }
@@ -84,7 +84,7 @@ impl<T: Scalar> TouchdownConfig<T> {
 
     /// Force of the ring on a rotor in contact, (y, z), in N, at the speed `omega_rad_s`.
     ///
-    /// The formula continues smoothly beyond contact: the integrator needs that to locate the instant of separation.
+    /// The formula continues smoothly beyond contact, so that the integrator can locate the instant of separation.
     pub fn force_n(&self, position_m: [T; 2], velocity_m_s: [T; 2], omega_rad_s: T) -> [T; 2] {
         let [y, z] = position_m;
         let r = y.norm(z);

@@ -1,7 +1,7 @@
 //! The controller of any machine: flatness-based tracking of its reference trajectory.
 //!
-//! The control law is that of [`tracking`](crate::control::tracking). The readings give the coordinates, `q = H⁻¹ r`; the observers see
-//! forces, and moments of a shaft that tilts. The generalised force is shared by the bearings, each of which allocates its part.
+//! The control law is in [`tracking`](crate::control::tracking). The readings give the coordinates, `q = H⁻¹ r`; the observers estimate
+//! perturbation forces, and moments of a shaft that tilts. The generalised force is split among the bearings, which allocate it.
 
 pub use crate::control::tracking::{
     Allocation, ControllerError, INSTANT_TOLERANCE, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
@@ -26,7 +26,7 @@ use crate::variables::{LAMBDA, OMEGA_RAD_S, Saved, Variables, is_finite};
 #[variables(context = Machine)]
 #[serde(default, bound = "RotorConfig<f64, B>: Saved, TrackingConfig<K, G>: Saved, ReferenceConfig<B>: Saved")]
 pub struct ControllerConfigOf<const N: usize, const K: usize, const B: usize, const G: usize> {
-    /// Rotor and bearings as the controller knows them. With `J_p` = 0 it compensates no gyroscopic moments.
+    /// Rotor and bearings as modelled by the controller. With `J_p` = 0 it does not compensate gyroscopic moments.
     #[nested(prefix = "")]
     pub rotor: RotorConfig<f64, B>,
     /// Which magnets are used
@@ -40,16 +40,16 @@ pub struct ControllerConfigOf<const N: usize, const K: usize, const B: usize, co
     pub reference: ReferenceConfig<B>,
 }
 
-/// That for the planar rotor of the paper.
+/// Configuration for the paper's planar rotor.
 pub type ControllerConfig = ControllerConfigOf<2, 3, 1, 1>;
 
 impl<const N: usize, const K: usize, const B: usize, const G: usize> Default for ControllerConfigOf<N, K, B, G> {
-    /// The paper's bearing, or one of the same size, and its first guess; along the axis the rotor rests in the middle.
+    /// The paper's bearing, or one of the same size, with the paper's first guess; no axial motion.
     ///
-    /// Or the spindle of the examples, a smallest force of 15 N, and modulation frequencies that are apart in all bearings.
-    /// With tracking poles at 1200 rad/s an unbalance of 8 and 5·10⁻⁵ kg·m in two planes leaves a tracking error of 2.5 µm at
-    /// 6000 rpm with current drive and 2.8 µm with voltage drive, with poles at 1000 rad/s 2.9 and 3.3 µm; observers with poles at 5000
-    /// rad/s would make as much, but the axial amplifiers reach their limit more often (0.1 µm, 10 mA, seeds 1 to 5).
+    /// For shafts the spindle of the examples, a smallest force of 15 N, and different modulation frequencies in all bearings.
+    /// With tracking poles at 1200 rad/s an unbalance of 8 and 5·10⁻⁵ kg·m in two planes causes a tracking error of 2.5 µm at
+    /// 6000 rpm with current drive and 2.8 µm with voltage drive, with poles at 1000 rad/s 2.9 and 3.3 µm. Observer poles at 5000 rad/s
+    /// would gain as much, but the axial amplifiers reach their limit more often (0.1 µm, 10 mA, seeds 1 to 5).
     fn default() -> Self {
         let machine = Rotor::<N, K, B>::MACHINE;
         let mut law = TrackingConfig::default();
@@ -120,17 +120,17 @@ pub struct ControllerOutput<const N: usize = 2, const K: usize = 3> {
         nominal = context.either(index, 10.0, 1.0)
     )]
     pub force_n: [f64; N],
-    /// Reference at this sample, as the tracking error, in m.
+    /// Reference at this sample, along the axes of the tracking error, in m.
     #[hidden]
     pub reference_m: [f64; N],
     /// Reference at the next sample along {axis}
     ///
-    /// As the tracking error; predicted if it is external.
+    /// Along the axes of the tracking error; predicted if it is external.
     #[output(names = context.of_references(), discrete, unit = METRE, nominal = 1e-5)]
     pub reference_ahead_m: [f64; N],
     /// Whether a predicted gap was below its limit, so that the currents are those for the limit
     ///
-    /// The limit is [`SMALLEST_GAP`]. The magnets do not give the commanded forces then.
+    /// The limit is [`SMALLEST_GAP`]. The magnets then do not produce the commanded forces.
     #[output(discrete)]
     pub saturated: bool,
     /// Whether a voltage command is at the limit, with drive = voltage
@@ -167,7 +167,7 @@ pub struct Controller<const N: usize = 2, const K: usize = 3, const B: usize = 1
     pub(super) ramp_gains: [f64; 3],
     /// `ρ_i`.
     pub(super) decay: f64,
-    /// Fraction of the way to `F_0` that the smallest force covers per sample.
+    /// Fraction by which the smallest force approaches `F_0` per sample.
     pub(super) relax: f64,
 }
 
@@ -175,7 +175,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// A controller of the given configuration.
     ///
     /// # Errors
-    /// Every parameter that is not finite or outside its range, by its name in the interface; the geometry as in
+    /// Parameters that are not finite or outside their limits, by their names in the interface; the geometry as in
     /// [`Rotor::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfigOf<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
         let law = &config.law;
@@ -203,17 +203,17 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         })
     }
 
-    /// The configuration, including the last retuning.
+    /// The configuration, as last retuned.
     pub fn config(&self) -> &ControllerConfigOf<N, K, B, G> {
         &self.config
     }
 
-    /// Changes the modulation of the smallest forces: `modulation` as a fraction of `F_0`, its frequencies in Hz, one for each group.
+    /// Changes the modulation of the smallest forces: `modulation` as a fraction of `F_0`, and its frequencies in Hz, one per group.
     ///
-    /// The phases are continuous. The numbers must be within their limits, as the FMU requires.
+    /// The phases are continuous. The numbers must be within their limits, as the FMU ensures.
     ///
     /// # Errors
-    /// `F0.modulationFrequency` above half the sample rate. The former values then remain.
+    /// `F0.modulationFrequency` above half the sample rate; nothing changes then.
     pub fn retune(&mut self, modulation: f64, modulation_hz: [f64; G]) -> Result<(), Vec<Invalid>> {
         let law = TrackingConfig { modulation, modulation_hz, ..self.config.law.clone() };
         Checks::all(|checks| excitation::check(&law, Rotor::<N, K, B>::MACHINE, checks))?;
@@ -226,7 +226,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         ControllerState { law: self.law_at_start(start_s), reference: self.reference.start() }
     }
 
-    /// Whether a state, for instance one read from a file, is consistent: finite numbers, counts in order.
+    /// Whether a state, for instance one read from a file, has finite numbers and consistent counts.
     pub fn accepts(&self, state: &ControllerState<N, K, G>) -> bool
     where
         ControllerState<N, K, G>: Serialize,
@@ -234,13 +234,13 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         is_finite(state) && state.reference.is_in_order() && state.law.is_in_order()
     }
 
-    /// The outputs before the first sample: no current, the first guess of λ, and the begin of the reference.
+    /// The outputs before the first sample: no current, the first guess of λ, and the start of the reference.
     pub fn output_at_start(&self) -> ControllerOutput<N, K> {
-        let begin = self.at_magnets(self.reference.ahead(&self.reference.start(), 0.0));
+        let start_m = self.at_magnets(self.reference.ahead(&self.reference.start(), 0.0));
         ControllerOutput {
             lambda_used_nm2_a2: self.config.law.lambda0_nm2_a2,
-            reference_m: begin,
-            reference_ahead_m: begin,
+            reference_m: start_m,
+            reference_ahead_m: start_m,
             ..ControllerOutput::default()
         }
     }
@@ -252,8 +252,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// Processes the sample that is due.
     ///
     /// # Errors
-    /// [`ControllerError`] if a required number is not finite; the state is then unchanged, and the last currents remain the
-    /// last valid ones. An unusable estimate of λ is no error: it is not used.
+    /// [`ControllerError`] if a required number is not finite; the state is then unchanged. An unusable estimate of λ is no
+    /// error: it is ignored.
     pub fn sample(
         &self,
         state: &mut ControllerState<N, K, G>,
@@ -265,22 +265,22 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let coordinates = rotor.coordinates(input.position_m);
         self.reference.sample(&mut next.reference, input.omega_rad_s, coordinates, input.reference_m);
         let step_s = self.config.law.step_s;
-        let course = [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * step_s));
-        // The tracking error refers to the reference itself, not to an observer's estimate of it.
-        let here = match self.reference.is_external() {
+        let preview = [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * step_s));
+        // The tracking error refers to the reference itself, not to the estimate of an observer.
+        let reference = match self.reference.is_external() {
             true => input.reference_m,
-            false => course[0].map(|point| point.position_m),
+            false => preview[0].map(|point| point.position_m),
         };
-        let tracking_error_m = rotor.config().at_magnets(std::array::from_fn(|a| coordinates[a] - here[a]));
+        let tracking_error_m = rotor.config().at_magnets(std::array::from_fn(|a| coordinates[a] - reference[a]));
         if !tracking_error_m.iter().all(|error| error.is_finite()) {
             return Err(ControllerError::Overflow { sample: state.law.samples });
         }
-        let mut output = self.command(&mut next.law, coordinates, input, &course)?;
+        let mut output = self.command(&mut next.law, coordinates, input, &preview)?;
         *state = next;
         output.tracking_error_m = tracking_error_m;
         output.lambda_used_nm2_a2 = state.law.lambda_nm2_a2;
-        output.reference_m = rotor.config().at_magnets(here);
-        output.reference_ahead_m = self.at_magnets(course[1]);
+        output.reference_m = rotor.config().at_magnets(reference);
+        output.reference_ahead_m = self.at_magnets(preview[1]);
         Ok(output)
     }
 

@@ -4,8 +4,7 @@
 //!
 //! - [`mod@reference`]: the trajectory of the flat output and its derivatives;
 //! - [`observer`]: position, velocity and perturbation from sampled positions;
-//! - [`tracking`]: the control law, for current and for voltage drive, and the excitation: for any number of coordinates and
-//!   magnets;
+//! - [`tracking`]: the control law, for current and voltage drive, and the excitation, for any number of coordinates and magnets;
 //! - [`controller`]: the controller of any machine.
 
 pub mod controller;

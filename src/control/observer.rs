@@ -1,15 +1,15 @@
-//! Sampled observers of chains of integrators, gains by pole placement for the sampled system.
+//! Sampled observers of chains of integrators, with gains by pole placement for the sampled system.
 //!
-//! Between samples the chain is exact: a position whose highest derivative is held moves along a polynomial. The measurement
-//! enters at its own instant ("current" form):
+//! The prediction between samples is exact: a position whose highest derivative is constant follows a polynomial. The measurement
+//! corrects the estimate at its own instant ("current" observer):
 //!
 //! ```text
 //! x⁻_{k+1} = A x_k + B u_k
 //! x_k      = x⁻_k + L (measured_k − x⁻_k[0])
 //! ```
 //!
-//! The error of `x_k` is governed by `(I − L C) A`; with all its poles at ρ, a bandwidth ω sampled at T_s, that is
-//! ρ = exp(−ω T_s), the gains are those of the fading-memory polynomial filters.
+//! The error of `x_k` is governed by `(I − L C) A`. With all poles at ρ = exp(−ω T_s), for the bandwidth ω and the sample time T_s,
+//! the gains are those of the fading-memory polynomial filters.
 
 use serde::{Deserialize, Serialize};
 
@@ -34,16 +34,15 @@ pub fn gains_of_four(bandwidth_rad_s: f64, step_s: f64) -> [f64; 4] {
     ]
 }
 
-/// `(ρ, 1 − ρ)` of `ρ = exp(−ω T_s)`, the difference without cancellation.
+/// `(ρ, 1 − ρ)` for `ρ = exp(−ω T_s)`, the difference without cancellation.
 pub(crate) fn pole(bandwidth_rad_s: f64, step_s: f64) -> (f64, f64) {
     (libm::exp(-bandwidth_rad_s * step_s), -libm::expm1(-bandwidth_rad_s * step_s))
 }
 
-/// Observer of one axis: position, velocity and perturbation of a mass with known force.
+/// Observer of one axis: position, velocity and perturbation of a mass under a known force.
 ///
-/// Its estimate is `[x, v, d]` in `[m, m/s, m/s²]`, `d = p/m` the perturbation per mass, P(6) and P(7), with the sign
-/// of the axis. The perturbation is taken as constant between samples; one that varies is tracked with the lag of the
-/// observer's poles.
+/// Its estimate is `[x, v, d]` in `[m, m/s, m/s²]`, with the perturbation per mass `d = p/m`, P(6) and P(7), positive along the
+/// axis. The perturbation is assumed constant between samples; a varying one is tracked with the lag of the observer's poles.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PerturbationObserver {
     step_s: f64,
@@ -70,14 +69,14 @@ impl PerturbationObserver {
         [x + ahead_s * (v + 0.5 * ahead_s * a), v + ahead_s * a, d]
     }
 
-    /// The estimate one sample later, under `force/m`, in m/s², linear between the two values.
+    /// The estimate one sample later, under `force/m` in m/s² that varies linearly between two values.
     pub fn predict_ramp(&self, [x, v, d]: Estimate, from_m_s2: f64, to_m_s2: f64) -> Estimate {
         let h = self.step_s;
         let [a, b] = [from_m_s2 + d, to_m_s2 + d];
         [x + h * (v + h * (a / 3.0 + b / 6.0)), v + 0.5 * h * (a + b), d]
     }
 
-    /// The estimate, predicted for the instant of the measurement, corrected by the position measured, in m.
+    /// The estimate predicted for the instant of the measurement, corrected by the measured position in m.
     pub fn update(&self, [x, v, d]: Estimate, position_m: f64) -> Estimate {
         let [l_1, l_2, l_3] = self.gains;
         let innovation = position_m - x;
@@ -114,9 +113,9 @@ impl SignalObserver {
         Self { step_s, gains: gains_of_four(bandwidth_rad_s, step_s) }
     }
 
-    /// The estimate at a sample, from the one before and the present value in m.
-    pub fn update(&self, before: Signal, value_m: f64) -> Signal {
-        let predicted = before.ahead(self.step_s);
+    /// The estimate at a sample, from the previous estimate and the value at this sample in m.
+    pub fn update(&self, previous: Signal, value_m: f64) -> Signal {
+        let predicted = previous.ahead(self.step_s);
         let innovation = value_m - predicted.0[0];
         Signal(std::array::from_fn(|j| predicted.0[j] + self.gains[j] * innovation))
     }

@@ -2,27 +2,27 @@
 //!
 //! # Start
 //!
-//! Where the rotor starts away from the reference trajectory, for instance on the backup bearing, a transition brings it there
-//! without jumps:
+//! If the rotor starts away from the reference trajectory, for instance on the backup bearing, a transition leads it there without
+//! jumps:
 //!
 //! ```text
 //! X*(t) = (1 − σ(t/lift)) X_0 + σ((t − start)/ramp) curve(θ)      σ(τ) = 10τ³ − 15τ⁴ + 6τ⁵, 0 before, 1 after
 //! ```
 //!
-//! with `X_0` the first measured position and t the time since then. A lift of 0 omits the first term, a ramp of 0 is a step;
-//! with start, ramp and lift of 0, `X*` is the curve itself.
+//! with the first measured position `X_0` and the time t since then. A lift of 0 omits the first term, a ramp of 0 is a step; with
+//! start, ramp and lift 0, `X*` is the curve itself.
 //!
 //! # Several bearings
 //!
-//! A shaft that tilts follows an ellipse in each radial bearing, run through at the speed of the rotor, and in an axial one a sine:
+//! A shaft that tilts follows an ellipse in each radial bearing, with the angle θ of the reference, and a sine in an axial bearing:
 //!
 //! ```text
-//! Y* = r_Y cos(θ + φ)     Z* = r_Z sin(θ + φ)          at the magnets of A and of B, each with its own r_Y, r_Z, φ
-//! X* = a sin(2π f t)                                   t from the first sample on
+//! Y* = r_Y cos(θ + φ)     Z* = r_Z sin(θ + φ)          at the magnets of A and B, each with its own r_Y, r_Z, φ
+//! X* = a sin(2π f t)                                   t since the first sample
 //! ```
 //!
-//! Equal phases give cylindrical motion, opposite ones conical motion. The coordinates are linear in the displacements in the
-//! bearings, so that the radial ones are `c cos θ + s sin θ` with constant c and s.
+//! Equal phases give cylindrical motion, opposite phases conical motion. The coordinates are linear in the displacements at the
+//! bearings, so the lateral ones are `c cos θ + s sin θ` with constant c and s.
 
 use std::f64::consts::{PI, TAU};
 
@@ -37,14 +37,14 @@ use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, Saved, Variables, numbers};
 
-/// The most lobes of a curve; no sample time in use resolves more.
+/// The most lobes of a curve; no practical sample time resolves more.
 pub const MOST_LOBES: i32 = 1000;
 
-/// The number of harmonics of [`Contour`].
+/// Number of harmonics of a [`Contour`].
 pub const HARMONICS: usize = 8;
 
 /// A closed curve as a Fourier series, n from 1 to [`HARMONICS`]:
-/// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` alike, all in m.
+/// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` likewise, all in m.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(default)]
@@ -67,7 +67,7 @@ pub struct Contour {
 }
 
 impl Contour {
-    /// `[value, d/dθ, d²/dθ²]`, in m, of the axes (y, z) at the angle θ in rad.
+    /// `[value, d/dθ, d²/dθ²]`, in m, for the axes (y, z) at the angle θ in rad.
     pub fn at(&self, theta_rad: f64) -> [[f64; 3]; 2] {
         let axis = |mean: f64, cos_m: &[f64; HARMONICS], sin_m: &[f64; HARMONICS]| {
             let mut sums = [mean, 0.0, 0.0];
@@ -105,7 +105,7 @@ pub enum Shape {
     Fourier,
 }
 
-/// Ellipse in a radial bearing, or semi-axis of a motion along one axis; sine in an axial bearing among others.
+/// Ellipse in a radial bearing, semi-axis in a single axial bearing, or sine in an axial bearing beside others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Bearing)]
 #[serde(default)]
@@ -131,13 +131,13 @@ pub struct PathConfig {
 }
 
 impl PathConfig {
-    /// Position at the start and a quarter of a revolution later, (y, z) in m: the path is `c cos θ + s sin θ`.
+    /// c and s of the ellipse `c cos θ + s sin θ`, (y, z) in m.
     fn waves(&self) -> [[f64; 2]; 2] {
         let (sin, cos) = libm::sincos(self.phase_rad);
         [[self.r_y_m * cos, self.r_z_m * sin], [-self.r_y_m * sin, self.r_z_m * cos]]
     }
 
-    /// The sine at a time in s.
+    /// The axial sine at a time in s.
     fn axial(&self, t_s: f64) -> RefPoint {
         let (a, f) = (self.amplitude_m, self.frequency_hz);
         if a == 0.0 {
@@ -166,20 +166,20 @@ pub struct ReferenceConfig<const B: usize = 1> {
     pub lobes: i32,
     /// Amplitude of the lobes with shape = lobes
     ///
-    /// A negative one rotates them by half a lobe.
+    /// A negative amplitude rotates the lobes by half a lobe.
     #[parameter(name = "reference.lobeAmplitude", count = usize::from(context.is_planar()), unit = METRE, nominal = 1e-5)]
     pub lobe_amplitude_m: f64,
     /// The curve of [`Shape::Fourier`].
     #[nested(prefix = "reference.", count = context.if_single(1))]
     pub contour: Contour,
-    /// Begin of the motion.
+    /// Transition from the start to the reference trajectory.
     #[nested(prefix = "reference.", context = ())]
     pub transition: Transition,
     /// Poles of the observer that differentiates an external reference
     ///
-    /// It tracks any reference that is not a cubic with a lag. For the paper's ellipse as external reference the tracking error
-    /// is 1.9 µm at 3000 rpm and 0.03 µm at 1000 rpm with 2000 rad/s, and 0.45 µm at 3000 rpm with 4000 rad/s (tracking poles
-    /// at 1000 rad/s, 10 kHz). Noise in the reference calls for a lower bandwidth.
+    /// It tracks all references except cubics with a lag. With the paper's ellipse as external reference the tracking error is
+    /// 1.9 µm at 3000 rpm and 0.03 µm at 1000 rpm with 2000 rad/s, and 0.45 µm at 3000 rpm with 4000 rad/s (tracking poles at
+    /// 1000 rad/s, 10 kHz). A noisy reference requires a lower bandwidth.
     #[parameter(
         name = "bandwidth.reference", count = context.if_single(1), unit = RADIAN_PER_SECOND, above = 0.0, nominal = 1000.0,
         display_unit = "Hz", value = 4000.0
@@ -210,14 +210,14 @@ pub struct RefPoint {
 }
 
 impl RefPoint {
-    /// The point times a varying factor: `[factor, its first, its second derivative with respect to time]`.
-    fn grown(self, [s, s_1, s_2]: [f64; 3]) -> Self {
+    /// The point times a factor s(t), given with its first and second time derivative.
+    fn scaled(self, [s, s_1, s_2]: [f64; 3]) -> Self {
         let Self { position_m: x, velocity_m_s: v, acceleration_m_s2: a } = self;
         Self { position_m: s * x, velocity_m_s: s_1 * x + s * v, acceleration_m_s2: s_2 * x + 2.0 * s_1 * v + s * a }
     }
 
-    /// The point plus the remaining part of the way from `first_m`, when the fraction `s` has been covered.
-    fn from(self, first_m: f64, [s, s_1, s_2]: [f64; 3]) -> Self {
+    /// The point plus `(1 − s(t)) first_m`, with s and its time derivatives.
+    fn offset(self, first_m: f64, [s, s_1, s_2]: [f64; 3]) -> Self {
         Self {
             position_m: self.position_m + (1.0 - s) * first_m,
             velocity_m_s: self.velocity_m_s - s_1 * first_m,
@@ -226,8 +226,8 @@ impl RefPoint {
     }
 }
 
-/// `σ(t/length)` with its first and second derivative by t, in 1, 1/s, 1/s²: from 0 to 1, both derivatives 0 at the ends.
-fn rise(t_s: f64, length_s: f64) -> [f64; 3] {
+/// `σ(t/length)` and its first and second derivative by t, in 1, 1/s, 1/s²: from 0 to 1, both derivatives 0 at the ends.
+fn smooth_step(t_s: f64, length_s: f64) -> [f64; 3] {
     if t_s < 0.0 {
         return [0.0; 3];
     }
@@ -242,7 +242,7 @@ fn rise(t_s: f64, length_s: f64) -> [f64; 3] {
     ]
 }
 
-/// The transition of the module: from the first measured position to the curve.
+/// The transition from the first measured position to the curve, see the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[serde(default)]
 pub struct Transition {
@@ -258,26 +258,26 @@ pub struct Transition {
 }
 
 impl Transition {
-    /// The reference `t_s` after the first sample, at which the coordinates were `first`.
+    /// The reference at the time `t_s` after the first sample, at which the coordinates were `first`.
     pub(super) fn apply<const N: usize>(self, curve: [RefPoint; N], first: [f64; N], t_s: f64) -> [RefPoint; N] {
         let Self { start_s, ramp_s, lift_s } = self;
         if [start_s, ramp_s, lift_s] == [0.0; 3] {
             return curve;
         }
-        let grown = rise(t_s - start_s, ramp_s);
-        let left = if lift_s > 0.0 { rise(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
-        std::array::from_fn(|a| curve[a].grown(grown).from(first[a], left))
+        let growth = smooth_step(t_s - start_s, ramp_s);
+        let lift = if lift_s > 0.0 { smooth_step(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
+        std::array::from_fn(|a| curve[a].scaled(growth).offset(first[a], lift))
     }
 }
 
-/// The angle θ = ∫ω dt of a sampled reference, which starts at 0.
+/// The angle θ = ∫ω dt of a sampled reference, from 0 at the start.
 ///
-/// It is base + ω·(count · T_s), with a new base when ω changes, so that it does not drift.
+/// Computed as base + ω·(count · T_s), with a new base when ω changes, so that it does not drift.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct Turning {
+pub(super) struct ReferenceAngle {
     /// Number of samples taken.
     samples: u64,
-    /// θ at the sample at which ω changed last, in rad.
+    /// θ at the sample at which ω last changed, in rad.
     base_rad: f64,
     /// Number of that sample.
     base_sample: u64,
@@ -287,8 +287,8 @@ pub(super) struct Turning {
     theta_rad: f64,
 }
 
-impl Turning {
-    /// Moves on to the next sample; ω holds from this sample on.
+impl ReferenceAngle {
+    /// Advances to the next sample; ω applies from this sample on.
     pub fn sample(&mut self, omega_rad_s: f64, step_s: f64) {
         let since_base_s = (self.samples - self.base_sample) as f64 * step_s;
         self.theta_rad = self.base_rad + self.omega_rad_s * since_base_s;
@@ -311,7 +311,7 @@ impl Turning {
 #[serde(bound = "[f64; N]: Saved, [Signal; N]: Saved")]
 pub struct ReferenceState<const N: usize> {
     /// θ.
-    turning: Turning,
+    turning: ReferenceAngle,
     /// Coordinates at the first sample, in m or rad.
     first: [f64; N],
     /// Estimate of the external reference of each coordinate at the last sample.
@@ -319,18 +319,18 @@ pub struct ReferenceState<const N: usize> {
 }
 
 impl<const N: usize> ReferenceState<N> {
-    /// Whether the counts, for instance those read from a file, are in order.
+    /// Whether the counts, for instance of a state read from a file, are consistent.
     pub(super) fn is_in_order(&self) -> bool {
         self.turning.base_sample <= self.turning.samples && self.turning.samples < u64::MAX
     }
 }
 
-/// A validated reference, sampled at a fixed step: a curve and its begin, or an external one.
+/// A validated reference, sampled at a fixed step: a curve with its transition, or an external signal.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Reference<const N: usize = 2, const B: usize = 1> {
     config: ReferenceConfig<B>,
     step_s: f64,
-    /// c and s of the coordinates `c cos θ + s sin θ` of a shaft that tilts, in m and rad.
+    /// c and s of a tilting shaft's coordinates `c cos θ + s sin θ`, in m and rad.
     waves: [[f64; N]; 2],
     /// The differentiator of an external reference.
     observer: Option<SignalObserver>,
@@ -340,8 +340,8 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     /// A reference sampled every `step_s` (finite, above 0).
     ///
     /// # Errors
-    /// Numbers that are not finite or outside their limits; `X.reference.frequency` beyond half the
-    /// sample rate; `reference.rY` and others if the reference trajectory touches a magnet.
+    /// Numbers that are not finite or outside their limits; `X.reference.frequency` above half the sample rate; `reference.rY`
+    /// or another parameter of the curve if the reference trajectory touches a magnet.
     pub fn new<const K: usize>(
         config: ReferenceConfig<B>,
         step_s: f64,
@@ -352,7 +352,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         })
     }
 
-    /// Reports in `checks` what numbers within their limits have wrong together; use the returned value only if there is nothing.
+    /// As [`new`](Self::new), for numbers within their limits; the result is valid only if `checks` finds nothing.
     pub(crate) fn checked<const K: usize>(
         config: ReferenceConfig<B>,
         step_s: f64,
@@ -364,15 +364,15 @@ impl<const N: usize, const B: usize> Reference<N, B> {
             checks.of(bearing.prefix, |checks| match config.shape {
                 _ if bearing.if_beside() == 1 => check_sine(path, step_s, magnets, checks),
                 Shape::External => (),
-                Shape::Fourier => check_contour_reach(&config.contour, machine, magnets, checks),
-                Shape::Ellipse => check_ellipse_reach(path, 0.0, bearing, magnets, checks),
-                Shape::Lobes => check_ellipse_reach(path, config.lobe_amplitude_m, bearing, magnets, checks),
+                Shape::Fourier => check_contour(&config.contour, machine, magnets, checks),
+                Shape::Ellipse => check_ellipse(path, 0.0, bearing, magnets, checks),
+                Shape::Lobes => check_ellipse(path, config.lobe_amplitude_m, bearing, magnets, checks),
             });
         }
         let external = config.shape == Shape::External;
         let observer = external.then(|| SignalObserver::new(config.bandwidth_rad_s, step_s));
         let wave = |part: usize| {
-            // Those at the magnets of A and of B, without axial motion.
+            // At the magnets of A and B, without axial motion.
             let at = |n: usize| if machine.tilts() && n < 4 { config.paths[n / 2].waves()[part][n % 2] } else { 0.0 };
             rotor.through(std::array::from_fn(at), |bearing| bearing.position_m)
         };
@@ -384,15 +384,13 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         self.observer.is_some()
     }
 
-    /// Before the first sample: θ = 0, an external reference at rest.
+    /// The state before the first sample: θ = 0, an external reference at rest.
     pub fn start(&self) -> ReferenceState<N> {
-        ReferenceState { turning: Turning::default(), first: [0.0; N], signal: [Signal::default(); N] }
+        ReferenceState { turning: ReferenceAngle::default(), first: [0.0; N], signal: [Signal::default(); N] }
     }
 
-    /// Moves on to the next sample, at the measured coordinates; a lift begins at the first. `omega_rad_s` holds from this sample on, `external`
-    /// is an external reference at it.
-    ///
-    /// An external reference starts at rest at its first sample.
+    /// Advances to the next sample, at the measured coordinates; a lift begins at those of the first sample. `omega_rad_s` applies from
+    /// this sample on; `external` is the external reference at this sample, assumed at rest at the first.
     pub fn sample(&self, state: &mut ReferenceState<N>, omega_rad_s: f64, coordinates: [f64; N], external: [f64; N]) {
         let first = state.turning.samples == 0;
         if first {
@@ -408,7 +406,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 
     /// The reference `ahead_s` after the last sample, in s.
     ///
-    /// An external reference is extrapolated with the derivatives that its observer estimates.
+    /// An external reference is extrapolated with the derivatives estimated by its observer.
     pub fn ahead(&self, state: &ReferenceState<N>, ahead_s: f64) -> [RefPoint; N] {
         if self.is_external() {
             return state.signal.map(|signal| {
@@ -416,14 +414,13 @@ impl<const N: usize, const B: usize> Reference<N, B> {
                 RefPoint { position_m, velocity_m_s, acceleration_m_s2 }
             });
         }
-        // Since the first sample.
         let t_s = (state.turning.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
         let curve = self.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s, t_s);
         self.config.transition.apply(curve, state.first, t_s)
     }
 
-    /// The point at the angle θ in rad, at a constant angular velocity in rad/s, and at a time after the first sample in s. A rotor that
-    /// moves along its axis alone follows the first axis of the curve.
+    /// The point at the angle θ in rad, for a constant angular velocity in rad/s, at a time in s after the first sample. A rotor with only
+    /// axial motion follows the first axis of the curve.
     fn at(&self, theta_rad: f64, omega_rad_s: f64, t_s: f64) -> [RefPoint; N] {
         if B == 1 {
             let curve = self.config.point(theta_rad, omega_rad_s);
@@ -452,10 +449,10 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 }
 
 impl<const B: usize> ReferenceConfig<B> {
-    /// The curve of a rotor in one bearing, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
+    /// The curve for a rotor in one bearing, (y, z), at the angle `theta_rad` and the constant angular velocity `omega_rad_s`.
     ///
-    /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, with exact derivatives; an ellipse has a = 0. An external
-    /// reference has no such points: it returns those of the ellipse. For a Fourier series see [`Contour::at`].
+    /// `Y* = (r_Y + a cos nθ) cos θ`, `Z* = (r_Z + a cos nθ) sin θ`, with exact derivatives; a = 0 for an ellipse, and for an external
+    /// reference, which has no curve. For a Fourier series see [`Contour::at`].
     pub fn point(&self, theta_rad: f64, omega_rad_s: f64) -> [RefPoint; 2] {
         if self.shape == Shape::Fourier {
             return self.contour.at(theta_rad).map(|[x, x_1, x_2]| RefPoint {
@@ -471,11 +468,11 @@ impl<const B: usize> ReferenceConfig<B> {
         };
         // sin(±0) = ±0.
         let (sin_n, cos_n) = if n == 0.0 { (n * theta_rad, 1.0) } else { libm::sincos(n * theta_rad) };
-        // The radius r + a cos nθ, its first and second derivative with respect to θ.
+        // The radii r + a cos nθ, and their first and second derivatives with respect to θ.
         let [r_1, r_2] = [-a * n * sin_n, -a * n * n * cos_n];
         let PathConfig { r_y_m, r_z_m, .. } = self.paths[0];
         let [r_y, r_z] = [r_y_m + a * cos_n, r_z_m + a * cos_n];
-        // The radius times a function of θ with this derivative.
+        // The radius times a function f of θ with the derivative f_1.
         let axis = |r: f64, f: f64, f_1: f64| RefPoint {
             position_m: r * f,
             velocity_m_s: omega_rad_s * (r_1 * f + r * f_1),
@@ -485,16 +482,16 @@ impl<const B: usize> ReferenceConfig<B> {
     }
 }
 
-/// Refuses an ellipse with lobes that may touch a magnet.
+/// Rejects an ellipse with lobes that may touch a magnet.
 ///
-/// Towards the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
-fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
+/// In the direction e the ellipse extends to `√((r_Y e_y)² + (r_Z e_z)²)`, the lobes at most `|a|` further.
+fn check_ellipse(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magnets: &Magnets, checks: &mut Checks) {
     let PathConfig { r_y_m: r_y, r_z_m: r_z, .. } = *path;
     let a = lobes_m.abs();
     let s = magnets.gap_m();
     let towards = magnets.directions().iter().map(|e_k| [r_y * e_k[0], r_z * e_k[1]]);
-    let reach = |[y, z]: [f64; 2]| (y * y + z * z).sqrt() + a;
-    let Some((number, [y, z])) = (1..).zip(towards).find(|(_, towards)| reach(*towards) >= s) else { return };
+    let extent = |[y, z]: [f64; 2]| (y * y + z * z).sqrt() + a;
+    let Some((number, [y, z])) = (1..).zip(towards).find(|(_, towards)| extent(*towards) >= s) else { return };
     let (name, value) = if a >= y.abs() && a >= z.abs() {
         ("reference.lobeAmplitude".to_owned(), lobes_m)
     } else if y.abs() >= z.abs() {
@@ -502,14 +499,14 @@ fn check_ellipse_reach(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magne
     } else {
         ("reference.rZ".to_owned(), r_z)
     };
-    let (reach, gap) = (Short(reach([y, z])), Short(s));
+    let (extent, gap) = (Short(extent([y, z])), Short(s));
     let wanted = format!(
-        "a reference trajectory that does not touch magnet {number} (it extends to {reach} m, the gap is {gap} m)"
+        "a reference trajectory that does not touch magnet {number} (it extends to {extent} m, the gap is {gap} m)"
     );
     checks.require(false, name, format_args!("{value} m"), wanted);
 }
 
-/// Refuses a sine that no magnet or no sample time allows.
+/// Rejects a sine that touches a magnet or exceeds half the sample rate.
 fn check_sine(path: &PathConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) {
     let (amplitude_m, gap_m) = (path.amplitude_m, magnets.gap_m());
     checks.require(
@@ -527,9 +524,9 @@ fn check_sine(path: &PathConfig, step_s: f64, magnets: &Magnets, checks: &mut Ch
     );
 }
 
-/// Refuses a contour that touches a magnet at one of these angles, 45 per shortest wave; the finding names the largest
+/// Rejects a contour that touches a magnet, checked at 45 angles per period of the highest harmonic; the finding names the largest
 /// coefficient.
-fn check_contour_reach(contour: &Contour, machine: &Machine, magnets: &Magnets, checks: &mut Checks) {
+fn check_contour(contour: &Contour, machine: &Machine, magnets: &Magnets, checks: &mut Checks) {
     const ANGLES: usize = 45 * HARMONICS;
     let mut least = (f64::INFINITY, 0);
     for index in 0..ANGLES {

@@ -6,32 +6,32 @@
 //! Q = M (q̈* − k_1 (q̇ − q̇*) − k_0 (q − q*)) − p̂ + Ω G q̇
 //! ```
 //!
-//! M is diagonal. A [`Rotor`] shares the force among the magnets, and gives the gyroscopic moments `−Ω G q̇`.
-//! The last term compensates them, so that every coordinate behaves as if it were alone, at any speed.
+//! M is diagonal. A [`Rotor`] allocates the force to the magnets and gives the gyroscopic moments `−Ω G q̇`.
+//! The last term compensates them, which decouples the coordinates at any speed.
 //!
 //! # Timing
 //!
 //! Sample k measures at `t_k = start + k · T_s`. Its currents act over `[t_{k+1}, t_{k+2})`, because co-simulation delays them
 //! by one sample; the force commanded at sample k − 1 acts during `[t_k, t_{k+1})`. So the measurement corrects the observer at
-//! `t_k`, the force in effect predicts it at `t_{k+1}`, and the feedback is computed there:
+//! `t_k`, the force in effect gives its prediction for `t_{k+1}`, and the feedback uses that prediction:
 //!
 //! - gains for the sampled double integrator with both poles at `ρ = exp(−ω_c T_s)`;
 //! - feed-forward of the mean acceleration of the reference over `[t_{k+1}, t_{k+2})`, from its velocities at both ends;
-//! - currents for the gaps predicted at the middle of `[t_{k+1}, t_{k+2})`, over which they are held, and gyroscopic moments for
-//!   the rates predicted there.
+//! - currents and gyroscopic moments for the gaps and rates predicted at the middle of `[t_{k+1}, t_{k+2})`, over which the currents
+//!   are held.
 //!
 //! At the first sample the rotor is assumed to be on the reference trajectory: position as measured, velocity of the reference,
-//! perturbation 0. From `t_0` to `t_1`, before the first command acts, no current flows, and the observer uses that.
+//! perturbation 0. From `t_0` to `t_1`, before the first command acts, the observer assumes that no current flows.
 //!
 //! # A change of λ
 //!
-//! The currents do not change; a new λ assigns new forces to them. The difference of the resultants is added to the
-//! perturbation estimate, so that the sum of force and perturbation does not change. The smallest force of each bearing starts
-//! from that of the new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. So the currents do not jump.
+//! With a new λ the present currents correspond to new forces. The difference of the resultants is added to the perturbation
+//! estimate, so that the sum of force and perturbation does not change. The smallest force of each bearing starts from that of the
+//! new forces and returns to `F_0` with the time constant [`PRELOAD_S`]. So the currents do not jump.
 //!
 //! Both use the forces commanded at the last sample. With current drive these are the forces in effect. With voltage drive the
 //! forces in effect follow from currents measured at one instant: their noise and the errors of the current loop would enter
-//! the perturbation estimate, and with an estimate that changes at every sample nothing would hold the smallest force at `F_0`.
+//! the perturbation estimate, and if the estimate of λ changed at every sample, nothing would keep the smallest force at `F_0`.
 //!
 //! Voltage drive is in `voltage.rs`, the modulation of the smallest force in `excitation.rs`.
 
@@ -58,18 +58,18 @@ use crate::variables::{Choice, LAMBDA, Saved, Variables};
 /// Time constant, in s, with which the smallest force returns to `F_0` after a change of λ.
 pub const PRELOAD_S: f64 = 0.01;
 
-/// Below this fraction of the preload, the smallest force does not determine the preload.
+/// Modulation factor below which the preload is not computed from the smallest force.
 ///
-/// In the trough of a full modulation the smallest force is 0 whatever the preload. Forces of 100 N are rounded to 10⁻¹⁴ N;
-/// divided by this fraction, that is still only 10⁻⁸ N of preload.
-const TROUGH: f64 = 1e-6;
+/// At the minimum of a full modulation the smallest force is 0 whatever the preload. Forces of 100 N are rounded to 10⁻¹⁴ N;
+/// divided by this factor, that is only 10⁻⁸ N of preload.
+const LEAST_FACTOR: f64 = 1e-6;
 
 /// Lower limit of a predicted gap, as a fraction of the nominal gap.
 ///
 /// The currents are then computed for this gap, which keeps them finite, and the output `saturated` is true.
 pub const SMALLEST_GAP: f64 = 0.01;
 
-/// Fraction of the sample time by which a sample may precede the time of the update and still count.
+/// Fraction of the sample time by which a sample may precede `update.time` and still perform the update.
 pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
 /// When the controller takes over the estimated force constants
@@ -92,11 +92,11 @@ pub enum Allocation {
     SmallestForce,
     /// The currents of each opposed pair are bias.current plus and minus the same current
     ///
-    /// As long as both are above 0; beyond that one magnet pulls alone.
+    /// As long as both are above 0; for larger forces only one magnet pulls.
     BiasCurrent,
 }
 
-/// Configuration of the control law; by default the paper's first guess, and poles for the planar rotor.
+/// Configuration of the control law; by default the paper's first guess and poles for the planar rotor.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine, default)]
 #[serde(bound = "[f64; K]: Saved, [f64; G]: Saved")]
@@ -104,8 +104,7 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Sample time; samples are taken at the start time plus whole multiples of it
     #[parameter(name = "Ts", unit = SECOND, above = 0.0, nominal = 1e-4, display_unit = "µs", value = 1e-4)]
     pub step_s: f64,
-    /// The coils as the controller models them: drive, resistance, leakage, limit of the voltage. It assumes that their iron
-    /// does not saturate.
+    /// The coils as modelled by the controller: drive, resistance, leakage, voltage limit, no saturation of the iron.
     #[nested(prefix = "", context = Saturates(false))]
     pub coil: CoilConfig,
     /// First guess of the force constant of {magnet}
@@ -116,7 +115,7 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     pub allocation: Allocation,
     /// Smallest force commanded of each magnet{of bearing}, without modulation
     ///
-    /// Of each bearing, as the bias current; further elements are not used.
+    /// One per bearing, like the bias current; further elements are unused.
     #[parameter(names = context.of_bearings("F0"), unit = NEWTON, min = 0.0, nominal = 10.0, value = [20.0; G])]
     pub f0_n: [f64; G],
     /// Mean of the currents of each opposed pair{of bearing} with allocation = biasCurrent, without modulation
@@ -157,8 +156,8 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     pub update_time_s: f64,
 }
 
-/// The reference of each coordinate at a sample, at the next one, and at the one after that.
-pub type Course<const N: usize> = [[RefPoint; N]; 3];
+/// The reference of each coordinate at a sample and at the next two.
+pub type Preview<const N: usize> = [[RefPoint; N]; 3];
 
 /// State of the tracking law.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -170,7 +169,7 @@ pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
     pub(super) start_s: f64,
     /// Predictions of the observers for the next sample, one per coordinate.
     pub(super) expected: [Estimate; N],
-    /// Forces of the magnets from the next sample on, by the model, in N; with voltage drive those at the last sample.
+    /// Modelled forces of the magnets from the next sample on, in N; with voltage drive those at the last sample.
     pub(super) in_effect_n: [f64; K],
     /// Forces of the magnets commanded at the last sample, in N.
     asked_n: [f64; K],
@@ -180,7 +179,7 @@ pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
     pub(super) planned_a: [f64; K],
     /// λ in use, in N·m²/A².
     pub(super) lambda_nm2_a2: [f64; K],
-    /// Whether the estimate has been taken over, in [`UpdateMode::AtTime`].
+    /// Whether the estimate has been adopted, with [`UpdateMode::AtTime`].
     updated: bool,
     /// Smallest force commanded in each group, without modulation, in N.
     preload_n: [f64; G],
@@ -189,13 +188,13 @@ pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
 }
 
 impl<const N: usize, const K: usize, const G: usize> TrackingState<N, K, G> {
-    /// Whether the counts, for instance those read from a file, are in order.
+    /// Whether the counts, for instance of a state read from a file, are consistent.
     pub(super) fn is_in_order(&self) -> bool {
         self.samples < u64::MAX && self.excitation.iter().all(|excitation| excitation.is_in_order(self.samples))
     }
 }
 
-/// Why a sample was refused. The state is unchanged, and there are no new currents.
+/// Why a sample was rejected. The state is unchanged, and there are no new currents.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ControllerError {
     /// An input is not finite.
@@ -209,7 +208,7 @@ pub enum ControllerError {
     },
 }
 
-/// `[k_0, k_1]`, in 1/s² and 1/s, that put both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.
+/// `[k_0, k_1]`, in 1/s² and 1/s, that place both poles of the sampled double integrator at `ρ = exp(−ω T_s)`.
 ///
 /// `k_0 = (1 − ρ)²/T_s²`, `k_1 = (1 − ρ)(3 + ρ)/(2 T_s)`.
 pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
@@ -218,7 +217,7 @@ pub fn tracking_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 2] {
 }
 
 impl<const K: usize, const G: usize> TrackingConfig<K, G> {
-    /// Reports what numbers within their limits have wrong together, by their names in the interface.
+    /// Checks combinations of numbers that are within their limits; findings have the names of the interface.
     pub(super) fn check<const N: usize, const B: usize>(
         &self,
         rotor: &Rotor<N, K, B>,
@@ -262,22 +261,21 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         }
     }
 
-    /// The command for the sample that is due, at these coordinates; the numbers that are used must be finite.
+    /// The command for the sample that is due, at these coordinates; the numbers that it uses must be finite.
     ///
     /// # Errors
-    /// [`ControllerError::Overflow`]; the state is then of no use.
+    /// [`ControllerError::Overflow`]; the state is then invalid.
     #[inline]
     pub(super) fn command(
         &self,
         state: &mut TrackingState<N, K, G>,
         coordinates: [f64; N],
         measured: &ControllerInput<N, K>,
-        course: &Course<N>,
+        preview: &Preview<N>,
     ) -> Result<ControllerOutput<N, K>, ControllerError> {
-        let [here, ..] = course;
         let mut estimate: [Estimate; N] = std::array::from_fn(|a| {
             if state.samples == 0 {
-                [coordinates[a], here[a].velocity_m_s, 0.0]
+                [coordinates[a], preview[0][a].velocity_m_s, 0.0]
             } else {
                 self.observer.update(state.expected[a], coordinates[a])
             }
@@ -293,14 +291,14 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             let factor = self.modulate(state, g);
             match self.config.law.allocation {
                 Allocation::SmallestForce => state.preload_n[g] * factor,
-                // The force of a magnet goes with the square of its current.
+                // The force of a magnet is proportional to the square of its current.
                 Allocation::BiasCurrent => self.bias_a[g] * factor.sqrt(),
             }
         });
 
         let mut command = match voltage {
-            true => self.voltages(state, &estimate, measured, gap_m, level, course),
-            false => self.currents(state, &estimate, measured, level, course),
+            true => self.voltages(state, &estimate, measured, gap_m, level, preview),
+            false => self.currents(state, &estimate, measured, level, preview),
         };
         command.perturbation_n = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
         let estimates = [state.expected.as_flattened(), &state.in_effect_n, &state.planned_a];
@@ -312,14 +310,14 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         Ok(command)
     }
 
-    /// The gaps, none below its limit, in m.
+    /// The gaps in m, none below its limit.
     #[inline]
     fn limited(&self, gap_m: [f64; K]) -> [f64; K] {
         std::array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
     }
 
-    /// The command of currents for this acceleration in m/s² or rad/s² against these gyroscopic moments, at these coordinates, and the gaps in
-    /// m that it is for. `level` is the smallest force of each group in N, or its bias current in A.
+    /// The current command for an acceleration in m/s² or rad/s² with these gyroscopic moments, at these coordinates, and the gaps in m on
+    /// which it is based. `level` is the smallest force of each group in N, or its bias current in A.
     #[inline]
     fn command_at(
         &self,
@@ -359,7 +357,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         estimate: &[Estimate; N],
         measured: &ControllerInput<N, K>,
         level: [f64; G],
-        [_, begin, end]: &Course<N>,
+        [_, begin, end]: &Preview<N>,
     ) -> ControllerOutput<N, K> {
         let m = self.inertia;
         let step_s = self.config.law.step_s;
@@ -388,7 +386,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         command
     }
 
-    /// Uses the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
+    /// Adopts the estimated λ when it is due, and adds the difference in force to the perturbation estimate.
     fn update_lambda(
         &self,
         state: &mut TrackingState<N, K, G>,
@@ -415,7 +413,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         }
         let geometry = self.rotor.geometry();
         let old = geometry.resultant(state.asked_n);
-        // Currents and gaps are unchanged, so P(4) scales with the ratio of the λ.
+        // Currents and gaps are unchanged, so the forces of P(4) scale with λ.
         for k in 0..K {
             state.in_effect_n[k] *= after[k] / before[k];
             state.asked_n[k] *= after[k] / before[k];
@@ -426,7 +424,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         }
         for g in 0..G {
             let factor = state.excitation[g].factor;
-            if factor > TROUGH {
+            if factor > LEAST_FACTOR {
                 let forces = state.asked_n.into_iter().zip(self.group).filter(|(_, group)| *group == g);
                 let smallest_n = forces.fold(f64::INFINITY, |smallest, (force_n, _)| smallest.min(force_n));
                 state.preload_n[g] = smallest_n / factor;

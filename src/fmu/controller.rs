@@ -14,7 +14,7 @@ use crate::control::controller::{
 use crate::machine::Machine;
 use crate::variables::{Saved, Variables};
 
-/// The values of all variables of a controller.
+/// Values of all variables of a controller.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
 #[serde(bound = "ControllerConfigOf<N, K, B, G>: Saved, ControllerInput<N, K>: Saved, ControllerOutput<N, K>: Saved")]
@@ -27,13 +27,13 @@ pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize
     output: ControllerOutput<N, K>,
 }
 
-/// Logs that force constants have been replaced.
-fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, used: &[f64; K], now: &[f64; K]) {
+/// Logs a change of the force constants in use.
+fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, old: &[f64; K], new: &[f64; K]) {
     let list = |values: &[f64; K]| values.map(|value| Digits::<6>(value).to_string()).join(", ");
-    let (at_s, used, now) = (Digits::<9>(instant_s), list(used), list(now));
+    let (at_s, old, new) = (Digits::<9>(instant_s), list(old), list(new));
     log.message(
         Topic::Event,
-        format_args!("at {at_s} s the force constants ({used}) N.m2/A2 are replaced by ({now}) N.m2/A2"),
+        format_args!("at {at_s} s the force constants ({old}) N.m2/A2 are replaced by ({new}) N.m2/A2"),
     );
 }
 
@@ -51,7 +51,7 @@ pub struct ControllerModel<const N: usize, const K: usize, const B: usize, const
 
 impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for ControllerModel<N, K, B, G>
 where
-    // True of every length that is used; serde does not know it of all.
+    // Holds for every length in use; serde does not implement it for generic lengths.
     Values<N, K, B, G>: Saved,
     ControllerState<N, K, G>: Saved,
     State<N, K, G>: Saved + Send + Sync + 'static,
@@ -85,12 +85,12 @@ where
         instant_s: f64,
         log: &mut dyn Log,
     ) -> Result<(), StepError> {
-        let used = values.output.lambda_used_nm2_a2;
+        let old = values.output.lambda_used_nm2_a2;
         let next = self.0.sample(&mut state.controller, &values.input).map_err(StepError::of)?;
-        let now = next.lambda_used_nm2_a2;
+        let new = next.lambda_used_nm2_a2;
         state.next = Some(next);
-        if used != now && self.0.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
-            log_update(log, instant_s, &used, &now);
+        if old != new && self.0.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
+            log_update(log, instant_s, &old, &new);
         }
         Ok(())
     }
@@ -107,9 +107,7 @@ where
     }
 
     fn accepts(&self, state: &Self::State) -> Result<(), String> {
-        self.0
-            .accepts(&state.controller)
-            .then_some(())
-            .ok_or_else(|| "the state is not one that this controller can have".into())
+        let accepted = self.0.accepts(&state.controller);
+        accepted.then_some(()).ok_or_else(|| "the state is not one that this controller can have".into())
     }
 }

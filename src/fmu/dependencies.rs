@@ -1,15 +1,15 @@
-//! Dependencies of the outputs of a plant: directly on inputs and states, and at the start on parameters.
+//! Dependencies of a plant's outputs: on inputs and states, and at the start on parameters.
 
 use fmu_export::variable::Dependency::{Constant, Fixed};
 use fmu_export::variable::Row;
 
 use crate::machine::{Coordinate, Machine};
 
-/// Inputs and states with direct feedthrough to the outputs.
+/// Adds the inputs and states on which an output depends directly.
 pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     let (name, index) = (row.variable.name.clone(), row.index());
-    let is_of_magnet = |what: &str| machine.of_magnets(what).get(index).is_some_and(|known| *known == name);
-    let of_magnet = |what: &str| machine.of_magnets(what)[index].clone();
+    let is_of_magnet = |quantity: &str| machine.of_magnets(quantity).get(index).is_some_and(|known| *known == name);
+    let of_magnet = |quantity: &str| machine.of_magnets(quantity)[index].clone();
     let bearing = machine.magnet(index).map_or(0, |(bearing, _)| bearing);
     let moving = || machine.moves(bearing).into_iter().map(|n| machine.coordinates[n].position);
     if is_of_magnet("F") {
@@ -24,7 +24,7 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     let at_bearing =
         machine.bearings.iter().enumerate().find_map(|(b, bearing)| Some((b, name.strip_prefix(bearing.prefix)?)));
     if let Some((b, own)) = at_bearing {
-        // With a point in front, for Y is not A.Y.
+        // The leading dot distinguishes Y from A.Y.
         let of_moved = |part: fn(&Coordinate) -> &'static str| {
             machine.moves(b).into_iter().map(move |n| format!(".{}", part(&machine.coordinates[n])))
         };
@@ -33,17 +33,17 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
         let magnets = machine.magnets_of(b);
         match own {
             "FX" | "FY" | "FZ" => {
-                let drives = ["i", "psi"].map(|what| machine.of_magnets(what)[magnets.clone()].to_vec());
+                let drives = ["i", "psi"].map(|quantity| machine.of_magnets(quantity)[magnets.clone()].to_vec());
                 return row.depends_on(drives.concat()).depends_on(positions);
             }
-            // Friction along the shaft does not come from its turning.
+            // The rotation causes no axial friction.
             "touchdown.FY" | "touchdown.FZ" => return row.depends_on(["omega"]).depends_on(motion),
             "touchdown.FX" | "touchdown.contact" | "contact" => return row.depends_on(motion),
             _ => (),
         }
     }
     let Some(coordinate) = machine.coordinates.get(index) else { return row };
-    // The magnets that move the coordinate, and what else they move. A force along the shaft does not turn with it.
+    // The coordinates on which the same magnets act. A single one is axial, where no force rotates with the shaft.
     let moved = (0..machine.bearings.len()).map(|b| machine.moves(b)).find(|moved| moved.contains(&index));
     let moved = moved.unwrap_or_default();
     let turning: &[&str] = if moved.len() > 1 { &["omega", "rotor.theta"] } else { &[] };
@@ -53,7 +53,7 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     if name == coordinate.acceleration {
         let magnets = (0..machine.magnets())
             .filter(|k| machine.magnet(*k).is_some_and(|(bearing, _)| machine.moves(bearing) == moved));
-        let drives = magnets.flat_map(|k| ["i", "psi"].map(|what| machine.of_magnets(what).swap_remove(k)));
+        let drives = magnets.flat_map(|k| ["i", "psi"].map(|quantity| machine.of_magnets(quantity).swap_remove(k)));
         let motion = moved.iter().map(|n| &machine.coordinates[*n]);
         return row
             .depends_on(drives)
@@ -64,22 +64,22 @@ pub(super) fn feedthrough(row: Row<()>, machine: &Machine) -> Row<()> {
     row
 }
 
-/// Adds to a row what it depends on beyond that.
+/// Adds the remaining dependencies of a row, mainly those at the start.
 pub(super) fn dependent(row: Row<()>, machine: &Machine) -> Row<()> {
     if machine.tilts() { of_shaft(row) } else { of_one_bearing(row, machine) }
 }
 
-/// Dependencies of contact with the backup bearing at the start, besides the motion.
+/// Parameters, besides the motion, on which contact with the backup bearing depends at the start.
 const TOUCHING: [&str; 3] = ["touchdown.clearance", "touchdown.stiffness", "touchdown.damping"];
 
-/// Dependencies of the outputs of a rotor in one bearing, at the start too.
+/// Dependencies of the outputs of a rotor in one bearing at the start.
 fn of_one_bearing(row: Row<()>, machine: &Machine) -> Row<()> {
     let (name, k) = (row.variable.name.clone(), row.index());
     let axis = machine.coordinates.get(k).map_or("", |coordinate| coordinate.position);
     let along = |names: &[&str]| names.iter().map(|name| format!("{name}{axis}")).collect::<Vec<_>>();
     let at_start = machine.at_start(|coordinate| coordinate.position);
     let rate_at_start = machine.at_start(|coordinate| coordinate.rate);
-    // An axial bearing has neither angles of magnets nor an unbalance.
+    // An axial bearing has neither magnet angles nor unbalance.
     let angle = machine.is_planar().then_some("alpha[{k}]");
     let turning: &[&str] =
         if machine.planes > 0 { &["unbalance.magnitude", "unbalance.phase", "omega", "theta0"] } else { &[] };

@@ -1,4 +1,5 @@
-//! `AlgebraicEstimator`, `SpindleEstimator` and those of the other machines: the force constants from positions and currents, on line.
+//! `AlgebraicEstimator`, `SpindleEstimator` and those of the other machines: on-line estimation of the force constants from positions
+//! and currents.
 
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::Row;
@@ -13,7 +14,7 @@ use crate::estimation::{
 use crate::machine::Machine;
 use crate::variables::{Saved, Variables};
 
-/// The values of all variables of an estimator.
+/// Values of all variables of an estimator.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine, default)]
 #[serde(bound = "EstimatorConfigOf<G, K>: Saved, EstimatorInputOf<N, K>: Saved, EstimatorOutputOf<N, K, P>: Saved")]
@@ -30,16 +31,16 @@ pub struct Values<G: Bearings, const N: usize, const K: usize, const P: usize> {
 #[derive(Clone)]
 pub struct EstimatorModel<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize>(Estimator<G, N, K, P>);
 
-/// That of a rotor in one bearing, with N coordinates and K magnets.
+/// The estimator model for a rotor in one bearing, with N coordinates and K magnets.
 pub type OneBearing<const N: usize, const K: usize> = EstimatorModel<RotorConfig, N, K, 1>;
 
-/// That of a shaft in B bearings.
+/// The estimator model for a shaft in B bearings.
 pub type Spindle<const N: usize, const B: usize, const K: usize> = EstimatorModel<RotorConfig<f64, B>, N, K, 2>;
 
 impl<G, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
-    // True of every length that is used; serde does not know it of all.
+    // Holds for every length in use; serde does not implement it for generic lengths.
     Values<G, N, K, P>: Saved,
     StateOf<G, N, K, P>: Saved + Send + Sync + 'static,
 {

@@ -1,7 +1,7 @@
-//! The models of this project as FMUs: a table of variables each, and the library that serves them.
+//! The models of this project as FMUs: their tables of variables, and the library that exports them.
 //!
-//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run, for any machine. What the outputs of a plant
-//! depend on is in `dependencies.rs`.
+//! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run, for any machine. The dependencies of a
+//! plant's outputs are in `dependencies.rs`.
 
 pub mod controller;
 pub mod estimator;
@@ -32,12 +32,12 @@ fmu_export::export_fmus!(
     estimator::OneBearing<1, 2>,
 );
 
-/// All models of this project, in the order in which they are shown.
+/// All models of this project, in display order.
 pub fn catalogue() -> Arc<[Arc<ModelType>]> {
     FMUS.models()
 }
 
-/// The model of a name, for instance `MagneticBearing`.
+/// The model of this name, for instance `MagneticBearing`.
 pub fn find(name: &str) -> Option<Arc<ModelType>> {
     FMUS.find(name)
 }

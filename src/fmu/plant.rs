@@ -21,7 +21,7 @@ use crate::plant::{
 use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
 use crate::variables::{Saved, Variables};
 
-/// The values of all variables of a plant.
+/// Values of all variables of a plant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine, default)]
 #[serde(
@@ -83,20 +83,20 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
     omega_rad_s: f64,
 }
 
-/// A state, with its start among the parameters.
+/// A state with its start parameter.
 fn a_state(row: Row<()>) -> Row<()> {
     let name = row.variable.name.clone();
     row.starts_from([format!("{name}0")]).depends(Constant, [name])
 }
 
-/// The rows of a plant with what its outputs depend on, in the order of the interface.
+/// The rows of a plant with the dependencies of its outputs, in the order of the interface.
 fn arranged(mut rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     // A sampled output is held until the next sample.
     let held = |row: Row<()>| match row.variable.variability {
         Variability::Discrete if row.variable.causality == Causality::Output => row.depends_on_nothing(),
         _ => row,
     };
-    // Where the order of the interface is not that of the fields.
+    // Rows that the interface orders differently from the fields.
     if !machine.tilts() {
         let at_start = [|of: &Coordinate| of.position, |of: &Coordinate| of.rate].map(|part| machine.at_start(part));
         at_start.iter().flatten().for_each(|name| before(&mut rows, name, "drive"));
@@ -110,7 +110,7 @@ fn arranged(mut rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     described(rows.collect(), machine)
 }
 
-/// Moves a row, if it is there, to the place before another.
+/// Moves a row, if it exists, before another.
 fn before(rows: &mut Vec<Row<()>>, name: &str, other: &str) {
     let find = |rows: &[Row<()>], name: &str| rows.iter().position(|row| row.variable.name == name);
     let Some(from) = find(rows, name) else { return };
@@ -125,7 +125,7 @@ fn table<const N: usize, const K: usize, const B: usize>() -> Vec<Row<Values<N, 
     Values::placed(arranged(Values::<N, K, B>::described(machine), machine))
 }
 
-/// Configuration and inputs of a plant with the given values by index, and start values elsewhere.
+/// Configuration and inputs of a plant with the given values by index, and start values otherwise.
 pub fn configuration<const N: usize, const K: usize, const B: usize>(
     settings: &[(usize, Value)],
 ) -> (PlantConfigOf<f64, N, K, B>, PlantInput<f64, N, K>) {
@@ -147,15 +147,14 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         values.theta_rad = state.theta_rad;
         values.omega_rad_s = values.input.omega_rad_s;
         values.output = self.0.outputs(state, &values.input, time_s);
-        let (motion, omega_rad_s) = (state.motion(), values.input.omega_rad_s);
         values.contact = state.contact;
         if Rotor::<N, K, B>::MACHINE.tilts() {
-            values.at_bearings =
-                self.0.equations().at_bearings(&motion, omega_rad_s, state.contact, values.output.force_n);
+            let (equations, force_n) = (self.0.equations(), values.output.force_n);
+            values.at_bearings = equations.at_bearings(&state.motion(), values.omega_rad_s, state.contact, force_n);
         }
     }
 
-    /// The inputs over a step in the form of the equations.
+    /// Converts the inputs over a step to the types of the equations.
     fn trajectory(values: &Values<N, K, B>, inputs: &InputTrajectory<Values<N, K, B>>) -> plant::InputTrajectory<N, K> {
         let slopes = (!inputs.is_held()).then(|| {
             std::array::from_fn(|lower| {
@@ -170,7 +169,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
 
 impl<const N: usize, const K: usize, const B: usize> Model for PlantModel<N, K, B>
 where
-    // True of every length that is used; serde does not know it of all.
+    // Holds for every length in use; serde does not implement it for generic lengths.
     Values<N, K, B>: Saved,
     PlantState<N, K, B>: Saved,
 {
@@ -198,10 +197,8 @@ where
     }
 
     fn accepts(&self, state: &Self::State, _: &Self::Values, time_s: Option<f64>) -> Result<(), String> {
-        if time_s.is_some_and(|time_s| !self.0.accepts(state, time_s)) {
-            return Err("the state does not belong to this time or to these parameters".into());
-        }
-        Ok(())
+        let accepted = time_s.is_none_or(|time_s| self.0.accepts(state, time_s));
+        accepted.then_some(()).ok_or_else(|| "the state does not belong to this time or to these parameters".into())
     }
 
     fn base_step_s(&self) -> f64 {
@@ -224,7 +221,7 @@ where
     ) -> Result<(), StepError> {
         let samples = state.samples;
         let trajectory = Self::trajectory(values, inputs);
-        let (time_s, length_s) = self.where_it_stands(state, step);
+        let (time_s, length_s) = self.aligned(state, step);
         let outcome = self.0.advance_along(state, &trajectory, time_s, length_s);
         if state.samples != samples {
             values.measured_omega_rad_s = trajectory.at(self.0.sampled_s(state)).omega_rad_s;
@@ -249,11 +246,10 @@ where
         let point = Point::of(&self.0, state, &values.input, time_s);
         let towards = direction.config.clone();
         let mut derivatives = Self::Values::default();
-        // Before the run the states are given by the parameters.
-        let (start_m, start_m_s) = (towards.position_m, towards.velocity_m_s);
+        // Before the run the parameters determine the states.
         let from = |state: f64, start: f64| if started { state } else { state + start };
-        derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], start_m[n]));
-        derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], start_m_s[n]));
+        derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], towards.position_m[n]));
+        derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], towards.velocity_m_s[n]));
         derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
         derivatives.omega_rad_s = direction.input.omega_rad_s;
         let line = point.along(&Point {
@@ -292,7 +288,7 @@ where
 }
 
 impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
-    /// The derivatives of one order of all outputs.
+    /// The derivatives of the given order of all outputs.
     fn derivatives_of(line: &Point<Taylor<3>, N, K, B>, order: usize) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
         let of = |series: Taylor<3>| series.derivative(order);
         let equations = Equations::new(line.config.clone());
@@ -302,7 +298,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         (output.map(of), at_bearings.map(|at| at.map(of)))
     }
 
-    /// The derivatives of the first sample: `(1 + gain error) x + offset + σ n` with the first draw n. A rounded reading is
+    /// The derivatives of the first sample, `(1 + gain error) x + offset + σ n` with the first draw n. A rounded reading is
     /// constant almost everywhere.
     fn differentiate_first_sample(
         &self,
@@ -318,21 +314,21 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         derivatives.measured_position_m = std::array::from_fn(|n| {
             let Taylor([reading_m, slope_m, _]) = readings_m[n];
             let rotor_m = (1.0 + sensor.position_gain_error[n]) * slope_m + towards.position_gain_error[n] * reading_m;
-            let own_m = towards.position_offset_m[n] + towards.position_noise_m * position_draws[n];
-            if sensor.position_resolution_m == 0.0 { rotor_m + own_m } else { 0.0 }
+            let error_m = towards.position_offset_m[n] + towards.position_noise_m * position_draws[n];
+            if sensor.position_resolution_m == 0.0 { rotor_m + error_m } else { 0.0 }
         });
-        // No current is held before the start.
+        // No current flows before the start.
         derivatives.measured_current_a = std::array::from_fn(|k| {
-            let own_a = towards.current_offset_a[k] + towards.current_noise_a * current_draws[k];
-            if sensor.current_resolution_a == 0.0 { own_a } else { 0.0 }
+            let error_a = towards.current_offset_a[k] + towards.current_noise_a * current_draws[k];
+            if sensor.current_resolution_a == 0.0 { error_a } else { 0.0 }
         });
     }
 
-    /// Begin and length of a step, aligned with the plant's own time: importers recompute the begin, and where the plant's
-    /// tolerance is tighter than theirs, the step begins where the last one ended.
-    fn where_it_stands(&self, state: &PlantState<N, K, B>, step: Step) -> (f64, f64) {
-        let beside_s = (step.time_s - state.time_s).abs();
-        if beside_s <= 0.5 * INSTANT_TOLERANCE * self.0.config().sensor.step_s {
+    /// Begin and length of a step, aligned with the plant's time: importers recompute the begin; beyond the plant's tolerance the
+    /// step begins where the last one ended.
+    fn aligned(&self, state: &PlantState<N, K, B>, step: Step) -> (f64, f64) {
+        let deviation_s = (step.time_s - state.time_s).abs();
+        if deviation_s <= 0.5 * INSTANT_TOLERANCE * self.0.config().sensor.step_s {
             return (step.time_s, step.length_s);
         }
         (state.time_s, (step.end_s() - state.time_s).max(0.0))

@@ -17,7 +17,7 @@ use crate::variables::{KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables};
 /// The largest number of planes with an unbalance.
 pub const PLANES: usize = 2;
 
-/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with t the absolute time; by default none, at 50 Hz.
+/// A harmonic perturbation force, per axis `amplitude sin(omega t + phase)`, with the absolute time t; by default 0, at 50 Hz.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine, default)]
 #[serde(bound = "T: Saved, [T; N]: Saved")]
@@ -36,11 +36,11 @@ pub struct Harmonic<T = f64, const N: usize = 2> {
     pub phase_rad: [T; N],
 }
 
-/// A rotor with N coordinates between the K magnets of its B bearings, its sensors, start and integration. Coordinates are in m, angles
-/// among them in rad; generalised forces are in N, moments among them in N·m.
+/// Parameters of a rotor with N coordinates and of the K magnets of its B bearings, sensors, start and integration. Coordinates are in m,
+/// angles in rad; generalised forces in N, moments in N·m.
 ///
-/// By default the paper's bearing or one of the same size, or the balanced spindle of the examples; across a single bearing the rotor is on
-/// the paper's ellipse, elsewhere at rest in the centre.
+/// By default the paper's bearing, one of the same size, or the balanced spindle of the examples; in a single radial bearing the rotor
+/// starts on the paper's ellipse, otherwise at rest in the centre.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine, default)]
 #[serde(
@@ -107,10 +107,10 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     pub harmonic: Harmonic<T, N>,
 }
 
-/// Those of the planar rotor of the paper.
+/// Parameters of the paper's planar rotor.
 pub type PlantConfig<T = f64> = PlantConfigOf<T, 2, 3, 1>;
 
-/// The coordinates of a rotor across a single bearing, or their rates; 0 for others.
+/// The coordinates, or their rates, of a rotor in a single radial bearing; 0 for others.
 fn on_ellipse<const N: usize>(yz: [f64; 2]) -> [f64; N] {
     std::array::from_fn(|n| if N == 2 { yz[n] } else { 0.0 })
 }
@@ -119,7 +119,7 @@ fn half_the_gap(of: BearingConfig) -> TouchdownConfig {
     TouchdownConfig { clearance_m: 0.5 * of.gap_m, ..TouchdownConfig::default() }
 }
 
-/// The force constant of magnet k, counted from 0, of the example of a machine.
+/// The default force constant of magnet k, counted from 0.
 fn lambda_nm2_a2(machine: &Machine, k: usize) -> f64 {
     match machine.magnet(k) {
         Some((1, number)) => [2.4e-6, 2.1e-6, 1.9e-6, 2.0e-6][number - 1],
@@ -129,17 +129,17 @@ fn lambda_nm2_a2(machine: &Machine, k: usize) -> f64 {
 }
 
 impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T, N, K, B> {
-    /// Combines these parameters with others, number by number; fields that are no numbers are taken from these.
+    /// Combines two sets of parameters, number by number; all other fields come from `self`.
     pub fn with<U: Scalar, V: Scalar>(
         &self,
         other: &PlantConfigOf<U, N, K, B>,
         join: &impl Fn(T, U) -> V,
     ) -> PlantConfigOf<V, N, K, B> {
-        let (own, off) = (&self.rotor, &other.rotor);
-        let rotor = joined!(own, off, join, RotorConfig {
+        let (rotor, others) = (&self.rotor, &other.rotor);
+        let rotor = joined!(rotor, others, join, RotorConfig {
             ; extent_m;
-            shaft: joined!(&own.shaft, &off.shaft, join, Shaft { m_kg, transverse_kgm2, polar_kgm2;; }),
-            bearings: std::array::from_fn(|b| joined!(&own.bearings[b], &off.bearings[b], join, BearingConfig {
+            shaft: joined!(&rotor.shaft, &others.shaft, join, Shaft { m_kg, transverse_kgm2, polar_kgm2;; }),
+            bearings: std::array::from_fn(|b| joined!(&rotor.bearings[b], &others.bearings[b], join, BearingConfig {
                 position_m, sensor_position_m, gap_m; alpha_rad;
             }))
         });
@@ -158,7 +158,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
 }
 
 impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B> {
-    /// Reports what numbers within their limits have wrong together, by their names in the interface.
+    /// Checks combinations of numbers that are within their limits; findings have the names of the interface.
     pub(super) fn check(&self, checks: &mut Checks) {
         let rotor = Rotor::<N, K, B>::checked(self.rotor, checks);
         let machine = Rotor::<N, K, B>::MACHINE;
@@ -173,7 +173,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         check_step("solver.maxStep", self.max_step_s, checks);
     }
 
-    /// Reports a rotor that starts at a magnet, by the coordinate that brings it nearest.
+    /// Rejects a rotor that starts at a magnet; the finding names the coordinate that contributes most.
     fn check_start(&self, rotor: &Rotor<N, K, B>, checks: &mut Checks) {
         let (machine, position_m) = (Rotor::<N, K, B>::MACHINE, self.position_m);
         let geometry = rotor.geometry();

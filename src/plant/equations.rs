@@ -12,19 +12,19 @@ use crate::variables::unit::{
 };
 use crate::variables::{OMEGA_RAD_S, Saved, Variables};
 
-/// The states of the equations of motion.
+/// State of the equations of motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion<T = f64, const N: usize = 2, const K: usize = 3> {
-    /// Coordinates, in m; angles among them in rad.
+    /// Coordinates, in m, angles in rad.
     pub position_m: [T; N],
-    /// Their rates, in m/s; those of angles in rad/s.
+    /// Their rates, in m/s, angular rates in rad/s.
     pub velocity_m_s: [T; N],
-    /// Flux linkages of the coils, in Wb. With current drive they follow from the currents and are not states: they stay 0.
+    /// Flux linkages of the coils, in Wb. With current drive they are no states, since they follow from the currents, and stay 0.
     pub linkage_wb: [T; K],
 }
 
 impl<T: Copy, const N: usize, const K: usize> Motion<T, N, K> {
-    /// Applies `f` to the states of this motion and of another.
+    /// Applies `f` to each state of two motions.
     #[inline]
     pub fn with<U: Copy, V>(&self, other: &Motion<U, N, K>, f: impl Fn(T, U) -> V) -> Motion<V, N, K> {
         joined!(self, other, f, Motion {; position_m, velocity_m_s, linkage_wb; })
@@ -56,7 +56,7 @@ pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
 }
 
 impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
-    /// Applies `f` to the inputs and to others.
+    /// Applies `f` to each of two sets of inputs.
     pub fn with<U: Copy, V>(&self, other: &PlantInput<U, N, K>, f: impl Fn(T, U) -> V) -> PlantInput<V, N, K> {
         joined!(self, other, f, PlantInput { omega_rad_s; current_a, voltage_v, perturbation_n; })
     }
@@ -71,7 +71,7 @@ pub struct Conditions<T = f64, const K: usize = 3, const B: usize = 1> {
     pub theta_rad: T,
     /// Whether the rotor touches the backup bearing at each bearing.
     pub contact: [bool; B],
-    /// Coils whose circuit is open.
+    /// Coils with an open circuit.
     pub open: [bool; K],
 }
 
@@ -170,13 +170,13 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         self.config.coil.of(self.config.lambda_nm2_a2[k], self.geometry.gap_m[k])
     }
 
-    /// Whether the forces follow from P(4) with the currents of the input.
+    /// Whether P(4) with the currents of the input gives the forces.
     #[inline]
     fn is_plain(&self) -> bool {
         self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
     }
 
-    /// The coils at the given gaps, in m, from `linkage_wb` with voltage drive, from the currents of the input otherwise.
+    /// The coils at the gaps in m, computed from `linkage_wb` with voltage drive, otherwise from the input currents.
     pub(super) fn coils(
         &self,
         open: [bool; K],
@@ -206,7 +206,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         })
     }
 
-    /// The forces of the magnets, in N, and the coils as in [`Equations::coils`] if the forces take more than P(4).
+    /// The forces of the magnets, in N, and [`Equations::coils`] if the forces need more than P(4).
     pub(super) fn forces(
         &self,
         open: [bool; K],
@@ -232,7 +232,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         })
     }
 
-    /// `(F + p − Ω G q̇ + c)/M`, per coordinate, in m/s²; of angles in rad/s².
+    /// `(F + p − Ω G q̇ + c)/M`, per coordinate, in m/s², for angles in rad/s².
     #[inline]
     fn acceleration(
         &self,
@@ -253,7 +253,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         })
     }
 
-    /// The right-hand side of the equations of motion, d/dt of [`Motion`]: a function of state, input and conditions.
+    /// The right-hand side of the equations of motion, d/dt of [`Motion`].
     ///
     /// NaN outside the gap, where P(4) has no meaning. With current drive the derivatives of the fluxes are 0.
     pub fn derivative(
@@ -280,8 +280,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             return Motion { position_m: [nan; N], velocity_m_s: [nan; N], linkage_wb: [nan; K] };
         }
         let (force_n, coils) = self.forces(conditions.open, x.linkage_wb, input, gap_m);
-        let none = [T::constant(0.0); K];
-        let induced_v = coils.map_or(none, |coils| self.induced_v(conditions.open, &coils, input));
+        let induced_v = coils.map_or([T::constant(0.0); K], |coils| self.induced_v(conditions.open, &coils, input));
         let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
         let resultant_n = self.geometry.resultant(force_n);
         Motion {
@@ -319,7 +318,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
     }
 }
 
-/// The currents, 0 where the circuit is open, in A.
+/// The currents in A, 0 where the circuit is open.
 #[inline]
 pub(super) fn flowing<T: Scalar, const K: usize>(open: [bool; K], current_a: [T; K]) -> [T; K] {
     std::array::from_fn(|k| if open[k] { T::constant(0.0) } else { current_a[k] })

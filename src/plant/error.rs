@@ -1,26 +1,24 @@
 //! Errors of a step.
 
-use super::substeps::MOST_PARTS;
+use super::substeps::MOST_SUBSTEPS;
 use crate::invalid::{NotFinite, Short};
 
 /// Why the plant could not complete a step.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum StepError {
-    /// The rotor has left the gap of a magnet, or its motion is no longer finite. The state is the one before the sub-step in which this
-    /// happened.
+    /// The rotor has left the gap of a magnet, or its motion has diverged. The state is the one before that sub-step.
     #[error("the rotor leaves the gap at {magnet} after t = {} s, starting at {}", Short(*time_s), listed(position))]
     Contact {
         /// The nearest magnet, for instance `magnet 2 of bearing A`.
         magnet: String,
         /// Begin of the sub-step, in s.
         time_s: f64,
-        /// Names and values of the coordinates at that time, in m, of angles in rad.
+        /// Names and values of the coordinates at that time, in m, angles in rad.
         position: Vec<(&'static str, f64)>,
     },
-    /// The motion is so fast that the step would take too long. The state is the one before the sub-step in which this was
-    /// found.
+    /// The motion is so fast that the step would take too long. The state is the one before that sub-step.
     #[error(
-        "the motion of the rotor is too fast for a step after t = {} s: it needs more than {MOST_PARTS} sub-steps",
+        "the motion of the rotor is too fast for a step after t = {} s: it needs more than {MOST_SUBSTEPS} sub-steps",
         Short(*time_s)
     )]
     Fast {

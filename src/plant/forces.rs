@@ -1,4 +1,4 @@
-//! Forces on the rotor besides those of its magnets: loads, gravity, unbalance, backup bearings; and how fast it all moves.
+//! Forces on the rotor besides those of its magnets: loads, gravity, unbalance, backup bearings; and the fastest rate of the motion.
 
 use serde::{Deserialize, Serialize};
 
@@ -33,7 +33,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
             }
         }
         for j in 0..Self::MACHINE.planes {
-            // Skipped in a balanced plane, for the same reason.
+            // Skipped if the plane is balanced, for the same reason.
             if self.unbalance_kgm[j].is_zero() {
                 continue;
             }
@@ -45,7 +45,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         p
     }
 
-    /// Displacement of the rotor at the magnets of bearing b, for coordinates or for their rates: (y, z), or (x, 0) in an axial one.
+    /// Displacement of the rotor at the magnets of bearing b, for coordinates or their rates: (y, z), or (x, 0) in an axial one.
     #[inline]
     fn at_magnets(&self, b: usize, q: [T; N]) -> [T; 2] {
         match Self::MACHINE.bearings[b].is_radial {
@@ -54,7 +54,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         }
     }
 
-    /// Force of the backup bearing at bearing b if it is touched, as the displacement, in N, at the speed of the rotor in rad/s.
+    /// Force of the backup bearing at bearing b, in N, along the same axes; `omega_rad_s` is the speed of the rotor.
     fn touchdown_n(&self, b: usize, motion: &Motion<T, N, K>, omega_rad_s: T, contact: [bool; B]) -> [T; 2] {
         if !contact[b] {
             return [T::constant(0.0); 2];
@@ -63,7 +63,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         self.touchdown[b].force_n(at, speed, omega_rad_s)
     }
 
-    /// Force of the backup bearings that are touched, at the speed of the rotor in rad/s.
+    /// Generalised force of the backup bearings in contact; `omega_rad_s` is the speed of the rotor.
     pub(super) fn contact_n(&self, motion: &Motion<T, N, K>, omega_rad_s: T, contact: [bool; B]) -> [T; N] {
         let mut sum = [T::constant(0.0); N];
         for b in (0..B).filter(|b| contact[*b]) {
@@ -79,7 +79,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
 }
 
 impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B> {
-    /// Which backup bearings the rotor touches.
+    /// Whether the rotor touches each backup bearing.
     #[inline]
     pub(super) fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> [bool; B] {
         let touches = |b: usize| {
@@ -89,7 +89,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         std::array::from_fn(touches)
     }
 
-    /// The fastest rate of motion and contact, in 1/s, where the magnets pull with these forces in N over these gaps in m.
+    /// The fastest rate of motion and contact, in 1/s, for magnet forces in N and gaps in m.
     #[inline]
     pub(super) fn rate(
         &self,
@@ -99,11 +99,11 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         gap_m: [f64; K],
     ) -> f64 {
         let Shaft { m_kg, transverse_kgm2, .. } = self.rotor.shaft;
-        // The trace of M⁻¹ K, which is above its largest eigenvalue.
+        // The trace of M⁻¹ K, an upper bound of its largest eigenvalue.
         let mut field: f64 = 0.0;
         let mut rate: f64 = 0.0;
         for (b, touched) in contact.into_iter().enumerate() {
-            // 1/m at the centre of gravity, more beside it: how much a force at ξ moves the shaft there.
+            // Acceleration of the shaft at ξ per force at ξ: 1/m at the centre of gravity, more elsewhere.
             let at_m = self.rotor.bearings[b].position_m;
             let mobility = match Self::MACHINE.tilts() && Self::MACHINE.bearings[b].is_radial {
                 true => 1.0 / m_kg + at_m * at_m / transverse_kgm2,
@@ -125,7 +125,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
     }
 }
 
-/// Outputs at a bearing among several; along the shaft, those along y are along x.
+/// Outputs at one of several bearings; in an axial bearing y stands for x.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Bearing)]
 pub struct AtBearing<T = f64> {
@@ -157,7 +157,7 @@ impl<T: Copy> AtBearing<T> {
 }
 
 impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, K, B> {
-    /// The outputs at the bearings for these forces of the magnets in N.
+    /// The outputs at the bearings, for magnet forces in N.
     pub fn at_bearings(
         &self,
         motion: &Motion<T, N, K>,
@@ -168,7 +168,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         let machine = Rotor::<N, K, B>::MACHINE;
         std::array::from_fn(|b| {
             let first = if machine.bearings[b].is_radial { usize::from(shaft::has_x::<N>()) } else { 0 };
-            // The direction of a radial magnet in the plane is (y, z) of its d.
+            // The direction of a radial magnet in the plane is the (y, z) part of its d.
             let along = |a: usize| {
                 let direction = |k: usize| self.geometry().directions[k][(first + a).min(N - 1)];
                 machine.magnets_of(b).fold(T::constant(0.0), |sum, k| sum + force_n[k] * direction(k))

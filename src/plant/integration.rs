@@ -2,15 +2,15 @@
 
 use super::Motion;
 
-/// Fraction of a sub-step by which a duration may exceed a whole number of them and still count as that number.
+/// Relative amount by which a duration may exceed a whole number of sub-steps without adding another.
 ///
-/// It absorbs the rounding of the division: 1e-4/5e-5 are two sub-steps, not three. The sub-steps are then longer than
-/// requested by at most this fraction.
+/// It absorbs the rounding of the division: 1e-4/5e-5 gives two sub-steps, not three. Sub-steps exceed the requested length by at
+/// most this fraction.
 pub const ROUNDING: f64 = 1e-9;
 
 /// One step of the classical Runge–Kutta method of order 4 from `x` at time `t` over `h`; `f(t, x)` is dx/dt.
 ///
-/// The error of one step is of order h⁵, that of many steps over a fixed time of order h⁴.
+/// The local error is of order h⁵, the global error of order h⁴.
 pub fn rk4<const N: usize, const K: usize>(
     x: Motion<f64, N, K>,
     t: f64,
@@ -27,9 +27,7 @@ pub fn rk4<const N: usize, const K: usize>(
     along(&sum.with(&k_4, |sum, k_4| sum + k_4), h / 6.0)
 }
 
-/// Number of equal sub-steps of `duration` such that none is longer than `max_step`; at least 1.
-///
-/// Both in the same unit, with the tolerance [`ROUNDING`].
+/// Number of equal sub-steps of `duration`, none longer than `max_step` in the same unit, with the tolerance [`ROUNDING`]; at least 1.
 pub fn substeps(duration: f64, max_step: f64) -> usize {
     // The conversion saturates, and maps NaN to 0.
     let whole = (duration / max_step * (1.0 - ROUNDING)).ceil() as usize;

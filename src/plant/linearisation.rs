@@ -1,12 +1,12 @@
 //! Exact derivatives of the plant's equations, by arithmetic on truncated Taylor series.
 //!
-//! A [`Taylor`] is a number together with its first Taylor coefficients along some line. Evaluated with it, the [`Equations`]
-//! of the plant give derivatives as well: with two coefficients and a line through the space of states, inputs and parameters,
-//! the directional derivative ([`Point::along`]); with more coefficients along time, the time derivatives of the outputs
-//! ([`Point::in_time`]). There are no difference quotients: the results are exact to rounding.
+//! A [`Taylor`] holds the first Taylor coefficients of a number along a line. Evaluated with it, the [`Equations`] of the plant
+//! give derivatives as well: with two coefficients and a line through the space of states, inputs and parameters, the directional
+//! derivative ([`Point::along`]); with more coefficients along time, the time derivatives of the outputs ([`Point::in_time`]).
+//! The results are exact to rounding, without difference quotients.
 //!
-//! The arithmetic is our own because libraries of dual numbers call the platform's sine, whose bits differ between platforms,
-//! and stop at a fixed order.
+//! Libraries of dual numbers are not used: they call the platform's sine, whose bits differ between platforms, and stop at a fixed
+//! order.
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -18,7 +18,7 @@ use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfigOf, PlantInp
 pub struct Taylor<const N: usize>(pub [f64; N]);
 
 impl<const N: usize> Taylor<N> {
-    /// The derivative of order `j` at the begin of the line: `j! c_j`.
+    /// The derivative of order `j` at the beginning of the line: `j! c_j`.
     pub fn derivative(&self, j: usize) -> f64 {
         (1..=j).fold(self.0[j], |product, factor| product * factor as f64)
     }
@@ -119,12 +119,12 @@ impl<const N: usize> Mul<f64> for Taylor<N> {
     }
 }
 
-/// Everything that the outputs of the plant depend on.
+/// All quantities on which the outputs of the plant depend.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point<T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Parameters.
     pub config: PlantConfigOf<T, N, K, B>,
-    /// States of the equations of motion.
+    /// State of the equations of motion.
     pub motion: Motion<T, N, K>,
     /// Inputs.
     pub input: PlantInput<T, N, K>,
@@ -143,7 +143,7 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
         }
     }
 
-    /// The line from here in a direction, given in the units of the point: its outputs are values and derivatives along it.
+    /// The line from this point in a direction, in the same units: its outputs are values and derivatives along the line.
     pub fn along<const ORDERS: usize>(&self, direction: &Self) -> Point<Taylor<ORDERS>, N, K, B> {
         self.with(direction, |value, slope| {
             let mut series = Taylor::constant(value);
@@ -152,7 +152,7 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
         })
     }
 
-    /// The motion from here on, as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the inputs; missing
+    /// The motion from this point on as Taylor series in time. `slopes[j]` are the derivatives of order j + 1 of the inputs; missing
     /// ones are 0.
     pub fn in_time<const ORDERS: usize>(&self, slopes: &[PlantInput<f64, N, K>]) -> Point<Taylor<ORDERS>, N, K, B> {
         let mut line = self.with(self, |value, _: f64| Taylor::<ORDERS>::constant(value));
@@ -169,7 +169,7 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
         if ORDERS > 1 {
             conditions.time_s.0[1] = 1.0;
         }
-        // Each round yields one more coefficient of the states: x_j+1 = ẋ_j / (j + 1).
+        // Each iteration yields one more coefficient of the states: x_j+1 = ẋ_j / (j + 1).
         for j in 0..ORDERS.saturating_sub(1) {
             let rate = equations.derivative(motion, input, *conditions);
             let over = 1.0 / (j + 1) as f64;
@@ -184,23 +184,23 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
 }
 
 impl<T: Scalar, const N: usize, const K: usize, const B: usize> Point<T, N, K, B> {
-    /// Combines this point with another, number by number; discrete values are taken from this one.
+    /// Combines two points, number by number; discrete values come from `self`.
     pub fn with<U: Scalar, V: Scalar>(&self, other: &Point<U, N, K, B>, join: impl Fn(T, U) -> V) -> Point<V, N, K, B> {
-        let (own, off) = (&self.conditions, &other.conditions);
+        let (own, others) = (&self.conditions, &other.conditions);
         Point {
             config: self.config.with(&other.config, &join),
             motion: self.motion.with(&other.motion, &join),
             input: self.input.with(&other.input, &join),
             conditions: Conditions {
-                time_s: join(own.time_s, off.time_s),
-                theta_rad: join(own.theta_rad, off.theta_rad),
+                time_s: join(own.time_s, others.time_s),
+                theta_rad: join(own.theta_rad, others.theta_rad),
                 contact: own.contact,
                 open: own.open,
             },
         }
     }
 
-    /// The outputs there.
+    /// The outputs at this point.
     pub fn outputs(&self) -> PlantOutput<T, N, K> {
         Equations::new(self.config.clone()).outputs(&self.motion, &self.input, self.conditions)
     }

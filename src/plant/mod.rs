@@ -1,42 +1,42 @@
 //! The plant: a rotor between its magnets, with coils, backup bearings and sensors.
 //!
-//! This file holds state and sampling. Parameters are in `config.rs`, the equations in `equations.rs` and `forces.rs`, written once for N
-//! coordinates, K magnets and B bearings. Integration is in `substeps.rs` and [`integration`], inputs that change over a step in
-//! `trajectory.rs`, sensors in [`sensor`] and [`noise`], derivatives in [`linearisation`]. Sizes default to those of the planar rotor.
+//! This file contains state and sampling; `config.rs` the parameters; `equations.rs` and `forces.rs` the equations, written once for N
+//! coordinates, K magnets and B bearings; `substeps.rs` and [`integration`] the integration; `trajectory.rs` inputs that vary over a
+//! step; [`sensor`] and [`noise`] the sensors; [`linearisation`] derivatives. Sizes default to those of the planar rotor.
 //!
 //! ```text
 //! M q̈ + Ω G q̇ = Σ F_k d_k + p + c
-//! F_k = λ_k i_k² / gap_k²            P(4), more generally coil.rs
-//! dψ_k/dt = u_k − R i_k              with voltage drive, u_k within the limit of the amplifier
+//! F_k = λ_k i_k² / gap_k²            P(4); in general coil.rs
+//! dψ_k/dt = u_k − R i_k              with voltage drive, u_k limited by the amplifier
 //! ```
 //!
-//! For the planar rotor, with q = (Y, Z), that is
+//! For the planar rotor, with q = (Y, Z), this becomes
 //!
 //! ```text
 //! m Ÿ = Σ F_k sin α_k + p_y + c_y    P(6), P(3)
 //! m Z̈ = Σ F_k cos α_k + p_z + c_z    P(7), P(3)
 //! ```
 //!
-//! Coordinates, signs and G of a shaft that tilts are those of [`shaft`](crate::bearing::shaft). A change of speed adds nothing to the tilt:
-//! the torque that drives the rotor acts along its own axis, and its share across the axis at rest is just `J_p Ω̇ (γ, −β)`.
+//! Coordinates, signs and G of a shaft that tilts are those of [`shaft`](crate::bearing::shaft). A change of speed adds no term for the
+//! tilt: the driving torque acts along the rotor's own axis, and its components across the axis at rest are just `J_p Ω̇ (γ, −β)`.
 //!
-//! `p` are all forces on the rotor except those of magnets and backup bearing: per axis a, with `t` the absolute time, `p_a +
-//! amplitude_a sin(ω_p t + phase_a) + m g_a`, and the unbalance `U ω² (cos(θ + φ), sin(θ + φ))` of the axes (y, z), of a
-//! shaft in two planes at ξ. `c` is the force of the backup bearings, touchdown.rs.
+//! `p` are all forces on the rotor except those of magnets and backup bearings: per axis a, with the absolute time `t`,
+//! `p_a + amplitude_a sin(ω_p t + phase_a) + m g_a`, and along (y, z) the unbalance `U ω² (cos(θ + φ), sin(θ + φ))`, of a shaft in two
+//! planes at ξ. `c` is the force of the backup bearings, touchdown.rs.
 //!
 //! # Integration
 //!
-//! The classical Runge–Kutta method with equal sub-steps of at most `max_step_s`. Where the model is faster, a sub-step is
-//! divided until it is at most [`SAFETY`] over the fastest rate: that of the coils `R ∂i/∂ψ`, of the rotor in the field of the
-//! magnets `√(Σ 2F_k/gap_k d_kᵀM⁻¹d_k)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which contact with a
-//! backup bearing begins or ends is located, and a sub-step ends there, so that none crosses a kink.
+//! The classical Runge–Kutta method with equal sub-steps of at most `max_step_s`. Where the model is faster, sub-steps are divided
+//! until they are at most [`SAFETY`] over the fastest rate: of the coils `R ∂i/∂ψ`, of the rotor in the field of the magnets
+//! `√(Σ 2F_k/gap_k d_kᵀM⁻¹d_k)`, of the narrowest gap `|v|/gap`, and of a contact. The instant at which contact with a backup
+//! bearing begins or ends is located, and a sub-step ends there, so that none crosses a kink.
 //!
 //! # Samples
 //!
-//! The sensors read at `start + k · T_s`. A sample of the currents is their value just before the instant, that is, the current
-//! held over the interval that ends there (`heldBefore`). Sample 0 is taken at the start; no current is held before it, so it
-//! reads 0 A. With voltage drive the currents are continuous, and a sample is their value at the instant (`linear`). Steps may
-//! have any length; see [`Plant::advance`].
+//! The sensors read at `start + k · T_s`. A current sample is the value just before the instant, that is, the current held over
+//! the interval that ends there (`heldBefore`). Sample 0 is taken at the start, before which no current flows, so it reads 0 A. With
+//! voltage drive the currents are continuous, and a sample is their value at the instant (`linear`). Steps may have any length; see
+//! [`Plant::advance`].
 
 pub mod integration;
 pub mod linearisation;
@@ -63,7 +63,7 @@ pub use config::{Harmonic, PLANES, PlantConfig, PlantConfigOf};
 pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
 pub use forces::AtBearing;
-pub use substeps::{MOST_PARTS, SAFETY};
+pub use substeps::{MOST_SUBSTEPS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
 
 /// Fraction of the sensor step within which an instant counts as the end of a step.
@@ -71,11 +71,10 @@ pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
 /// Fraction of the sensor step up to which a time difference is attributed to rounding and removed.
 ///
-/// Times that were summed up differ in their last bits from those that were multiplied. With this, both give the same bits of
-/// position.
+/// Accumulated and multiplied times differ in their last bits; with this tolerance both give the same bits of position.
 pub const ROUNDING_TOLERANCE: f64 = 1e-6;
 
-/// The shortest sensor step, and the shortest sub-step of the integration, in s.
+/// The shortest sensor step and integration sub-step, in s.
 ///
 /// Shorter ones are lost in the rounding of the time, or take forever.
 pub const SHORTEST_STEP_S: f64 = 1e-9;
@@ -86,7 +85,7 @@ pub const SHORTEST_STEP_S: f64 = 1e-9;
 pub struct Measured<const N: usize = 2, const K: usize = 3> {
     /// Positions, in m: (Y, Z) of the planar rotor.
     pub position_m: [f64; N],
-    /// Currents held over the interval that ended at the instant, or with voltage drive those at the instant, in A.
+    /// Currents held over the interval that ended at the instant, with voltage drive those at the instant, in A.
     pub current_a: [f64; K],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
@@ -98,21 +97,21 @@ pub struct Measured<const N: usize = 2, const K: usize = 3> {
 pub struct PlantState<const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Time of the state, in s.
     pub time_s: f64,
-    /// Coordinates, in m, angles among them in rad: (Y, Z) of the planar rotor.
+    /// Coordinates, in m, angles in rad: (Y, Z) of the planar rotor.
     pub position_m: [f64; N],
-    /// Their rates, in m/s; those of angles in rad/s.
+    /// Their rates, in m/s, angular rates in rad/s.
     pub velocity_m_s: [f64; N],
     /// Flux linkages of the coils, in Wb; 0 with current drive, where they follow from the currents.
     pub linkage_wb: [f64; K],
     /// Whether the rotor touches the backup bearing at each bearing.
     pub contact: [bool; B],
-    /// Coils whose circuit is open, so that they carry no current; may change between steps.
+    /// Coils with an open circuit, which carry no current; may change between steps.
     pub open: [bool; K],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
     /// The last sample.
     pub measured: Measured<N, K>,
-    /// Number of samples taken; sample k is that of `start + k · T_s`.
+    /// Number of samples delivered; sample k is that of `start + k · T_s`.
     pub samples: u64,
     /// Start time, in s.
     start_s: f64,
@@ -124,7 +123,7 @@ pub struct PlantState<const N: usize = 2, const K: usize = 3, const B: usize = 1
     delayed: DelayLine<N, K>,
 }
 
-/// θ = `base + ω (t − since)`, with a new base when ω changes, so that a long run does not accumulate rounding.
+/// θ = `base + ω (t − since)`, with a new base when ω changes, so that rounding does not accumulate over a long run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct UniformRotation {
     base_rad: f64,
@@ -139,13 +138,13 @@ impl UniformRotation {
 }
 
 impl<const N: usize, const K: usize, const B: usize> PlantState<N, K, B> {
-    /// The states of the equations of motion.
+    /// State of the equations of motion.
     pub fn motion(&self) -> Motion<f64, N, K> {
         let Self { position_m, velocity_m_s, linkage_wb, .. } = *self;
         Motion { position_m, velocity_m_s, linkage_wb }
     }
 
-    /// The conditions of the equations at the time `t_s` in s.
+    /// Conditions of the equations at the time `t_s` in s.
     pub fn conditions(&self, t_s: f64) -> Conditions<f64, K, B> {
         Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
     }
@@ -168,13 +167,12 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         Ok(Self { equations: Equations::new(config) })
     }
 
-    /// Takes the tunable parameters of another configuration; its numbers must be within their limits, as the FMU requires.
+    /// Adopts the tunable parameters of another configuration, which must be within their limits, as the FMU ensures.
     ///
     /// # Errors
-    /// A coil that is too fast; nothing is changed then.
+    /// A coil that is too fast; nothing changes then.
     pub fn retune(&mut self, to: &PlantConfigOf<f64, N, K, B>) -> Result<(), Vec<Invalid>> {
-        let PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, ref harmonic, .. } = *to;
-        let harmonic = harmonic.clone();
+        let PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, .. } = to.clone();
         let config =
             PlantConfigOf { lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, harmonic, ..self.config().clone() };
         Checks::all(|checks| config.coil.check(self.equations.geometry().gap_m, config.lambda_nm2_a2, checks))?;
@@ -182,7 +180,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         Ok(())
     }
 
-    /// The configuration, including the last retuning.
+    /// The configuration, as last retuned.
     pub fn config(&self) -> &PlantConfigOf<f64, N, K, B> {
         &self.equations.config
     }
@@ -195,8 +193,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// The initial state, at the time `start_s`, with sample 0 taken. With voltage drive no current flows yet.
     pub fn start(&self, start_s: f64) -> PlantState<N, K, B> {
         let config = self.config();
-        let PlantConfigOf { sensor, position_m, velocity_m_s, theta_rad, .. } = config;
-        let (position_m, velocity_m_s, theta_rad) = (*position_m, *velocity_m_s, *theta_rad);
+        let &PlantConfigOf { ref sensor, position_m, velocity_m_s, theta_rad, .. } = config;
         let sample = Sample { position_m: config.rotor.readings(position_m), current_a: [0.0; K] };
         let mut state = PlantState {
             time_s: start_s,
@@ -220,7 +217,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// Advances from `t_s` to `t_s + h_s`, in s, with the input held; see [`Plant::advance_along`].
     ///
     /// # Errors
-    /// As there.
+    /// As for [`Plant::advance_along`].
     pub fn advance(
         &self,
         state: &mut PlantState<N, K, B>,
@@ -231,15 +228,15 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         self.advance_along(state, &InputTrajectory::held(input), t_s, h_s)
     }
 
-    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that change over the step. A sample of the currents is their value
-    /// just before the instant.
+    /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that vary over the step. A current sample is the value just before the
+    /// instant.
     ///
     /// The sensors read at every instant `start + k · T_s` in `(t, t + h]`. An instant within [`INSTANT_TOLERANCE`] of `t + h`
-    /// is read at `t + h`; one inside divides the step. Each segment is integrated in equal sub-steps, none longer than
+    /// is read at `t + h`; an earlier one divides the step. Each segment is integrated in equal sub-steps, none longer than
     /// `max_step_s`. A step of 0 changes nothing; one too short to change the time neither loses nor repeats a sample.
     ///
     /// # Errors
-    /// [`StepError::Contact`] when the rotor leaves the gap; [`StepError::Fast`] if the step would not end;
+    /// [`StepError::Contact`] if the rotor leaves the gap; [`StepError::Fast`] if the step would take too long;
     /// [`StepError::Input`] for an input that is not finite;
     /// [`StepError::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
     pub fn advance_along(
@@ -262,7 +259,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         }
         let delay_s = self.config().sensor.delay_s;
         let mut now_s = t_s;
-        let mut budget = MOST_PARTS;
+        let mut budget = MOST_SUBSTEPS;
         loop {
             let sample_s = state.start_s + state.samples as f64 * step_s;
             // Without delay a sample is delivered when it is taken.
@@ -285,7 +282,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                     return Ok(());
                 }
             } else if taken_s <= sample_s {
-                // If one sample is taken and one delivered at the same instant, the first comes first.
+                // If one sample is taken and another delivered at the same instant, the former comes first.
                 state.delayed.take(sample);
             } else {
                 let delayed = state.delayed.sample(state.samples);
@@ -296,7 +293,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     }
 
     /// Whether a state, for instance one read from a file, belongs to this plant at `t_s`, in s: its numbers are finite, the
-    /// rotor is inside the gap, all samples before `t_s` are taken and none after it.
+    /// rotor is inside the gap, and all samples before `t_s`, but none after it, have been taken.
     pub fn accepts(&self, state: &PlantState<N, K, B>, t_s: f64) -> bool {
         let step_s = self.config().sensor.step_s;
         let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
@@ -304,19 +301,19 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let numbers = [&numbers[..], &state.position_m, &state.velocity_m_s, &state.linkage_wb];
         let inside = self.equations.geometry().gaps(state.position_m).iter().all(|gap| *gap > 0.0);
         // Importers may begin a step slightly off the end of the last one.
-        let beside_s = step_s + 1e-6 * t_s.abs().max(1.0);
+        let slack_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
-        let taken = instant_s(state.samples) >= t_s - beside_s && instant_s(state.samples.max(1) - 1) <= t_s + beside_s;
+        let taken = instant_s(state.samples) >= t_s - slack_s && instant_s(state.samples.max(1) - 1) <= t_s + slack_s;
         let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
-        let on_their_way = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
+        let possible = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
         are_finite(&numbers)
             && inside
             && taken
-            && (self.config().sensor.delay_s == 0.0 || on_their_way.contains(&state.delayed.taken))
-            && (state.time_s - t_s).abs() <= beside_s
+            && (self.config().sensor.delay_s == 0.0 || possible.contains(&state.delayed.taken))
+            && (state.time_s - t_s).abs() <= slack_s
     }
 
-    /// The instant of the last sample, in s: sample 0 is taken at the start, so there is one.
+    /// The instant of the last sample, in s; sample 0 is taken at the start.
     pub fn sampled_s(&self, state: &PlantState<N, K, B>) -> f64 {
         state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
     }
@@ -326,7 +323,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         self.config().sensor.step_s.min(self.config().max_step_s)
     }
 
-    /// The outputs at the time `t_s` of the state, in s.
+    /// The outputs for a state at the time `t_s`, in s.
     pub fn outputs(
         &self,
         state: &PlantState<N, K, B>,
@@ -336,7 +333,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         self.equations.outputs(&state.motion(), input, state.conditions(t_s))
     }
 
-    /// Position and currents that ideal sensors sample at the end of a step with that input.
+    /// The sample of ideal sensors for a state and an input.
     fn sample(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> Sample<N, K> {
         let current_a = match self.config().coil.drive {
             Drive::Current => equations::flowing(state.open, input.current_a),
@@ -348,7 +345,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         Sample { position_m: self.config().rotor.readings(state.position_m), current_a }
     }
 
-    /// Delivers a sample, with the sensor errors added.
+    /// Adds the sensor errors to a sample and delivers it.
     fn deliver(&self, state: &mut PlantState<N, K, B>, sample: Sample<N, K>) {
         let Sample { position_m, current_a } = self.config().sensor.read(&sample, &mut state.noise);
         state.measured = Measured { position_m, current_a, theta_rad: state.theta_rad };
@@ -356,7 +353,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     }
 }
 
-/// A step must be finite and long enough to be resolved.
+/// Requires a sample or integration step that is finite and long enough to be resolved.
 pub(crate) fn check_step(name: &'static str, step_s: f64, checks: &mut Checks) {
     checks.require(
         step_s.is_finite() && step_s >= SHORTEST_STEP_S,

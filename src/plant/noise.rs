@@ -4,30 +4,30 @@ use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64;
 use serde::{Deserialize, Serialize};
 
-/// A generator of Gaussian noise for one channel; its value is its whole state.
+/// A generator of Gaussian noise for one channel; the value is its complete state.
 ///
-/// Each channel has its own generator, so that noise on one channel does not change another.
+/// Each channel has its own generator, so that the noise of one channel does not affect another.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Noise {
     generator: Pcg64,
 }
 
 impl Noise {
-    /// One generator for each of `N` channels, all from one seed, statistically independent of each other.
+    /// Statistically independent generators for `N` channels, from one seed.
     pub fn channels<const N: usize>(seed: u64) -> [Self; N] {
         let mut sequence = Self::sequence(seed);
         std::array::from_fn(|_| sequence())
     }
 
-    /// Such generators, one by one.
+    /// As [`channels`](Self::channels), one by one.
     pub(crate) fn sequence(seed: u64) -> impl FnMut() -> Self {
         let mut parent = Pcg64::seed_from_u64(seed);
         move || Self { generator: Pcg64::from_rng(&mut parent) }
     }
 
-    /// The next number of the standard normal distribution, by Box and Muller.
+    /// The next number of the standard normal distribution, by the Box–Muller method.
     ///
-    /// Every draw takes two numbers from the generator, so that draw k does not depend on earlier values. Logarithm and cosine
+    /// Every draw consumes two numbers of the generator, so that draw k does not depend on earlier values. Logarithm and cosine
     /// come from `libm`: the same seed gives the same bits everywhere.
     pub fn standard_normal(&mut self) -> f64 {
         const UNIT: f64 = 1.0 / (1u64 << 53) as f64;
@@ -39,7 +39,7 @@ impl Noise {
 
     /// `value` plus noise of the given standard deviation, in the unit of `value`.
     ///
-    /// A standard deviation of 0 returns `value` exactly, and draws nothing.
+    /// A standard deviation of 0 returns `value` exactly, without a draw.
     pub fn measure(&mut self, value: f64, standard_deviation: f64) -> f64 {
         if standard_deviation == 0.0 { value } else { value + standard_deviation * self.standard_normal() }
     }

@@ -4,7 +4,7 @@
 //! reading = round((1 + gain error) x(t − delay) + offset + noise)    to multiples of the resolution
 //! ```
 //!
-//! A parameter of 0 switches its effect off exactly. The angle of the rotor comes from an encoder without errors.
+//! A parameter of 0 switches its effect off exactly. The encoder of the rotor angle has no errors.
 
 use serde::{Deserialize, Serialize};
 
@@ -59,7 +59,7 @@ pub struct SensorConfig<const N: usize = 2, const K: usize = 3> {
 }
 
 impl<const N: usize, const K: usize> SensorConfig<N, K> {
-    /// Reports sample time and delay if they do not suit.
+    /// Checks sample time and delay.
     pub(crate) fn check(&self, checks: &mut Checks) {
         check_step("sensor.Ts", self.step_s, checks);
         checks.require(
@@ -70,7 +70,7 @@ impl<const N: usize, const K: usize> SensorConfig<N, K> {
         );
     }
 
-    /// The reading of a true sample, with the noise of positions and currents.
+    /// The readings for a true sample.
     pub fn read(&self, truth: &Sample<N, K>, noise: &mut Channels<N, K>) -> Sample<N, K> {
         Sample {
             position_m: std::array::from_fn(|n| {
@@ -85,18 +85,18 @@ impl<const N: usize, const K: usize> SensorConfig<N, K> {
     }
 }
 
-/// The generators of the noise of all sensors.
+/// The noise generators of all sensors.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "[Noise; N]: Saved, [Noise; K]: Saved")]
 pub struct Channels<const N: usize = 2, const K: usize = 3> {
-    /// Those of the positions.
+    /// Of the positions.
     pub position: [Noise; N],
-    /// Those of the currents.
+    /// Of the currents.
     pub current: [Noise; K],
 }
 
 impl<const N: usize, const K: usize> Channels<N, K> {
-    /// Generators from one seed, which may be any number, statistically independent of each other: positions first.
+    /// Statistically independent generators from one seed, which may be any number: positions first.
     pub fn new(seed: i32) -> Self {
         let mut channels = Noise::sequence(u64::from(seed.cast_unsigned()));
         Self { position: std::array::from_fn(|_| channels()), current: std::array::from_fn(|_| channels()) }
@@ -112,7 +112,7 @@ fn rounded(value: f64, resolution: f64) -> f64 {
     if resolution == 0.0 { value } else { (value / resolution).round() * resolution }
 }
 
-/// Position and currents, true or as read.
+/// Positions and currents, true or measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
 pub struct Sample<const N: usize = 2, const K: usize = 3> {
@@ -132,7 +132,7 @@ pub struct DelayLine<const N: usize = 2, const K: usize = 3> {
 }
 
 impl<const N: usize, const K: usize> DelayLine<N, K> {
-    /// Samples before the start equal the one at the start.
+    /// A delay line; samples before the start equal the one at the start.
     pub fn new(at_start: Sample<N, K>, delay_samples: f64) -> Self {
         Self { taken: delay_samples as u64 + 1, ring: Array([at_start; LONGEST_DELAY + 1]) }
     }
@@ -143,7 +143,7 @@ impl<const N: usize, const K: usize> DelayLine<N, K> {
         self.taken += 1;
     }
 
-    /// Sample k, if it is among the last ones taken.
+    /// Sample k; it must be one of the last `LONGEST_DELAY + 1` taken.
     pub fn sample(&self, k: u64) -> Sample<N, K> {
         self.ring[(k % (LONGEST_DELAY as u64 + 1)) as usize]
     }

@@ -1,4 +1,4 @@
-//! Integration over a segment of a step: sub-steps, their length, and where contact begins and ends.
+//! Integration over a segment of a step: length of the sub-steps, and begin and end of contact.
 
 use std::cell::Cell;
 
@@ -12,23 +12,23 @@ use crate::plant::integration::{rk4, substeps};
 
 /// Upper bound of a sub-step, as a fraction of the reciprocal of the fastest rate of the model.
 ///
-/// The error of a Runge–Kutta step is then about `SAFETY⁵/120`, 10⁻⁷, of what decays or oscillates at that rate.
+/// The relative error of a Runge–Kutta step for a mode of that rate is then about `SAFETY⁵/120`, 10⁻⁷.
 pub const SAFETY: f64 = 0.1;
 
-/// The most sub-steps of one call; some seconds of computing.
-pub const MOST_PARTS: usize = 3_000_000;
+/// The most sub-steps of one call, a few seconds of computing.
+pub const MOST_SUBSTEPS: usize = 3_000_000;
 
 /// The most contact events located within one sub-step; further ones are ignored until its end.
-const MOST_CROSSINGS: usize = 8;
+const MOST_CONTACT_EVENTS: usize = 8;
 
-/// Bisections that locate such an event: to 10⁻¹² of the sub-step.
-const HALVINGS: usize = 40;
+/// Bisections that locate a contact event: to 10⁻¹² of the sub-step.
+const BISECTIONS: usize = 40;
 
 /// Time, angle and force of a perturbation.
 type Perturbation<const N: usize> = (f64, f64, [f64; N]);
 
 impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
-    /// Integrates over a segment, `length_s` from `from_s`, without a sample inside; the state ends at its end.
+    /// Integrates over a segment, `length_s` from `from_s`, without a sample inside; the time of the state becomes `end_s`.
     pub(super) fn integrate(
         &self,
         state: &mut PlantState<N, K, B>,
@@ -53,12 +53,12 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                 state.linkage_wb[k] = 0.0;
             }
         }
-        // Time, angle and force of the last perturbation computed: two of the four slopes of a sub-step are at one instant, and
-        // the last one is usually where the next sub-step begins.
-        let latest = Cell::new(None);
+        // The last perturbation computed: two of the four slopes of a sub-step are at the same instant, and the last one is usually
+        // where the next sub-step begins.
+        let cached = Cell::new(None);
         for j in 0..n {
             let t = from_s + j as f64 * h;
-            self.sub_step(state, inputs, (t, h), &theta_rad, &latest, budget)?;
+            self.sub_step(state, inputs, (t, h), &theta_rad, &cached, budget)?;
             state.theta_rad = theta_rad(&state.rotation, t + h);
         }
         state.time_s = end_s;
@@ -71,20 +71,20 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         Ok(())
     }
 
-    /// Integrates over one sub-step of `h_s` from `t_s`, divided where the model is faster and where contact begins or ends.
+    /// Integrates over one sub-step of `h_s` from `t_s`, divided if the model is faster and where contact begins or ends.
     fn sub_step(
         &self,
         state: &mut PlantState<N, K, B>,
         inputs: &InputTrajectory<N, K>,
         (t_s, h_s): (f64, f64),
         theta_rad: &impl Fn(&UniformRotation, f64) -> f64,
-        latest: &Cell<Option<Perturbation<N>>>,
+        cached: &Cell<Option<Perturbation<N>>>,
         budget: &mut usize,
     ) -> Result<(), StepError> {
         let mut done_s = 0.0;
-        let mut crossings = 0;
+        let mut contact_events = 0;
         let held = inputs.slopes.is_none();
-        while done_s < h_s || done_s == 0.0 {
+        loop {
             let x = state.motion();
             let left_s = h_s - done_s;
             let parts = substeps(left_s, self.longest_step_s(state, &inputs.at(t_s + done_s)));
@@ -103,21 +103,21 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                     if !held {
                         return self.equations.derivative(x, &inputs.at(t), conditions);
                     }
-                    let perturbation_n = match latest.get() {
+                    let perturbation_n = match cached.get() {
                         Some((at, angle, force)) if at == t && angle == theta_rad => force,
                         _ => self.equations.config.perturbation(&inputs.input, t, theta_rad),
                     };
-                    latest.set(Some((t, theta_rad, perturbation_n)));
+                    cached.set(Some((t, theta_rad, perturbation_n)));
                     self.equations.derivative_under(x, &inputs.input, conditions, perturbation_n)
                 };
                 rk4(x, now_s, h_s, slope)
             };
             let touches = |x: &Motion<f64, N, K>| self.config().touches(&x.position_m, &x.velocity_m_s);
             let mut next = step(part_s);
-            if touches(&next) != state.contact && crossings < MOST_CROSSINGS {
-                crossings += 1;
+            if touches(&next) != state.contact && contact_events < MOST_CONTACT_EVENTS {
+                contact_events += 1;
                 let mut before_s = 0.0;
-                for _ in 0..HALVINGS {
+                for _ in 0..BISECTIONS {
                     let middle_s = 0.5 * (before_s + part_s);
                     let middle = step(middle_s);
                     if touches(&middle) == state.contact {
@@ -144,11 +144,10 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
             state.contact = touches(&next);
             (state.position_m, state.velocity_m_s, state.linkage_wb) = (position_m, velocity_m_s, linkage_wb);
             done_s = if part_s == left_s { h_s } else { done_s + part_s };
-            if h_s == 0.0 {
-                break;
+            if done_s >= h_s {
+                return Ok(());
             }
         }
-        Ok(())
     }
 
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
@@ -160,8 +159,8 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         (SAFETY / of_coils.fold(rate, f64::max)).max(SHORTEST_STEP_S)
     }
 
-    /// Begin and length of a segment, with rounding removed: a begin at a sample instant becomes that instant, a length of one
-    /// sensor step becomes that step.
+    /// Begin and length of a segment with rounding removed: a begin close to a sample instant becomes that instant, a length close to
+    /// the sensor step becomes that step.
     fn without_rounding(&self, state: &PlantState<N, K, B>, from_s: f64, length_s: f64) -> (f64, f64) {
         let step_s = self.config().sensor.step_s;
         let rounding = ROUNDING_TOLERANCE * step_s;

@@ -12,7 +12,7 @@ pub const HIGHEST_ORDER: usize = 4;
 pub struct InputTrajectory<const N: usize = 2, const K: usize = 3> {
     /// u, at the time `since_s`.
     pub input: PlantInput<f64, N, K>,
-    /// d_1, d_2, …; in the unit of the input per power of seconds. `None` holds the inputs.
+    /// d_1, d_2, … in units of the input per s, s², …; `None` holds the inputs.
     pub slopes: Option<[PlantInput<f64, N, K>; HIGHEST_ORDER]>,
     /// t_0, in s.
     pub since_s: f64,
@@ -54,7 +54,7 @@ impl<const N: usize, const K: usize> InputTrajectory<N, K> {
         angle_rad
     }
 
-    /// Whether all inputs are finite.
+    /// Checks that all inputs are finite.
     pub(super) fn check(&self) -> Result<(), NotFinite> {
         self.slopes.iter().flatten().try_for_each(check_input::<N, K>)?;
         check_input::<N, K>(&self.input)

@@ -1,8 +1,7 @@
 //! Contours of holes: a closed curve given by points becomes a Fourier series.
 //!
-//! A table is CSV with the header `theta [deg],Y [um],Z [um]`, or with other units (`rad`, `m`, `mm`, `µm`): the angle of the
-//! spindle and the position of its centre. The points need not be at equal angles; the series minimises the sum of squared
-//! distances.
+//! A table is CSV with the header `theta [deg],Y [um],Z [um]`, or with other units (`rad`, `m`, `mm`, `µm`): the angle of the spindle
+//! and the position of its centre. The angles need not be equally spaced; the series minimises the sum of squared distances.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -11,10 +10,10 @@ use fmu_export::unit::{METRE, RADIAN};
 
 /// Unknowns per axis: the mean, a cosine and a sine per harmonic.
 const UNKNOWNS: usize = 2 * HARMONICS + 1;
-/// Smallest ratio of singular values at which points still determine all harmonics.
+/// Smallest ratio of singular values at which the points determine all harmonics.
 const LEAST_RATIO: f64 = 1e-6;
 
-/// A contour and its largest deviation from the points, in m.
+/// A fitted contour.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fit {
     /// The series.
@@ -23,24 +22,22 @@ pub struct Fit {
     pub largest_m: f64,
 }
 
-/// Reads a table.
+/// Reads a table and fits its points.
 ///
 /// # Errors
-/// The finding, with the expected form.
+/// The first invalid part of the table, with the expected form; those of [`fit`].
 pub fn read(text: &str) -> Result<Fit, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let head = reader.headers().map_err(|error| error.to_string())?.clone();
     let wanted = "expected the header theta [deg],Y [um],Z [um]";
     let column = |name: &str, unit: fmu_export::unit::Unit| {
         let found = head.iter().enumerate().find_map(|(index, cell)| {
-            let (title, rest) = cell.split_once('[')?;
-            (title.trim() == name).then_some((index, rest.trim_end_matches(']').trim().to_owned()))
+            let (title, unit) = cell.split_once('[')?;
+            (title.trim() == name).then_some((index, unit.trim_end_matches(']').trim().to_owned()))
         });
         let (index, given) = found.ok_or_else(|| format!("there is no column {name} with its unit: {wanted}"))?;
-        let factor = unit.convert(1.0, &given);
-        let factor = factor
-            .ok_or_else(|| format!("the unit {given} is not one of {}", unit.names().collect::<Vec<_>>().join(", ")))?;
-        Ok::<_, String>((index, factor))
+        let column = unit.convert(1.0, &given).map(|factor| (index, factor));
+        column.ok_or_else(|| format!("the unit {given} is not one of {}", unit.names().collect::<Vec<_>>().join(", ")))
     };
     let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
     let mut points: Vec<[f64; 3]> = Vec::new();
@@ -60,7 +57,7 @@ pub fn read(text: &str) -> Result<Fit, String> {
     fit(&points)
 }
 
-/// The series for points `[θ, Y, Z]` in rad and m.
+/// Fits the series to points `[θ, Y, Z]` in rad and m.
 ///
 /// # Errors
 /// Too few points, or points that do not determine the series.

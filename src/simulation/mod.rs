@@ -3,8 +3,8 @@
 //! In reading order:
 //!
 //! - [`scenario`]: connections and start values; [`contour`]: a closed curve of points as a Fourier series;
-//! - [`simulate`]: runs a scenario as an importer would run the FMUs; [`recording`]: the signals of a run;
-//! - [`summary`]: the results for other programs; [`synchronous`]: signals at the frequency of the rotor.
+//! - [`simulate`]: runs a scenario like an importer of the FMUs; [`recording`]: the signals of a run;
+//! - [`summary`]: the results for other programs; [`synchronous`]: rotation-synchronous signals.
 
 pub mod contour;
 pub mod recording;

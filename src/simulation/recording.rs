@@ -7,9 +7,9 @@ use std::io::{self, Write};
 pub struct Column {
     /// Name, `element.variable`, for instance `plant.Y` or `estimator.lambdaHat[1]`.
     pub name: String,
-    /// Unit as in the interface, for instance `m`; empty where there is none.
+    /// Unit as in the interface, for instance `m`; may be empty.
     pub unit: String,
-    /// One value per sample, in that unit; Booleans are 0 and 1.
+    /// One value per sample, in this unit; Booleans are 0 and 1.
     pub values: Vec<f64>,
 }
 
@@ -28,16 +28,16 @@ pub fn with_unit(name: String, unit: &str) -> String {
 }
 
 impl Recording {
-    /// The values of the signal of that name, if there is one.
+    /// The values of the signal of this name, if there is one.
     pub fn get(&self, name: &str) -> Option<&[f64]> {
         self.columns.iter().find(|column| column.name == name).map(|column| column.values.as_slice())
     }
 
-    /// Writes CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample, with as many digits as
-    /// needed to read the same number again. Small whole numbers, such as those of Booleans and items, have no exponent.
+    /// Writes CSV: a header with names and units, for instance `plant.Y [m]`, then one row per sample, with enough digits to read the
+    /// same number again. Small whole numbers, such as Booleans and items, have no exponent.
     ///
     /// # Errors
-    /// Whatever the writer reports.
+    /// Errors of the writer.
     pub fn write_csv(&self, mut to: impl Write) -> io::Result<()> {
         // Neither names nor numbers need quotes.
         write!(to, "time [s]")?;

@@ -1,7 +1,7 @@
-//! Runs a scenario as an importer would run the FMUs.
+//! Runs a scenario like an importer of the FMUs.
 //!
-//! At every communication point all outputs are read, then all connected inputs are set, then every instance does its step. No
-//! instance sees the results of another's step before the next point, so their order does not matter.
+//! At every communication point all outputs are read, then all connected inputs are set, then every instance performs its step.
+//! Results of a step are only visible at the next point, so the order of the instances does not matter.
 
 use fmu_export::log::{Log, Topic};
 use fmu_export::variable::{Causality, Value};
@@ -10,12 +10,12 @@ use fmu_export::{Instance, Step};
 use crate::invalid::Short;
 use crate::progress::Progress;
 use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::{Connection, Element, Scenario};
+use crate::simulation::scenario::{Connection, Element, Scenario, place};
 
 /// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]
 pub struct Run {
-    /// All outputs of all instances at every communication point reached.
+    /// The recorded outputs at every communication point reached.
     pub recording: Recording,
     /// Why the run ended early, if it did.
     pub error: Option<String>,
@@ -23,7 +23,7 @@ pub struct Run {
     pub messages: Vec<String>,
 }
 
-/// Why a run could not begin: every refused parameter.
+/// Why a run could not start: every rejected parameter.
 #[derive(Clone, Debug, thiserror::Error)]
 #[error("the scenario cannot be run:\n  {}", .0.join("\n  "))]
 pub struct Refused(pub Vec<String>);
@@ -39,10 +39,10 @@ pub enum Stopped {
     Ended(String),
 }
 
-/// Memory that a recording may take, in bytes.
+/// Memory limit of a recording, in bytes.
 const MOST_BYTES: f64 = 8e9;
 
-/// A variable, by the indices of its element and its own.
+/// A variable: index of its element, and its own index.
 pub type Place = (usize, usize);
 
 struct Messages<'a> {
@@ -63,7 +63,7 @@ impl Log for Messages<'_> {
 /// Runs a scenario from time 0.
 ///
 /// # Errors
-/// Every parameter that a model refuses. A run that ends early is no error: its results are kept, and [`Run::error`] gives the
+/// Every parameter that a model rejects. A run that ends early is no error: its results are kept, and [`Run::error`] gives the
 /// reason.
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let progress = Progress::new("simulating", steps(scenario) as u64);
@@ -78,7 +78,7 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     run_altered(scenario, |_| true, tell)
 }
 
-/// As [`run`], without a bar, recording only the outputs whose paths are `wanted`.
+/// As [`run`], without a progress bar, recording only the outputs whose paths are `wanted`.
 ///
 /// # Errors
 /// As for [`run`].
@@ -86,8 +86,8 @@ pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool) -> Result<Run
     run_altered(scenario, wanted, |_, _| ())
 }
 
-/// As [`run_for`]; at each communication point `alter` may change the values on their way to the inputs, in the order of
-/// [`Scenario::connections`]. It also gets the time in s.
+/// As [`run_for`]; at each communication point `alter` gets the time in s and may change the values sent to the inputs, in the order
+/// of [`Scenario::connections`].
 ///
 /// # Errors
 /// As for [`run`].
@@ -100,11 +100,9 @@ pub fn run_altered(
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
-    fits(scenario, outputs.len())?;
-    let mut carried = Vec::with_capacity(wires.len());
-
+    check_memory(scenario, outputs.len())?;
+    let mut transferred = Vec::with_capacity(wires.len());
     let mut balance_s = scenario.balance_s;
-
     let steps = steps(scenario);
     for step in 0..=steps {
         let time_s = step as f64 * scenario.step_s;
@@ -123,11 +121,11 @@ pub fn run_altered(
         if balance_s.take_if(|balance_s| time_s >= *balance_s * (1.0 - 1e-9)).is_some() {
             balance(scenario, &mut instances).unwrap_or_else(|error| run.error = Some(error));
         }
-        // Reading an instance after one of its inputs was set would compute its outputs again, so all outputs are read first.
-        carried.clear();
-        carried.extend(wires.iter().map(|[from, _]| read(&mut instances, *from)));
-        alter(time_s, &mut carried);
-        for ([_, (element, index)], value) in wires.iter().zip(&carried) {
+        // Reading an instance after setting one of its inputs would recompute its outputs, so all outputs are read first.
+        transferred.clear();
+        transferred.extend(wires.iter().map(|[from, _]| read(&mut instances, *from)));
+        alter(time_s, &mut transferred);
+        for ([_, (element, index)], value) in wires.iter().zip(&transferred) {
             let set = instances[*element].set(*index, value.clone());
             debug_assert!(set.is_ok(), "an input takes any value");
         }
@@ -144,15 +142,15 @@ pub fn run_altered(
     Ok(run)
 }
 
-/// Checks that every model takes its parameters.
+/// Checks that every model accepts its parameters.
 ///
 /// # Errors
-/// Every parameter that a model refuses.
+/// Every parameter that a model rejects.
 pub fn check(scenario: &Scenario) -> Result<(), Refused> {
     instances(scenario).map(drop)
 }
 
-/// Starts an instance of every element, or returns every parameter that a model refuses, with the elements that do.
+/// Starts an instance of every element, or returns every rejected parameter with the elements that reject it.
 fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
     let mut instances = Vec::new();
     let mut refused: Vec<(String, Vec<&str>)> = Vec::new();
@@ -180,7 +178,7 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
     Err(Refused(refused.iter().map(|(finding, names)| format!("[{}] {finding}", names.join(", "))).collect()))
 }
 
-/// Fits correction masses: each plane of the plant loses the unbalance that is estimated there.
+/// Fits correction masses: subtracts the estimated unbalance of each plane from that of the plant.
 fn balance(scenario: &Scenario, instances: &mut [Instance]) -> Result<(), String> {
     let planes = scenario.machine.of_planes("magnitude").into_iter().zip(scenario.machine.of_planes("phase"));
     for (magnitude, phase) in planes {
@@ -199,7 +197,7 @@ fn balance(scenario: &Scenario, instances: &mut [Instance]) -> Result<(), String
     Ok(())
 }
 
-/// Sets variables; the error names the element that refuses its value.
+/// Sets variables; the error names the element that rejects its value.
 fn set(
     scenario: &Scenario,
     instances: &mut [Instance],
@@ -217,8 +215,8 @@ fn steps(scenario: &Scenario) -> usize {
     (scenario.duration_s / scenario.step_s).round() as usize
 }
 
-/// Refuses a run whose recording would not fit into memory.
-fn fits(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
+/// Rejects a run whose recording would not fit into memory.
+fn check_memory(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
     let samples = (scenario.duration_s / scenario.step_s).round() + 1.0;
     let bytes = samples * (outputs + 1) as f64 * size_of::<f64>() as f64;
     if bytes <= MOST_BYTES {
@@ -244,7 +242,7 @@ fn read(instances: &mut [Instance], (element, index): Place) -> Value {
 /// Starts an instance of an element.
 ///
 /// # Errors
-/// Every value that the model refuses.
+/// Every value that the model rejects.
 pub fn start(element: &Element) -> Result<Instance, Vec<String>> {
     let mut instance = element.model_type.instantiate();
     for (index, value) in &element.settings {
@@ -256,22 +254,18 @@ pub fn start(element: &Element) -> Result<Instance, Vec<String>> {
     }
 }
 
-/// The connections: where to read the output, and where to set the input.
+/// The connections: output to read, input to set.
 ///
 /// # Panics
-/// If a connection is not between variables of the scenario, as those that were read are.
+/// If a connection is not between variables of the scenario.
 pub fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
-    let place = |[element, variable]: [String; 2]| {
-        let at = scenario.elements.iter().position(|candidate| candidate.name == element)?;
-        Some((at, scenario.elements[at].index(&variable)?))
+    let found = |[element, variable]: [String; 2]| {
+        place(&scenario.elements, &element, &variable).expect("a variable of a model")
     };
-    let connections = scenario.connections().into_iter();
-    connections
-        .map(|Connection { from, to }| [from, to].map(|end| place(end).expect("a variable of a model")))
-        .collect()
+    scenario.connections().into_iter().map(|Connection { from, to }| [from, to].map(found)).collect()
 }
 
-/// Makes a column for every wanted output and returns where to read each.
+/// Adds a column for every wanted output and returns their variables.
 fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<Place> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {

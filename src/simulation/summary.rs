@@ -5,17 +5,15 @@ use serde_json::{Map, Value as Json, json};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 
-/// The run as JSON: scenario, whether the run was completed, the final estimates of every method beside the true values, and
-/// last, smallest and largest value of every output. Values are in the units of the interface; magnets that are not used have no
-/// estimates.
+/// The run as JSON: scenario, whether the run was completed, the final estimates of every method with the true values, and the
+/// last, smallest and largest value of every output. Values are in the units of the interface; unused magnets have no estimates.
 pub fn json(scenario: &Scenario, run: &Run) -> Json {
-    let names = |name: &str| scenario.machine.of_magnets(name);
     let truth = scenario.truth();
     let estimates = scenario.elements[2..].iter().map(|element| {
         let last = |name: &str| run.recording.get(&format!("{}.{name}", element.name))?.last().copied();
         let of_magnets = |name: &str| {
             let of_magnet = |(k, name): (usize, &String)| last(name).filter(|_| scenario.uses(k));
-            names(name).iter().enumerate().map(of_magnet).collect::<Vec<_>>()
+            scenario.machine.of_magnets(name).iter().enumerate().map(of_magnet).collect::<Vec<_>>()
         };
         let hat = of_magnets("lambdaHat");
         let error: Vec<_> = hat.iter().zip(&truth).map(|(hat, truth)| Some((*hat)? / truth - 1.0)).collect();

@@ -1,13 +1,13 @@
-//! Signals at the frequency of the rotor.
+//! Rotation-synchronous signals.
 
 use super::recording::Recording;
 
-/// Length of the interval over which synchronous forces are taken, in seconds: whole periods of 30, 40 and 60 Hz beside those of 50 Hz.
+/// Length in s of the interval for synchronous forces: whole periods of 30, 40, 50 and 60 Hz.
 pub const INTERVAL_S: f64 = 0.1;
 
-/// Amplitude of harmonic n of the rotor angle in a signal, over whole revolutions.
+/// Amplitude in a signal of harmonic n of the rotor angle, over whole revolutions.
 pub fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
-    // Trapezoidal rule over the angle, so that a varying speed does no harm.
+    // Trapezoidal rule over the angle, so that the speed may vary.
     let (mut re, mut im, mut turned) = (0.0, 0.0, 0.0);
     for (x, angle) in signal.windows(2).zip(theta.windows(2)) {
         let width = angle[1] - angle[0];
@@ -18,8 +18,8 @@ pub fn harmonic(signal: &[f64], theta: &[f64], n: f64) -> f64 {
     if turned == 0.0 { 0.0 } else { 2.0 * re.hypot(im) / turned.abs() }
 }
 
-/// Amplitudes of the synchronous forces of the magnets of a spindle, in N, over the interval that ends at `end_s` in s: along y and z of
-/// A, then of B; none if the recording does not hold that interval.
+/// Amplitudes of the synchronous magnet forces of a spindle, in N, over the interval that ends at `end_s` in s: along y and z of A, then
+/// of B; none if the recording does not cover the interval.
 pub fn forces(recording: &Recording, end_s: f64) -> Option<[f64; 4]> {
     let (time_s, theta) = (&recording.time_s, recording.get("plant.theta")?);
     if end_s < INTERVAL_S - 1e-9 || end_s > time_s.last()? + 1e-9 {

@@ -1,16 +1,16 @@
 //! Modulation of the smallest force, which makes λ identifiable without moving the rotor.
 //!
-//! Forces along a null vector of P(3) cancel on the rotor, so the smallest force of a bearing can vary without moving it, and with two
-//! opposed pairs of magnets that of each pair:
+//! Forces along a null vector of P(3) cancel on the rotor, so the smallest force of a bearing, or of each opposed pair of magnets, can
+//! vary without moving it:
 //!
 //! ```text
 //! min F_k = F_0 (1 + a sin 2πφ)        φ = f t
 //! ```
 //!
-//! `a` is `F0.modulation`, `f` is `F0.modulationFrequency`, one for each null vector, t starts at the first sample. For current
-//! drive t is the middle of the interval over which the currents are held, for voltage drive the instant at which they are
-//! reached. The varying currents make λ identifiable where the reference trajectory alone does not, for instance with the rotor
-//! at rest. While λ is wrong, the forces do not cancel exactly, and the rotor moves a little.
+//! `a` is `F0.modulation`; `f` is `F0.modulationFrequency`, one per null vector; t starts at the first sample. For current drive t is the
+//! middle of the interval over which the currents are held, for voltage drive the instant at which they are reached. The varying
+//! currents make λ identifiable where the reference trajectory alone does not, for instance with the rotor at rest. While λ is
+//! wrong, the forces do not cancel exactly, and the rotor moves slightly.
 
 use std::f64::consts::TAU;
 
@@ -36,13 +36,13 @@ pub(crate) struct Excitation {
 }
 
 impl Excitation {
-    /// Whether its count may be part of a state after so many samples.
+    /// Whether its count is consistent with a state after `samples` samples.
     pub(super) fn is_in_order(&self, samples: u64) -> bool {
         self.base_sample < samples.max(1)
     }
 }
 
-/// Checks the frequencies of a modulation.
+/// Checks the frequencies of the modulation.
 pub(in crate::control) fn check<const K: usize, const G: usize>(
     &TrackingConfig { step_s, modulation_hz, .. }: &TrackingConfig<K, G>,
     machine: &Machine,
@@ -94,8 +94,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         })
     }
 
-    /// φ of the force that the first sample commands, in revolutions. The force is computed for the middle of held currents, or for the end of
-    /// voltages.
+    /// φ of the force commanded by the first sample, in revolutions: for the middle of the interval of held currents, or the end of that
+    /// of held voltages.
     fn first_phase_rev(&self, frequency_hz: f64) -> f64 {
         let samples = if self.config.law.coil.drive == Drive::Current { 1.5 } else { 2.0 };
         wrapped(frequency_hz * (samples * self.config.law.step_s))

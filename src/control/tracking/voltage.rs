@@ -1,32 +1,32 @@
 //! Voltage drive: feedback of the acceleration, and the current loop.
 //!
-//! The measured currents give the state of the coils at `t_k`; the voltages in effect, limited as by the amplifiers, predict it
-//! at `t_{k+1}`. The force of a magnet is then known at the sample instants and is nearly linear in between. Sample k chooses
-//! the acceleration at `t_{k+2}` by feedback of position, velocity and acceleration predicted for `t_{k+1}`:
+//! The measured currents give the state of the coils at `t_k`; the voltages in effect, limited like those of the amplifiers, predict
+//! it at `t_{k+1}`. So the force of each magnet is known at the sample instants and is nearly linear in between. Sample k selects the
+//! acceleration at `t_{k+2}` by feedback of position, velocity and acceleration predicted for `t_{k+1}`:
 //!
 //! ```text
 //! q̈_{k+2} = q̈*_{k+2} − k_0 (q − q*)_{k+1} − k_1 (q̇ − q̇*)_{k+1} − k_2 (q̈ − q̈*)_{k+1}
 //! ```
 //!
-//! with poles at ρ, ρ and 0 of the double integrator with a piecewise linear input. The currents `i*` for the forces give the
-//! voltages by the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, including the change of L with the gap (the speed
-//! voltage); the current error at `t_{k+1}` decays by `ρ_i = exp(−ω_i T_s)` per sample:
+//! which places the poles of the double integrator with piecewise linear input at ρ, ρ and 0. The voltages follow from the currents
+//! `i*` for these forces as the mean of `u = R i + d(L i)/dt` over `[t_{k+1}, t_{k+2})`, including the change of L with the gap (the
+//! speed voltage); the current error at `t_{k+1}` decays by `ρ_i = exp(−ω_i T_s)` per sample:
 //!
 //! ```text
 //! i_{k+2} = i*_{k+2} + ρ_i (i − i*)_{k+1}
 //! ```
 //!
-//! No integrator can wind up when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
-//! uses the forces of the currents that flow, not the commanded ones.
+//! There is no integrator windup when the amplifiers saturate: the integral action of the loop is the perturbation observer, which
+//! uses the forces of the actual currents, not the commanded ones.
 
-use super::{Course, TrackingState};
+use super::{Preview, TrackingState};
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet;
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
 
-/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that put the poles of the double integrator with an input that is linear between
-/// samples at `ρ = exp(−ω T_s)`, ρ and 0.
+/// `[k_0, k_1, k_2]`, in 1/s², 1/s and 1, that place the poles of the double integrator with piecewise linear input at
+/// `ρ = exp(−ω T_s)`, ρ and 0.
 ///
 /// `k_0 = (1 − ρ)²/T_s²`, `k_1 = 2(1 − ρ)/T_s`, `k_2 = (1 − ρ) − (1 − ρ)²/6`.
 pub fn ramp_gains(bandwidth_rad_s: f64, step_s: f64) -> [f64; 3] {
@@ -44,7 +44,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         measured: &ControllerInput<N, K>,
         gap_m: [f64; K],
         level: [f64; G],
-        [_, begin, end]: &Course<N>,
+        [_, begin, end]: &Preview<N>,
     ) -> ControllerOutput<N, K> {
         let m = self.inertia;
         let step_s = self.config.law.step_s;
@@ -58,12 +58,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let to_acceleration =
             |force: [f64; N], moment: [f64; N]| -> [f64; N] { std::array::from_fn(|a| (force[a] + moment[a]) / m[a]) };
 
-        // Position at the next sample: the change of the force until then moves the rotor by less than the rounding of a gap.
+        // For the positions at the next sample the forces are constant: their change moves the rotor by less than the rounding of a gap.
         let now =
             to_acceleration(geometry.resultant(state.in_effect_n), gyroscopic(std::array::from_fn(|a| estimate[a][1])));
         let next: [Estimate; N] = std::array::from_fn(|a| self.observer.predict(estimate[a], now[a]));
         let next_gap_m = self.limited(geometry.gaps(next.map(|[x, ..]| x)));
-        // ψ' = u − R i with the mean of the currents at both ends.
+        // ψ' = u − R i with the mean of the currents at the ends of the interval.
         let half = 0.5 * step_s * resistance_ohm;
         let next_a: [f64; K] = std::array::from_fn(|k| {
             let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];

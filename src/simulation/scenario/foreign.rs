@@ -1,4 +1,4 @@
-//! Scenarios whose names are those of another machine: one finding instead of one for each name.
+//! Detects scenarios written for another machine: one finding instead of one for each name.
 
 use std::sync::Arc;
 
@@ -8,10 +8,10 @@ use super::read::{ELEMENTS, knows};
 use crate::fmu;
 use crate::machine::{self, MACHINES, Machine};
 
-/// As many names are listed.
+/// Number of names listed in the finding.
 const LISTED: usize = 3;
 
-/// A variable that a scenario sets: the element, or `all`; the name.
+/// A variable set by a scenario: the element, or `all`, and the name.
 pub type Key = (&'static str, String);
 
 /// The keys that a machine does not have.
@@ -24,7 +24,7 @@ fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
     keys.iter().filter(|key| !has(key)).collect()
 }
 
-/// A finding if another machine has more of the names than that of the scenario, whose name is empty if it names none.
+/// A finding if another machine has more of the names than that of the scenario; `given` is empty if the scenario names no machine.
 pub fn finding(given: &str, keys: &[Key]) -> Option<String> {
     let own = if given.is_empty() { Some(&MACHINES[0]) } else { machine::find(given) };
     let here = missing(own?, keys);

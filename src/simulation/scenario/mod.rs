@@ -1,4 +1,4 @@
-//! Scenarios: the models of a closed loop, their connections and start values. `read.rs` reads them from TOML.
+//! Scenarios: the models of a closed loop, their connections and start values. `read.rs` parses TOML.
 
 mod foreign;
 mod read;
@@ -17,7 +17,7 @@ use crate::estimation::Method;
 use crate::machine::{self, Machine};
 use crate::variables::Choice;
 
-/// Scenarios with their texts, by name.
+/// Scenarios by name, with their texts.
 macro_rules! built_in {
     ($($name:literal)*) => { [$(($name, include_str!(concat!("../scenarios/", $name, ".toml")))),*] };
 }
@@ -33,7 +33,7 @@ pub fn built_in(name: &Path) -> Option<&'static str> {
     BUILT_IN.iter().find(|(built_in, _)| name == Path::new(built_in)).map(|(_, text)| *text)
 }
 
-/// The text of a built-in scenario by its name, of the standard input under the name `-`, or else of a file.
+/// The text of a built-in scenario, of the standard input for `-`, or else of a file.
 ///
 /// # Errors
 /// The file cannot be read.
@@ -60,20 +60,20 @@ pub struct ScenarioError {
     pub findings: Vec<String>,
 }
 
-/// Values that variables take during a run: unconnected inputs and tunable parameters.
+/// Values of variables over a run: unconnected inputs and tunable parameters.
 ///
-/// Real values are interpolated linearly between the instants; with `hold`, and for other types, the value stays until the next
-/// instant. Before the first instant it is the first value, with `hold` the start value. A communication step uses the value at
-/// its begin.
+/// Real values are interpolated linearly between the instants; with `hold`, and for other types, the value is held until the next
+/// instant. Before the first instant the first value applies, with `hold` the start value. A communication step uses the value at
+/// its beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// Element and variable, by index, that take the values.
+    /// The variables, by index of element and variable.
     pub targets: Vec<(usize, usize)>,
     /// The instants, in seconds, increasing.
     pub time_s: Vec<f64>,
     /// A value for each instant, in the unit of the variables.
     pub values: Vec<Value>,
-    /// Whether values stay from one instant to the next.
+    /// Whether values are held from one instant to the next.
     pub hold: bool,
 }
 
@@ -103,12 +103,12 @@ pub struct Element {
     pub name: String,
     /// Its model type.
     pub model_type: Arc<ModelType>,
-    /// Values that differ from the start values, each in the unit of its variable and with its index in the table of the model.
+    /// Values that override start values: index in the table of the model, and value in the unit of the variable.
     pub settings: Vec<(usize, Value)>,
 }
 
 impl Element {
-    /// Index of the variable of that name.
+    /// Index of the variable of this name.
     pub fn index(&self, variable: &str) -> Option<usize> {
         read::position(&self.model_type, variable)
     }
@@ -120,15 +120,21 @@ impl Element {
         Some(set.map_or_else(|| self.model_type.variables()[index].start(), |(_, value)| value.clone()))
     }
 
-    /// Gives a variable a value at the start; nothing happens if there is no such variable.
+    /// Sets the start value of a variable, if there is one of this name.
     pub fn set(&mut self, variable: &str, value: impl Into<Value>) {
         self.settings.extend(self.index(variable).map(|index| (index, value.into())));
     }
 
-    /// Index and value of the settings, in the order of the variables; the last of several for one variable holds.
+    /// The settings in the order of the variables; the last one for a variable applies.
     pub fn values(&self) -> Vec<(usize, Value)> {
         self.settings.iter().cloned().collect::<BTreeMap<_, _>>().into_iter().collect()
     }
+}
+
+/// Finds a variable by the name of its element and its own name: index of the element, index of the variable.
+pub(super) fn place(elements: &[Element], element: &str, variable: &str) -> Option<(usize, usize)> {
+    let at = elements.iter().position(|candidate| candidate.name == element)?;
+    Some((at, elements[at].index(variable)?))
 }
 
 /// A scenario, checked as far as possible without running it.
@@ -140,7 +146,7 @@ pub struct Scenario {
     pub description: String,
     /// The machine.
     pub machine: &'static Machine,
-    /// Length of the run, in seconds.
+    /// Duration of the run, in seconds.
     pub duration_s: f64,
     /// Communication step, in seconds.
     pub step_s: f64,
@@ -150,24 +156,24 @@ pub struct Scenario {
     pub(crate) connected: Vec<Connection>,
     /// Values that change during the run.
     pub profiles: Vec<Profile>,
-    /// Time in s at which correction masses against the estimated unbalance are fitted, if at all.
+    /// Time in s at which correction masses for the estimated unbalance are fitted, if at all.
     pub balance_s: Option<f64>,
-    /// How well a test bench is known, for `identify`: names and values as for `--tolerance`.
+    /// Uncertainties of a test bench, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<(String, String)>,
     /// Columns of recordings, for `identify`: signals and names in the header, as for `--column`.
     pub columns: Vec<(String, String)>,
-    /// The bench for `identify`, machine `axial`.
+    /// The bench for `identify`, machine `axial` only.
     pub identify: toml::Table,
-    /// Changes made when it was opened, each as `name=value`.
+    /// Changes applied on opening, each as `name=value`.
     pub changes: Vec<String>,
 }
 
-/// The places of the elements of the closed loop.
+/// Indices of the elements of the closed loop.
 const PLANT: usize = 0;
 const CONTROLLER: usize = 1;
 const ESTIMATOR: usize = 2;
 
-/// Which element's outputs are connected to which element's inputs: those of the same name, and of these pairs of names.
+/// Source and sink of each group of connections: outputs and inputs of the same name, and of these pairs of names.
 const LOOP: [([usize; 2], &[[&str; 2]]); 4] = [
     ([PLANT, CONTROLLER], &[]),
     ([CONTROLLER, PLANT], &[]),
@@ -211,9 +217,9 @@ impl Scenario {
         Self::open_with(name, &[])
     }
 
-    /// As [`Self::open`], with the standard input under the name `-`, and with changes: pairs of a name and a value. A name is
-    /// a path such as `plant.m`, or `m` for every element that has such a variable, or `duration`, `step` or `title`; a value
-    /// is written as in a scenario, texts with or without quotes.
+    /// As [`Self::open`], with the standard input for `-`, and with changes: pairs of a name and a value. A name is a path such as
+    /// `plant.m`, or `m` for every element with such a variable, or `duration`, `step` or `title`; a value is written as in a
+    /// scenario, texts with or without quotes.
     ///
     /// # Errors
     /// As for [`Self::open`].
@@ -221,7 +227,7 @@ impl Scenario {
         Self::open_requiring(name, &read::REQUIRED, changes)
     }
 
-    /// As [`Self::open_with`], for the parameters alone: title, duration and step may be missing.
+    /// As [`Self::open_with`], but only for the parameters: title, duration and step may be missing.
     ///
     /// # Errors
     /// As for [`Self::open`].
@@ -238,13 +244,13 @@ impl Scenario {
         read::scenario(&origin, &text, required, changes)
     }
 
-    /// The machine that a scenario names, a built-in one or a file; none if it names none or cannot be read.
+    /// The machine named in a scenario, built-in or a file; none if it names none or cannot be read.
     pub fn machine_of(name: &Path) -> Option<&'static Machine> {
         let text = text_of(Some(name).filter(|name| *name != Path::new("-"))?).ok()?;
         machine::find(text.parse::<toml::Table>().ok()?.get("machine")?.as_str()?)
     }
 
-    /// A scenario of a machine in which all variables have their start values.
+    /// A scenario of a machine with all variables at their start values.
     pub fn plain(machine: &Machine) -> Self {
         let text = format!("machine = \"{}\"", machine.name);
         read::scenario(machine.name, &text, &[], &[]).expect("a scenario without values is sound")
@@ -288,12 +294,12 @@ impl Scenario {
         self.elements.truncate(3);
     }
 
-    /// The element of that name.
+    /// The element of this name.
     fn element(&self, name: &str) -> Option<&Element> {
         self.elements.iter().find(|element| element.name == name)
     }
 
-    /// The path of a variable, such as `plant.lambda[1]`, from the indices of its element and its own.
+    /// The path of a variable, such as `plant.lambda[1]`, from the index of its element and its own index.
     pub fn path(&self, (element, variable): (usize, usize)) -> String {
         let element = &self.elements[element];
         format!("{}.{}", element.name, element.model_type.variables()[variable].name)
@@ -312,7 +318,7 @@ impl Scenario {
         connections
     }
 
-    /// Whether magnet k, counted from 0, is used: of an axial bearing it may be the first or the second alone.
+    /// Whether magnet k, counted from 0, is used: an axial bearing may use only one.
     pub fn uses(&self, k: usize) -> bool {
         let used = self.value("controller", "magnets.used").map_or(1.0, Value::as_f64);
         used == 1.0 || used == 2.0 + k as f64
@@ -323,7 +329,7 @@ impl Scenario {
         (0..self.machine.magnets()).filter(|k| self.uses(*k)).collect()
     }
 
-    /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own.
+    /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own index.
     ///
     /// # Errors
     /// There is no such variable, or it cannot be set.
@@ -345,7 +351,7 @@ impl Scenario {
     /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.
     ///
     /// # Errors
-    /// A finding about the path or the value.
+    /// An invalid path or value.
     pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
         let (at, index) = self.settable(path)?;
         let data_type = &self.elements[at].model_type.variables()[index].data_type;
@@ -361,22 +367,22 @@ impl Scenario {
         Ok(())
     }
 
-    /// Gives a variable a value at the start; nothing happens if there is no such element or variable.
+    /// Sets the start value of a variable, if there are such an element and variable.
     pub fn set(&mut self, element: &str, variable: &str, value: impl Into<Value>) {
         if let Some(element) = self.elements.iter_mut().find(|candidate| candidate.name == element) {
             element.set(variable, value);
         }
     }
 
-    /// As [`Self::set`], in every element that has the variable.
+    /// As [`Self::set`], in every element.
     pub fn set_everywhere(&mut self, variable: &str, value: impl Into<Value> + Clone) {
         self.elements.iter_mut().for_each(|element| element.set(variable, value.clone()));
     }
 
-    /// Lets the variables of these paths follow values over time, in s, as [`Profile`] says.
+    /// Adds a [`Profile`] for the variables of these paths, with times in s.
     ///
     /// # Panics
-    /// If the loop has no such variable that can be set.
+    /// If a path is not that of a settable variable.
     pub fn follow<V: Into<Value>>(
         &mut self,
         paths: &[&str],
@@ -389,7 +395,7 @@ impl Scenario {
         self.profiles.push(Profile { targets, time_s: time_s.to_vec(), values, hold });
     }
 
-    /// Whether the scenario states a value for a variable.
+    /// Whether the scenario sets a variable.
     pub fn is_stated(&self, element: &str, variable: &str) -> bool {
         self.element(element).is_some_and(|element| {
             let index = element.index(variable);
@@ -402,17 +408,17 @@ impl Scenario {
         self.element(element)?.value(variable)
     }
 
-    /// The start value of a numeric variable; not a number if there is none of this name.
+    /// The start value of a numeric variable; NaN if there is none of this name.
     pub fn number(&self, element: &str, variable: &str) -> f64 {
         self.value(element, variable).map_or(f64::NAN, Value::as_f64)
     }
 
-    /// The method of an estimator that has several.
+    /// The method of an estimator, if it has several.
     pub fn method(&self, estimator: &str) -> Option<&'static str> {
         Method::of_number(self.value(estimator, "method")?.as_f64() as i32).map(Method::name)
     }
 
-    /// A number of the plant.
+    /// The start value of a numeric variable of the plant.
     pub fn real(&self, variable: &str) -> Option<f64> {
         self.value("plant", variable).map(Value::as_f64)
     }

@@ -1,4 +1,4 @@
-//! Scenarios as TOML has them, from top to bottom: the document, its values, and the elements that take them.
+//! Reads scenarios from TOML. From top to bottom: the document, its values, and the elements that receive them.
 
 use std::path::Path;
 
@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, ScenarioError, connected, foreign};
+use super::{Connection, Element, Profile, Scenario, ScenarioError, connected, foreign, place};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -15,14 +15,14 @@ use crate::simulation::contour::{self, Fit};
 use crate::simulation::simulate;
 use crate::variables::{Choice, numbers};
 
-/// Keys that a scenario must have in order to run.
+/// Keys required to run a scenario.
 pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
 
 /// The elements of a closed loop.
 pub const ELEMENTS: [&str; 3] = ["plant", "controller", "estimator"];
 
-/// Reads a scenario with these required keys and with changes. `origin` names its source in messages; contour files are named
-/// relative to its folder.
+/// Reads a scenario with these required keys and applies changes. `origin` names its source in messages; paths of contour files
+/// are relative to its folder.
 ///
 /// # Errors
 /// All findings.
@@ -41,7 +41,7 @@ pub fn scenario(
         .partition(|(name, _)| REQUIRED.contains(&name.as_str()));
     table.extend(of_run);
     let document = Document::new(table, text, required, &mut findings);
-    // Other findings would be about the wrong machine.
+    // Further findings would refer to the wrong machine.
     if let Some(finding) = foreign::finding(&document.machine, &document.keys()) {
         findings.push(finding);
         return Err(refuse(findings));
@@ -52,12 +52,12 @@ pub fn scenario(
     if findings.is_empty() {
         return Ok(scenario);
     }
-    // The models refuse values as well; a user sees all findings at once.
+    // The findings of the models are added, so that the user sees all at once.
     findings.extend(simulate::check(&scenario).err().map_or_else(Vec::new, |refused| refused.0));
     Err(refuse(findings))
 }
 
-/// The text of a scenario as TOML has it, taken apart key by key, so that one error does not hide others.
+/// The document of a scenario, deserialised key by key, so that one error does not hide others.
 macro_rules! document {
     ($($key:ident: $kind:ty, $wanted:literal;)*) => {
         struct Document {
@@ -99,18 +99,18 @@ impl Document {
             findings.push(format!("{key} is missing"));
         }
         let document = Self::of(&mut table, findings);
-        let places = toml::de::DeTable::parse(text).ok();
+        let spanned = toml::de::DeTable::parse(text).ok();
         let known: Vec<_> = Self::KEYS.iter().map(|key| (*key).to_owned()).collect();
         for key in table.keys() {
-            let place = places.as_ref().and_then(|places| places.get_ref().get_key_value(key.as_str()));
-            let line = place.map_or(0, |(key, _)| text[..key.span().start].matches('\n').count() + 1);
+            let found = spanned.as_ref().and_then(|spanned| spanned.get_ref().get_key_value(key.as_str()));
+            let line = found.map_or(0, |(key, _)| text[..key.span().start].matches('\n').count() + 1);
             let suggestion = suggestion(key, &known);
             findings.push(format!("{key} in line {line}: there is no key of this name; {suggestion}"));
         }
         document
     }
 
-    /// The variables that it sets.
+    /// The variables that the document sets.
     fn keys(&self) -> Vec<foreign::Key> {
         let tables = [("all", &self.all)].into_iter().chain(self.elements());
         let names = |(element, table)| flatten(table).into_iter().map(move |(name, _)| (element, name));
@@ -124,7 +124,7 @@ impl Document {
     }
 }
 
-/// Takes a key out of a table; an invalid one is reported and gets its default, like a missing one.
+/// Takes the value of a key out of a table; an invalid one is reported and, like a missing one, becomes the default.
 fn take<'t, T: Deserialize<'t> + Default>(
     table: &mut toml::Table,
     key: &str,
@@ -138,7 +138,7 @@ fn take<'t, T: Deserialize<'t> + Default>(
     })
 }
 
-/// A `[[profile]]` as TOML has it.
+/// A `[[profile]]` of the document.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ProfileText {
@@ -149,15 +149,15 @@ struct ProfileText {
     hold: bool,
 }
 
-/// The type of a time.
+/// The type of times.
 const SECOND: Type =
     Type::Real { start: 0.0, unit: fmu_export::unit::SECOND, display: None, nominal: 1.0, min: None, max: None };
 
-/// The contour of a built-in scenario: its file and the text.
+/// The contour of a built-in scenario: file name and text.
 const BUILT_IN_CONTOUR: (&str, &str) = ("hole.csv", include_str!("../scenarios/hole.csv"));
 
-/// Largest deviation of the reference trajectory from the points of its contour, relative to its size.
-const CONTOUR_MISS: f64 = 0.01;
+/// Limit of the deviation of the reference trajectory from the points of its contour, relative to its size.
+const CONTOUR_TOLERANCE: f64 = 0.01;
 
 /// A value as written after `--set`: TOML, or a text without quotes.
 fn value_of(text: &str) -> toml::Value {
@@ -177,7 +177,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
             1.0
         })
     };
-    // A missing time has been reported or is not used; a valid one in its place raises no second finding.
+    // A missing time has been reported or is not needed; a valid value in its place avoids a second finding.
     let [duration, step] =
         [&document.duration, &document.step].map(|time| time.clone().unwrap_or(toml::Value::Float(1.0)));
     let (duration_s, step_s) = (time("duration", &duration), time("step", &step));
@@ -205,42 +205,42 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         Element { name: name.into(), model_type, settings: Vec::new() }
     };
     let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
-    let mut reading = Reading { connected: connected(&elements), elements, findings };
+    let mut assignment = Assignment { connected: connected(&elements), elements, findings };
     let all = flatten(&document.all);
     for (at, (name, table)) in document.elements().into_iter().enumerate() {
-        // Keys of other elements are skipped; names that no element knows are reported below.
-        let model_type = reading.elements[at].model_type.clone();
+        // Names that no element has are reported below.
+        let model_type = assignment.elements[at].model_type.clone();
         for (key, value) in all.iter().filter(|(key, _)| knows(&model_type, key)) {
-            reading.set(at, "all", key, value);
+            assignment.set(at, "all", key, value);
         }
         for (key, value) in flatten(table) {
             if knows(&model_type, &key) {
-                reading.set(at, name, &key, value);
+                assignment.set(at, name, &key, value);
             } else {
-                reading.findings.push(unknown(name, &key, &names(&[&model_type])));
+                assignment.findings.push(unknown(name, &key, &names(&[&model_type])));
             }
         }
     }
-    let models: Vec<_> = reading.elements.iter().map(|element| &*element.model_type).collect();
+    let models: Vec<_> = assignment.elements.iter().map(|element| &*element.model_type).collect();
     for (key, _) in all.iter().filter(|(key, _)| !models.iter().any(|model_type| knows(model_type, key))) {
-        reading.findings.push(unknown("all", key, &names(&models)));
+        assignment.findings.push(unknown("all", key, &names(&models)));
     }
     if let Some(file) = &document.contour {
         match contour_settings(file, folder, models[1]) {
-            Ok(settings) => reading.elements[1].settings.extend(settings),
-            Err(why) => reading.findings.push(format!("contour = \"{file}\" is refused: {why}")),
+            Ok(settings) => assignment.elements[1].settings.extend(settings),
+            Err(why) => assignment.findings.push(format!("contour = \"{file}\" is refused: {why}")),
         }
     }
-    changes.iter().for_each(|(path, value)| reading.change(path, value));
-    reading.compare(&document.compare);
+    changes.iter().for_each(|(path, value)| assignment.change(path, value));
+    assignment.compare(&document.compare);
     let mut profiles = Vec::new();
     for (number, text) in (1..).zip(&document.profile) {
-        match reading.profile(text) {
+        match assignment.profile(text) {
             Ok(profile) => profiles.push(profile),
-            Err(all) => reading.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
+            Err(all) => assignment.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
         }
     }
-    let Reading { elements, connected, findings } = reading;
+    let Assignment { elements, connected, findings } = assignment;
     if !document.identify.is_empty() && machine.name != AXIAL.name {
         findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
     }
@@ -261,15 +261,15 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     }
 }
 
-/// The elements of a loop while they take their values.
-struct Reading<'f> {
+/// The elements of a loop while values are assigned.
+struct Assignment<'f> {
     elements: Vec<Element>,
     connected: Vec<Connection>,
     findings: &'f mut Vec<String>,
 }
 
-impl Reading<'_> {
-    /// Applies one key of a table to the element of that index.
+impl Assignment<'_> {
+    /// Assigns the value of a key to the element at this index; `table` names its source in messages.
     fn set(&mut self, at: usize, table: &str, key: &str, value: &toml::Value) {
         let Element { name, model_type, settings } = &mut self.elements[at];
         let (indices, values) = match position(model_type, key) {
@@ -281,7 +281,7 @@ impl Reading<'_> {
         };
         let mut refuse = |name: &str, value: &toml::Value, why: String| {
             let finding = format!("[{table}] {name} = {value} is refused: {why}");
-            // A change may reach several elements.
+            // A change may affect several elements.
             if !self.findings.contains(&finding) {
                 self.findings.push(finding);
             }
@@ -299,7 +299,7 @@ impl Reading<'_> {
         }
     }
 
-    /// Applies a change, after the scenario itself.
+    /// Applies a change.
     fn change(&mut self, path: &str, value: &toml::Value) {
         let (owner, key) = match path.split_once('.') {
             Some((name, key)) if self.elements.iter().any(|element| element.name == name) => (Some(name), key),
@@ -313,8 +313,8 @@ impl Reading<'_> {
             let suggestion = suggestion(key, &names(&concerned.iter().map(model).collect::<Vec<_>>()));
             self.findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
         }
-        // A name without an element means all elements where the variable can be set: speed is an input of plant and estimator,
-        // but that of the estimator is connected.
+        // Without an element, the name applies to all elements in which the variable can be set: the speed is an input of plant and
+        // estimator, but that of the estimator is connected.
         let is_open = |at: &usize| {
             let variable = first(model(at), key).map(|index| &model(at).variables()[index]);
             variable.is_some_and(|variable| permitted(&self.elements[*at].name, variable, &self.connected).is_ok())
@@ -343,9 +343,9 @@ impl Reading<'_> {
                     self.findings.push(format!("compare = \"{method}\" is refused: it is listed twice"));
                 }
                 Ok(value) => {
-                    let mut beside = Element { name: method.clone(), ..estimator.clone() };
-                    beside.settings.push((index, Value::Integer(value)));
-                    self.elements.push(beside);
+                    let mut added = Element { name: method.clone(), ..estimator.clone() };
+                    added.settings.push((index, Value::Integer(value)));
+                    self.elements.push(added);
                 }
             }
         }
@@ -356,10 +356,7 @@ impl Reading<'_> {
         let mut refused: Vec<String> = Vec::new();
         let mut targets = Vec::new();
         for path in &text.of {
-            let found = path.split_once('.').and_then(|(name, variable)| {
-                let at = self.elements.iter().position(|element| element.name == name)?;
-                Some((at, self.elements[at].index(variable)?))
-            });
+            let found = path.split_once('.').and_then(|(name, variable)| place(&self.elements, name, variable));
             let Some((at, index)) = found else {
                 refused.push(format!("there is no variable {path}; expected element.variable, as in plant.omega"));
                 continue;
@@ -396,7 +393,7 @@ impl Reading<'_> {
         };
         let time_s: Vec<f64> = all(&SECOND, &text.time).into_iter().map(Value::as_f64).collect();
         let values = all(data_type, &text.value);
-        // All targets follow the same numbers.
+        // All targets must interpret the values alike.
         for &(at, index) in &targets[1..] {
             let Element { name, model_type, .. } = &self.elements[at];
             let other = &model_type.variables()[index];
@@ -415,7 +412,7 @@ impl Reading<'_> {
     }
 }
 
-/// The settings of the controller for a contour file, named relative to the scenario.
+/// The settings of the controller for a contour file, with its path relative to `folder`.
 fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result<Vec<(usize, Value)>, String> {
     let path = folder.join(file);
     let Fit { contour, largest_m } = match BUILT_IN_CONTOUR {
@@ -424,11 +421,11 @@ fn contour_settings(file: &str, folder: &Path, controller: &ModelType) -> Result
     };
     let series = [contour.cos_y_m, contour.sin_y_m, contour.cos_z_m, contour.sin_z_m].concat();
     let size_m = series.iter().fold(0.0f64, |size, value| size.max(value.abs()));
-    if largest_m > CONTOUR_MISS * size_m {
+    if largest_m > CONTOUR_TOLERANCE * size_m {
         return Err(format!(
             "the Fourier series with {HARMONICS} harmonics misses a point by {:.3} µm, more than {} % of the contour's size",
             largest_m * 1e6,
-            CONTOUR_MISS * 100.0
+            CONTOUR_TOLERANCE * 100.0
         ));
     }
     numbers("reference.", &contour, &PLANAR)
@@ -444,7 +441,7 @@ pub fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     leaves(table, &|_| false)
 }
 
-/// As `flatten`, where some tables are leaves.
+/// As [`flatten`], but tables for which `is_leaf` holds are leaves.
 pub fn leaves<'t>(table: &'t toml::Table, is_leaf: &dyn Fn(&toml::Table) -> bool) -> Vec<(String, &'t toml::Value)> {
     let mut found = Vec::new();
     for (key, value) in table {
@@ -459,7 +456,7 @@ pub fn leaves<'t>(table: &'t toml::Table, is_leaf: &dyn Fn(&toml::Table) -> bool
     found
 }
 
-/// A value without the quotes of a text.
+/// A value as text, without quotes.
 pub fn text(value: &toml::Value) -> String {
     value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
@@ -469,17 +466,17 @@ pub fn texts(table: &toml::Table) -> Vec<(String, String)> {
     flatten(table).into_iter().map(|(name, value)| (name, text(value))).collect()
 }
 
-/// The index of the variable of a name.
+/// The index of the variable of this name.
 pub fn position(model_type: &ModelType, name: &str) -> Option<usize> {
     model_type.variables().iter().position(|variable| variable.name == name)
 }
 
-/// Whether a model has a variable, or an array, of that name.
+/// Whether a model has a variable, or an array, of this name.
 pub fn knows(model_type: &ModelType, key: &str) -> bool {
     first(model_type, key).is_some()
 }
 
-/// The index of the variable, or of the first element of the array, of that name.
+/// The index of the variable, or of the first element of the array, of this name.
 fn first(model_type: &ModelType, key: &str) -> Option<usize> {
     position(model_type, key).or_else(|| position(model_type, &element(key, 0)))
 }
@@ -498,12 +495,12 @@ pub fn names(models: &[&ModelType]) -> Vec<String> {
     names
 }
 
-/// There is no variable of this name.
+/// The finding about an unknown variable.
 pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
     format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
 }
 
-/// Suggests a name for an unknown one.
+/// Suggests a known name for an unknown one.
 pub fn suggestion(key: &str, known: &[String]) -> String {
     let nearest = known
         .iter()
@@ -518,7 +515,7 @@ pub fn suggestion(key: &str, known: &[String]) -> String {
     }
 }
 
-/// Whether a variable of an element can be set.
+/// Checks that a variable of an element can be set.
 pub fn permitted(element: &str, variable: &Variable, connected: &[Connection]) -> Result<(), String> {
     if !variable.is_settable() {
         return Err("it is computed; only parameters and inputs can be set".into());
@@ -529,14 +526,14 @@ pub fn permitted(element: &str, variable: &Variable, connected: &[Connection]) -
     }
 }
 
-/// A TOML value as the value of a variable. Numbers are in the unit of the interface; texts carry their unit.
+/// Converts a TOML value to the value of a variable. Numbers are in the unit of the interface; texts include their unit.
 pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
     match (data_type, value) {
         (Type::Real { .. }, toml::Value::Float(value)) => Ok(Value::Real(*value)),
         (Type::Real { .. }, toml::Value::Integer(value)) => Ok(Value::Real(*value as f64)),
         (Type::Real { unit, .. }, toml::Value::String(text)) => {
             let text = text.trim();
-            // With or without a blank between them; 1e-3 is a number, not 1 of a unit e-3.
+            // With or without a space in between. The longest number counts: 1e-3 is a number, not 1 in a unit e-3.
             let ends = (1..=text.len()).rev().filter(|end| text.is_char_boundary(*end));
             let number_and_unit = |end| Some((text[..end].trim_end().parse::<f64>().ok()?, text[end..].trim_start()));
             let first = text.split_whitespace().next().unwrap_or_default();

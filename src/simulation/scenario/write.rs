@@ -1,4 +1,4 @@
-//! Scenarios as text: what [`Scenario::parse`] reads back.
+//! Writes scenarios as text that [`Scenario::parse`] can read.
 
 use fmu_export::variable::{Type, Value, Variable};
 
@@ -6,8 +6,8 @@ use super::Scenario;
 use crate::output::SCENARIO;
 
 impl Scenario {
-    /// The scenario as TOML, all values in the units of the interface. Profiles, balancing, tolerances and estimators beside the loop
-    /// are left out.
+    /// The scenario as TOML, all values in the units of the interface, without profiles, balancing, tolerances and estimators beside the
+    /// loop.
     pub fn to_toml(&self) -> String {
         let mut text = format!(
             "{SCENARIO}\ntitle = {}\ndescription = {}\nmachine = {}\nduration = {:?}\nstep = {:?}\n",
@@ -45,7 +45,7 @@ fn value_of(variable: &Variable, value: &Value) -> String {
     }
 }
 
-/// A name with dots is quoted: `F0` and `F0.modulation` could not stand side by side as a value and a table.
+/// A name with dots is quoted: without quotes `F0` could not be both a value and, for `F0.modulation`, a table.
 fn key(name: &str) -> String {
     if name.chars().all(|letter| letter.is_ascii_alphanumeric()) { name.into() } else { quoted(name) }
 }
