@@ -1,12 +1,12 @@
-/* The integrals of the estimator's kernels by finite impulse responses, as well as C can: what the
- * estimator is measured against. Compiled by the benchmark with `cc -O3 -march=native -ffast-math`, which lets the compiler reorder sums and fuse
- * multiplications, both denied to the Rust side. */
+/* The integrals of the estimator's kernels as FIR filters in optimised C, for comparison with the estimator. The benchmark compiles it
+ * with `cc -O3 -march=native -ffast-math`, which lets the compiler reorder sums and fuse multiplications, unlike Rust. */
 
 #include <stddef.h>
 
 enum { KERNELS = 4 };
 
 /* Sums of KERNELS kernels over two signals at once: eight independent sums keep the multipliers busy. */
+
 static void pair(const double *restrict w, size_t n, const double *restrict x, const double *restrict y,
                  double *restrict out)
 {
@@ -26,8 +26,8 @@ static void pair(const double *restrict w, size_t n, const double *restrict x, c
     out[4] = b0, out[5] = b1, out[6] = b2, out[7] = b3;
 }
 
-/* Samples are kept twice in a row, so that every window is contiguous; `next` is where the next one goes. Signals come in pairs:
- * the positions, weighed by `position`, then `others` more, weighed by `force`. */
+/* Every sample is stored twice, so that every window is contiguous; `next` is the index of the next one. Signals come in pairs:
+ * the positions, weighted by `position`, then `others` more, weighted by `force`. */
 size_t fir_push(double *restrict ring, size_t n, size_t next, const double *restrict sample, size_t others,
                 const double *restrict position, const double *restrict force, double *restrict out)
 {

@@ -1,4 +1,4 @@
-//! The table of costs in docs/: costs beside their peers, measured in turn. `scripts/bench` runs it.
+//! The cost tables of docs/: each cost relative to a comparable one, measured in turn. `scripts/bench` runs it.
 
 #[path = "support/interleave.rs"]
 mod interleave;
@@ -30,7 +30,7 @@ use magnetic_bearing::simulation::simulate;
 const ROUNDS: usize = 101;
 
 fn main() {
-    // `cargo bench` passes options for a harness; `cargo test --benches` must not time anything.
+    // `cargo test --benches` must not time anything.
     if std::env::args().any(|argument| argument == "--test") {
         return;
     }
@@ -40,6 +40,15 @@ fn main() {
     interface(&record);
     closed_loop();
     worst(&record);
+}
+
+/// A function of the loaded library.
+macro_rules! function {
+    ($library:expr, $name:ident: $type:ty) => {
+        // SAFETY: the function has the type that the bindings give it.
+        unsafe { *$library.get::<$type>(concat!(stringify!($name), "\0").as_bytes()).expect("an exported function") }
+            .expect("a function is no null pointer")
+    };
 }
 
 /// Steps of a plant with constant currents, in A, and its outputs.
@@ -54,13 +63,29 @@ fn plant_steps<'a, const N: usize, const K: usize, const B: usize>(
     let input = PlantInput { current_a, omega_rad_s: 314.0, ..PlantInput::default() };
     candidate(name, 1000, move |times| {
         for step in 0..times {
-            // The rotor would not stay in the gap for long without a controller.
+            // Without a controller the rotor soon leaves the gap.
             if step % 20 == 0 {
                 state = start.clone();
             }
             let t_s = f64::from(step % 20) * 1e-4;
             let _ = black_box(plant.advance(&mut state, &input, t_s, 1e-4));
             black_box(plant.outputs(&state, &input, t_s + 1e-4));
+        }
+    })
+}
+
+/// Steps of a controller.
+fn controller_steps<const N: usize, const K: usize, const B: usize, const G: usize>(
+    name: &str,
+    position_m: [f64; N],
+) -> interleave::Candidate<'static> {
+    let controller = Controller::new(ControllerConfigOf::<N, K, B, G>::default()).expect("valid parameters");
+    let mut state = controller.start(0.0);
+    let mut input = ControllerInput { position_m, omega_rad_s: 314.0, ..ControllerInput::default() };
+    candidate(name, 1000, move |times| {
+        for step in 0..times {
+            input.position_m[1] = f64::from(step % 7) * 1e-6;
+            let _ = black_box(controller.sample(&mut state, &input));
         }
     })
 }
@@ -81,10 +106,10 @@ fn paper(intervals: usize) -> EstimatorConfig {
     EstimatorConfig { method: Method::Paper, window_s, epsilon_s: window_s, ..EstimatorConfig::default() }
 }
 
-/// The default method: noise given, estimated, and with all tolerances.
+/// The default method: noise known, estimated, and with all tolerances.
 fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
-    let found = EstimatorConfig::default();
-    let given = EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..found.clone() };
+    let estimated = EstimatorConfig::default();
+    let known = EstimatorConfig { position_noise_m: 1e-7, current_noise_a: 1e-2, ..estimated.clone() };
     let tolerance = Tolerance {
         m_kg: 0.02,
         gap_m: 2e-6,
@@ -96,8 +121,8 @@ fn prediction_error() -> [(&'static str, EstimatorConfig); 3] {
         backward_force_n: 2.0,
         ..Tolerance::default()
     };
-    let tolerances = EstimatorConfig { tolerance, ..found.clone() };
-    [("noise given", given), ("noise estimated", found), ("noise estimated, all tolerances", tolerances)]
+    let tolerances = EstimatorConfig { tolerance, ..estimated.clone() };
+    [("noise given", known), ("noise estimated", estimated), ("noise estimated, all tolerances", tolerances)]
 }
 
 type FirPush =
@@ -113,7 +138,7 @@ fn peer() -> Option<Library> {
         println!("no C compiler: the peer in C is left out");
         return None;
     }
-    // SAFETY: the library was compiled a moment ago and does nothing when it is loaded.
+    // SAFETY: the library was just compiled and runs no code when loaded.
     unsafe { Library::new(&target) }.ok()
 }
 
@@ -161,7 +186,7 @@ fn steps(record: &[EstimatorInput]) {
             let x = f64::from(j % 200) * 0.031;
             Sample { position: [x, 1.0 - x], squares: [[x, 2.0, 3.0 - x], [4.0 - x, x, 1.0]] }
         };
-        // There are no sums before the window is full.
+        // Sums exist only once the window is full.
         (0..=intervals as u32).for_each(|j| {
             black_box(sums.push(&mut window, &sample(j)));
         });
@@ -190,24 +215,8 @@ fn steps(record: &[EstimatorInput]) {
     }
     candidates.push(plant_steps("plant, current drive", PlantConfigOf::<f64, 2, 3, 1>::default(), [2.0; 3]));
     candidates.push(plant_steps("spindle, current drive", PlantConfigOf::<f64, 5, 8, 3>::default(), [2.0; 8]));
-    let controller = Controller::new(ControllerConfigOf::<2, 3, 1, 1>::default()).expect("valid parameters");
-    let mut state = controller.start(0.0);
-    let mut input = ControllerInput { position_m: [30e-6, 0.0], omega_rad_s: 314.0, ..ControllerInput::default() };
-    candidates.push(candidate("controller", 1000, move |times| {
-        for step in 0..times {
-            input.position_m[1] = f64::from(step % 7) * 1e-6;
-            let _ = black_box(controller.sample(&mut state, &input));
-        }
-    }));
-    let controller = Controller::new(ControllerConfigOf::<5, 8, 3, 3>::default()).expect("valid parameters");
-    let mut state = controller.start(0.0);
-    let mut input = ControllerInput { omega_rad_s: 314.0, ..ControllerInput::default() };
-    candidates.push(candidate("controller of the spindle", 1000, move |times| {
-        for step in 0..times {
-            input.position_m[1] = f64::from(step % 7) * 1e-6;
-            let _ = black_box(controller.sample(&mut state, &input));
-        }
-    }));
+    candidates.push(controller_steps::<2, 3, 1, 1>("controller", [30e-6, 0.0]));
+    candidates.push(controller_steps::<5, 8, 3, 3>("controller of the spindle", [0.0; 5]));
     for (name, noise) in [("noise given", [1e-7, 1e-2]), ("noise estimated", [0.0; 2])] {
         let [position_noise_m, current_noise_a] = noise;
         let config = EstimatorConfigOf { position_noise_m, current_noise_a, ..EstimatorConfigOf::default() };
@@ -216,7 +225,7 @@ fn steps(record: &[EstimatorInput]) {
         candidates.push(candidate(format!("estimator of the spindle, {name}"), 1000, move |times| {
             for _ in 0..times {
                 let _ = black_box(estimator.sample(&mut state, &record[at]));
-                // The record holds whole revolutions and periods of the modulation.
+                // The record repeats: it holds whole revolutions and periods of the modulation.
                 at = (at + 1) % record.len();
             }
         }));
@@ -224,7 +233,7 @@ fn steps(record: &[EstimatorInput]) {
     table("one step of", ROUNDS, candidates);
 }
 
-/// Inputs of the spindle's estimator in the scenario `spindle` while nothing changes, over 0.1 s.
+/// Inputs of the spindle's estimator in the scenario `spindle` over 0.1 s of steady operation.
 fn spindle_record() -> Vec<EstimatorInputOf<5, 8>> {
     let scenario = Scenario::open(Path::new("spindle")).expect("a scenario of the program");
     let run = simulate::run_for(&scenario, |name| name.starts_with("plant.")).expect("a run");
@@ -248,29 +257,22 @@ unsafe extern "C" fn silent(_: fmi2ComponentEnvironment, _: fmi2String, _: fmi2S
 /// Calls through the C interface of the library that goes into the FMUs.
 fn interface(record: &[EstimatorInput]) {
     let path = package::built_library().expect("the library is built with the benchmark");
-    // SAFETY: the library is this project's and does nothing when it is loaded.
+    // SAFETY: the library is this project's and runs no code when loaded.
     let library = unsafe { Library::new(path) }.expect("a library that can be loaded");
     let model = magnetic_bearing::fmu::find("AlgebraicEstimator").expect("a model");
     let index = |name: &str| {
         let variables = model.variables();
         variables.iter().position(|variable| variable.name == name).expect("a variable") as fmi2ValueReference
     };
-    macro_rules! function {
-        ($name:ident: $type:ty) => {
-            // SAFETY: the function has the type that the bindings give it.
-            unsafe { *library.get::<$type>(concat!(stringify!($name), "\0").as_bytes()).expect("an exported function") }
-                .expect("a function is no null pointer")
-        };
-    }
-    let instantiate = function!(fmi2Instantiate: fmi2InstantiateTYPE);
-    let setup = function!(fmi2SetupExperiment: fmi2SetupExperimentTYPE);
-    let enter = function!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE);
-    let exit = function!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE);
-    let do_step = function!(fmi2DoStep: fmi2DoStepTYPE);
-    let set_real = function!(fmi2SetReal: fmi2SetRealTYPE);
-    let get_real = function!(fmi2GetReal: fmi2GetRealTYPE);
-    let set_boolean = function!(fmi2SetBoolean: fmi2SetBooleanTYPE);
-    let free = function!(fmi2FreeInstance: fmi2FreeInstanceTYPE);
+    let instantiate = function!(library, fmi2Instantiate: fmi2InstantiateTYPE);
+    let setup = function!(library, fmi2SetupExperiment: fmi2SetupExperimentTYPE);
+    let enter = function!(library, fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE);
+    let exit = function!(library, fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE);
+    let do_step = function!(library, fmi2DoStep: fmi2DoStepTYPE);
+    let set_real = function!(library, fmi2SetReal: fmi2SetRealTYPE);
+    let get_real = function!(library, fmi2GetReal: fmi2GetRealTYPE);
+    let set_boolean = function!(library, fmi2SetBoolean: fmi2SetBooleanTYPE);
+    let free = function!(library, fmi2FreeInstance: fmi2FreeInstanceTYPE);
     let guid = CString::new(model.guid()).expect("a GUID");
     // SAFETY: null is a valid value for every callback.
     let mut callbacks: fmi2CallbackFunctions = unsafe { std::mem::zeroed() };
@@ -295,14 +297,14 @@ fn interface(record: &[EstimatorInput]) {
     };
     let inputs = ["Ym", "Zm", "im[1]", "im[2]", "im[3]"].map(index);
     let outputs = ["lambdaHat[1]", "lambdaHat[2]", "lambdaHat[3]", "pYHat", "pZHat"].map(index);
-    // A step that ignores its sample costs the model almost nothing: what remains is the interface.
+    // A step that ignores its sample costs the model almost nothing; the remainder is the interface.
     // SAFETY: the arrays have one element.
     unsafe { set_boolean(component, &index("enable"), 1, &fmi2False) };
     let disabled = EstimatorInput { enable: false, ..record[0].clone() };
     let (estimator, mut state) = settled(EstimatorConfig::default(), record);
     let step = std::cell::Cell::new(0_u32);
     let mut values = [0.0; 5];
-    let third = Fmi3::new(&library, &model);
+    let fmi3 = Fmi3::new(&library, &model);
     let mut candidates = vec![
         candidate("model's step, samples ignored", 2000, |times| {
             for _ in 0..times {
@@ -331,7 +333,7 @@ fn interface(record: &[EstimatorInput]) {
             }
         }),
     ];
-    candidates.extend(third.candidates());
+    candidates.extend(fmi3.candidates());
     let medians = table("through the C interface", ROUNDS, candidates);
     println!("\nfmi2DoStep adds {} to the model's step.", shown(medians[1] - medians[0]));
     // SAFETY: the instance is not used again.
@@ -351,22 +353,13 @@ struct Fmi3 {
 
 impl Fmi3 {
     fn new(library: &Library, model: &ModelType) -> Self {
-        macro_rules! function {
-            ($name:ident: $type:ty) => {
-                // SAFETY: the function has the type that the bindings give it.
-                unsafe {
-                    *library.get::<$type>(concat!(stringify!($name), "\0").as_bytes()).expect("an exported function")
-                }
-                .expect("a function is no null pointer")
-            };
-        }
         let index = |name: &str| {
             model.variables().iter().position(|variable| variable.name == name).expect("a variable") as u32
         };
-        let instantiate = function!(fmi3InstantiateCoSimulation: fmi3InstantiateCoSimulationTYPE);
-        let enter = function!(fmi3EnterInitializationMode: fmi3EnterInitializationModeTYPE);
-        let exit = function!(fmi3ExitInitializationMode: fmi3ExitInitializationModeTYPE);
-        let set_boolean = function!(fmi3SetBoolean: fmi3SetBooleanTYPE);
+        let instantiate = function!(library, fmi3InstantiateCoSimulation: fmi3InstantiateCoSimulationTYPE);
+        let enter = function!(library, fmi3EnterInitializationMode: fmi3EnterInitializationModeTYPE);
+        let exit = function!(library, fmi3ExitInitializationMode: fmi3ExitInitializationModeTYPE);
+        let set_boolean = function!(library, fmi3SetBoolean: fmi3SetBooleanTYPE);
         let token = model.description(Standard::Fmi3 { arrays: false }).token.as_str();
         let token = CString::new(token).expect("a token");
         let name = c"bench".as_ptr();
@@ -381,10 +374,10 @@ impl Fmi3 {
         };
         Self {
             instance,
-            do_step: function!(fmi3DoStep: fmi3DoStepTYPE),
-            set: function!(fmi3SetFloat64: fmi3SetFloat64TYPE),
-            get: function!(fmi3GetFloat64: fmi3GetFloat64TYPE),
-            free: function!(fmi3FreeInstance: fmi3FreeInstanceTYPE),
+            do_step: function!(library, fmi3DoStep: fmi3DoStepTYPE),
+            set: function!(library, fmi3SetFloat64: fmi3SetFloat64TYPE),
+            get: function!(library, fmi3GetFloat64: fmi3GetFloat64TYPE),
+            free: function!(library, fmi3FreeInstance: fmi3FreeInstanceTYPE),
             inputs: ["Ym", "Zm", "im[1]", "im[2]", "im[3]"].map(index),
             outputs: ["lambdaHat[1]", "lambdaHat[2]", "lambdaHat[3]", "pYHat", "pZHat"].map(index),
         }
@@ -434,29 +427,29 @@ impl Drop for Fmi3 {
 
 /// One second of the closed loop.
 fn closed_loop() {
-    let loops = [("paper", "current"), ("unbalanced", "current")];
+    let loops = ["paper", "unbalanced"];
     let candidates = loops
         .iter()
-        .map(|(name, drive)| {
+        .map(|name| {
             let mut scenario = Scenario::open(Path::new(name)).expect("a built-in scenario");
             scenario.elements.truncate(3);
             scenario.duration_s = 1.0;
-            candidate(format!("1 s of the closed loop, {name}, {drive} drive"), 1, move |_| {
+            candidate(format!("1 s of the closed loop, {name}, current drive"), 1, move |_| {
                 black_box(simulate::run_for(&scenario, |_| false).expect("a scenario that runs"));
             })
         })
         .collect();
-    for (median, (name, _)) in table("closed loop", 21, candidates).iter().zip(loops) {
+    for (median, name) in table("closed loop", 21, candidates).iter().zip(loops) {
         println!("\n{name}: {:.0} times real time.", 1e9 / median);
     }
 }
 
-/// A thousand steps at the start, after the noise is found, and a thousand around the millionth sample: the cost does not grow.
+/// A thousand steps at the start, after the noise is estimated, and a thousand around the millionth sample: the cost does not grow.
 fn first_and_millionth(record: &[EstimatorInput]) {
     println!("\n| mean of 1000 steps | at sample 1000 | at sample 1 000 000 | ratio |\n|---|---:|---:|---:|");
     for (name, config) in prediction_error() {
         let estimator = Estimator::new(config).expect("valid parameters");
-        // The median of several rounds: a single one may be interrupted.
+        // The median of several rounds, since one may be interrupted.
         let mut means = [Vec::new(), Vec::new()];
         for _ in 0..5 {
             let mut state = estimator.start();
@@ -486,7 +479,7 @@ fn worst(record: &[EstimatorInput]) {
     let methods = prediction_error().map(|(name, config)| (format!("predictionError, {name}"), config)).into_iter();
     let papers = [200, 2000, 20_000].map(|n| (format!("paper, N = {n}"), paper(n)));
     for (name, config) in methods.chain(papers) {
-        // A window of two seconds takes as long as all others together; a tenth of the steps is enough.
+        // A window of two seconds takes as long as all others together, so it gets a tenth of the steps.
         let steps = if config.window_s > 1.0 { 100_000 } else { 1_000_000 };
         let (estimator, mut state) = settled(config, record);
         let mut spent: Vec<u32> = Vec::with_capacity(steps);
@@ -495,19 +488,18 @@ fn worst(record: &[EstimatorInput]) {
             black_box(estimator.sample(&mut state, input));
             spent.push(since.elapsed().as_nanos() as u32);
         }
-        // Interruptions by the system do not repeat with the samples of the record, the cost of a step itself does: of the steps
-        // with the same sample, the median.
-        let again = (0..record.len()).map(|at| {
+        // The cost of a step repeats with the samples of the record, interruptions do not: median over steps with the same sample.
+        let repeatable = (0..record.len()).map(|at| {
             let mut same: Vec<u32> = spent.iter().skip(at).step_by(record.len()).copied().collect();
             same.sort_unstable();
             same[same.len() / 2]
         });
-        let again = shown(again.max().map_or(f64::NAN, f64::from));
+        let repeatable = shown(repeatable.max().map_or(f64::NAN, f64::from));
         spent.sort_unstable();
         let [median, high, longest] = [0.5, 0.999, 1.0].map(|part| {
             let at = ((steps as f64 * part) as usize).min(steps - 1);
             shown(f64::from(spent[at]))
         });
-        println!("| estimator, {name} | {median} | {high} | {longest} | {again} |");
+        println!("| estimator, {name} | {median} | {high} | {longest} | {repeatable} |");
     }
 }

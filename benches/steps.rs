@@ -5,8 +5,8 @@ mod support;
 use divan::{Bencher, black_box};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, Method, Tolerance};
 
-/// Steps measured together: a revolution, because some samples take longer than others.
-const TOGETHER: usize = 200;
+/// Steps per measurement: a revolution, because some samples take longer than others.
+const BATCH: usize = 200;
 
 fn main() {
     divan::main();
@@ -21,8 +21,8 @@ fn bench(bencher: Bencher, config: EstimatorConfig) {
     for input in inputs.by_ref().take(warm_up) {
         estimator.sample(&mut state, input);
     }
-    bencher.counter(TOGETHER).bench_local(|| {
-        for input in inputs.by_ref().take(TOGETHER) {
+    bencher.counter(BATCH).bench_local(|| {
+        for input in inputs.by_ref().take(BATCH) {
             black_box(estimator.sample(&mut state, input));
         }
     });

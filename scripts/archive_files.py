@@ -65,20 +65,20 @@ def schema_of_ssp(archives, member):
 
 
 def ssp_findings(name, text):
-    """List what the schemas of the standard find in a system structure or a parameter set."""
+    """List the errors that the schemas of the standard find in a system structure or a parameter set."""
     kind = {".ssd": "Description", ".ssv": "ParameterValues"}[Path(name).suffix]
     return schema_findings(f"ssp/schema/SystemStructure{kind}.xsd", name, text)
 
 
 def schema_findings(schema, name, text):
-    """List what a schema that fmpy ships finds in a text."""
+    """List the errors that a schema shipped with fmpy finds in a text."""
     checker = etree.XMLSchema(etree.parse(str(Path(fmpy.__file__).parent / schema)))
     checker.validate(etree.fromstring(text))
     return [f"{name}, line {error.line}: {error.message}" for error in checker.error_log]
 
 
 def ssp_rules(archives, structure):
-    """Check what schemas cannot: names, kinds, types and units against the FMUs, and what tools require."""
+    """Check beyond the schemas: names, kinds, types and units against the FMUs, and requirements of tools."""
     findings = []
     with zipfile.ZipFile(archives.ssp) as archive:
         text = archive.read(structure)
@@ -136,7 +136,7 @@ def connector_rules(connectors, model, units):
 
 
 def parameter_rules(parameters, model, name):
-    """Compare a parameter set with the variables of the FMU that it is bound to."""
+    """Compare a parameter set with the variables of its FMU."""
     if parameters.get("name") != name:
         yield f"it is named {parameters.get('name')} and not {name}, by which users of ecos ask for it"
     for parameter in parameters.iterfind(".//ssv:Parameter", NAMESPACES):
@@ -202,7 +202,7 @@ def no_machine_paths(archives):
 
 
 def reproducible(archives):
-    """Package twice and compare the bytes, with those under test as well."""
+    """Package twice and compare the bytes with each other and with those under test."""
     findings, digests = [], []
     folders = [archives.scratch / "once", archives.scratch / "and again"]
     for folder in folders:
@@ -218,7 +218,7 @@ def reproducible(archives):
 
 
 def exported_symbols(archives, fmu):
-    """Compare what each ELF binary exports with the functions that fmpy knows, of FMI 2.0 for co-simulation, of FMI 3.0 all."""
+    """Compare the exports of each ELF binary with the functions that fmpy knows: FMI 2.0 for co-simulation, all of FMI 3.0."""
     wanted = {name for name in dir(FMU2Slave) if name.startswith("fmi2")}
     wanted |= {name for name in dir(FMU3Slave) if name.startswith("fmi3")}
     findings = [] if len(wanted) == 34 + 75 else [f"fmpy knows {len(wanted)} functions, and not 109"]

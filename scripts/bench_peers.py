@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""The estimator FMU beside an estimator in Python, both through fmpy, and numpy and SciPy alone.
+"""Compare the estimator FMU with an estimator in Python, both through fmpy, and with numpy and SciPy alone.
 
     scripts/bench_peers.py [--ssp target/fmu/MagneticBearing.ssp]
 
-The peer is P(20) with aligned signs (method `paper`) in numpy, exported by PythonFMU; its sums are products of a matrix of weights
-and the window. A second peer takes sums and low-pass from SciPy, a sample at a time: `scipy.signal.lfilter` with its state kept. Both
-FMUs get the same samples in turns of some hundred steps; medians and quartiles of the turns are printed, and
-the medians of the ratios round by round. Needs the packages of `requirements-bench.txt`.
+The peer is P(20) with aligned signs (method `paper`) in numpy, exported by PythonFMU; its sums are products of a weight matrix
+and the window. A second peer computes sums and low-pass with SciPy, sample by sample: `scipy.signal.lfilter` with its state. All
+get the same samples in turns of some hundred steps. Prints medians and quartiles of the turns, and the median of the ratios turn by
+turn. Needs the packages of `requirements-bench.txt`.
 """
 
 import argparse
@@ -62,7 +62,7 @@ def weights():
 
 
 class Estimation:
-    """One sample in, the estimate out."""
+    """The estimator of P(20)."""
 
     def __init__(self):
         self.position, self.start, self.end = weights()
@@ -71,15 +71,15 @@ class Estimation:
         self.inverse = numpy.zeros((2, 3))
         self.value, self.rate = numpy.zeros(4), numpy.zeros(4)
         loss = ZETA * OMEGA * STEP_S + (OMEGA * STEP_S) ** 2 / 4
-        self.keep, self.drive = (1 - loss) / (1 + loss), OMEGA**2 * STEP_S / (1 + loss)
+        self.decay, self.drive = (1 - loss) / (1 + loss), OMEGA**2 * STEP_S / (1 + loss)
         self.columns = (N * STEP_S) ** 2 / MASS * numpy.cos(ALPHA)
         self.estimate = numpy.full(3, 4e-6)
 
     def sample(self, y, z, currents):
         inverse = 1 / (GAP - numpy.sin(ALPHA) * y - numpy.cos(ALPHA) * z) ** 2
-        bulge = (inverse - 2 * self.inverse[0] + self.inverse[1]) / 12 if self.filled > 1 else 0.0
+        curvature = (inverse - 2 * self.inverse[0] + self.inverse[1]) / 12 if self.filled > 1 else 0.0
         square = currents * currents if self.filled else 0 * currents
-        column = numpy.concatenate([[z], square * (self.inverse[0] - bulge), square * (inverse - bulge)])
+        column = numpy.concatenate([[z], square * (self.inverse[0] - curvature), square * (inverse - curvature)])
         self.inverse[1], self.inverse[0] = self.inverse[0], inverse
         self.window[:, self.next] = self.window[:, self.next + N + 1] = column
         self.next = (self.next + 1) % (N + 1)
@@ -93,7 +93,7 @@ class Estimation:
         cramer = numpy.repeat(matrix[None], 3, axis=0)
         cramer[numpy.arange(3), :, numpy.arange(3)] = right
         inputs = numpy.append(numpy.linalg.det(cramer), determinant) * numpy.sign(determinant)
-        rate = self.keep * self.rate + self.drive * (inputs - self.value)
+        rate = self.decay * self.rate + self.drive * (inputs - self.value)
         self.value += STEP_S / 2 * (self.rate + rate)
         self.rate = rate
         self.estimate = self.value[:3] / self.value[3]
@@ -101,34 +101,34 @@ class Estimation:
 
 
 class WithScipy(Estimation):
-    """The same with the filters of SciPy: one finite impulse response per kernel, the low-pass a biquad."""
+    """The same with SciPy's filters: an FIR filter per kernel, and a biquad as low-pass."""
 
     def __init__(self):
         from scipy import signal
 
         super().__init__()
         self.lfilter = signal.lfilter
-        # An impulse response runs backwards through the window.
+        # Impulse responses are the reversed kernels.
         self.responses = [kernel[:, ::-1] for kernel in (self.position, self.start, self.end)]
-        self.memories = [[numpy.zeros((rows, N)) for _ in range(3)] for rows in (1, 3, 3)]
+        self.states = [[numpy.zeros((rows, N)) for _ in range(3)] for rows in (1, 3, 3)]
         self.low = signal.bilinear([OMEGA**2], [1, 2 * ZETA * OMEGA, OMEGA**2], 1 / STEP_S)
-        self.low_memory = numpy.zeros((4, 2))
+        self.low_state = numpy.zeros((4, 2))
 
     def sums(self, group, signals):
         """The three integrals of every signal after one more sample."""
         result = numpy.empty((3, len(signals)))
         for i, response in enumerate(self.responses[group]):
-            memory = self.memories[group][i]
-            value, self.memories[group][i] = self.lfilter(response, [1.0], signals[:, None], zi=memory)
+            state = self.states[group][i]
+            value, self.states[group][i] = self.lfilter(response, [1.0], signals[:, None], zi=state)
             result[i] = value[:, 0]
         return result
 
     def sample(self, y, z, currents):
         inverse = 1 / (GAP - numpy.sin(ALPHA) * y - numpy.cos(ALPHA) * z) ** 2
-        bulge = (inverse - 2 * self.inverse[0] + self.inverse[1]) / 12 if self.filled > 1 else 0.0
+        curvature = (inverse - 2 * self.inverse[0] + self.inverse[1]) / 12 if self.filled > 1 else 0.0
         square = currents * currents if self.filled else 0 * currents
         right = self.sums(0, numpy.array([z]))[:, 0]
-        matrix = self.sums(1, square * (self.inverse[0] - bulge)) + self.sums(2, square * (inverse - bulge))
+        matrix = self.sums(1, square * (self.inverse[0] - curvature)) + self.sums(2, square * (inverse - curvature))
         self.inverse[1], self.inverse[0] = self.inverse[0], inverse
         self.filled += 1
         if self.filled <= N:
@@ -138,7 +138,7 @@ class WithScipy(Estimation):
         cramer = numpy.repeat(matrix[None], 3, axis=0)
         cramer[numpy.arange(3), :, numpy.arange(3)] = right
         inputs = numpy.append(numpy.linalg.det(cramer), determinant) * numpy.sign(determinant)
-        value, self.low_memory = self.lfilter(*self.low, inputs[:, None], zi=self.low_memory)
+        value, self.low_state = self.lfilter(*self.low, inputs[:, None], zi=self.low_state)
         self.estimate = value[:3, 0] / value[3, 0]
         return self.estimate
 
@@ -169,7 +169,7 @@ def unzip(archive):
 
 
 class Fmu:
-    """An FMU that is fed with samples."""
+    """An FMU instance that processes samples."""
 
     def __init__(self, folder, description, inputs, outputs, integers=()):
         references = {variable.name: variable.valueReference for variable in description.modelVariables}
@@ -199,13 +199,13 @@ class Fmu:
 
 
 def record():
-    """Samples of the paper's orbit: positions, and the currents that a rotor on it needs."""
+    """Samples of the paper's orbit: positions, and the currents required for it."""
     theta = numpy.arange(STEPS) * 2 * numpy.pi / STEPS
     position = numpy.array([30e-6 * numpy.cos(theta), 70e-6 * numpy.sin(theta)])
     alpha = numpy.array([numpy.pi, -numpy.pi / 3, numpy.pi / 3])
     direction = numpy.array([numpy.sin(alpha), numpy.cos(alpha)])
     force = -6.7 * (100 * numpy.pi) ** 2 * position
-    # Two of three magnets carry the force, all of them 20 N more, which cancel.
+    # Two of three magnets carry the force; another 20 N in all of them cancel.
     magnets = numpy.linalg.pinv(direction) @ force
     magnets += 20 - magnets.min(axis=0)
     gap = 5e-4 - direction.T @ position
@@ -214,7 +214,7 @@ def record():
 
 
 def report(title, spent, base):
-    """A table of medians and quartiles, and of ratios taken turn by turn; the first turns fill the windows."""
+    """Print medians, quartiles, and median ratios turn by turn, without the first turns, which fill the windows."""
     print(f"\n| {title}, through fmpy | median | quartiles | ratio |\n|---|---:|---|---:|")
     for name, times in spent.items():
         low, median, high = numpy.percentile(times[4:], [25, 50, 75])

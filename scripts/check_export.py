@@ -2,10 +2,10 @@
 """Check the crate fmu-export as its users would: its examples in fmpy, and its README in an empty folder.
 
 Needs the packages of scripts/requirements.txt and cargo. The Van der Pol oscillator is compared with SciPy's solution, the PI
-controller and the thermostat with the same laws written in Python, the bouncing ball with its parabolas, the heated rod with the heat
-that it has taken in and with SciPy's solution. The README's crate is built in a folder of its own, packed, validated, and
-compared with the closed form; with `panic = "abort"` it must not compile. No dependency of the two crates needs a later Rust than they
-state, and both can be published.
+controller and the thermostat with the same laws in Python, the bouncing ball with its parabolas, the heated rod with its heat input
+and with SciPy's solution. The README's crate is built in a separate folder, packed, validated, and compared with the closed form;
+with `panic = "abort"` it must not compile. No dependency of the two crates may need a later Rust than they state, and both must be
+publishable.
 """
 
 import argparse
@@ -29,7 +29,7 @@ CRATE = PROJECT / "fmu-export"
 # Difference from SciPy's solution, whose own tolerance is 1e-12. The Runge-Kutta method of the example takes steps of 1 ms: its
 # global error is of the order of the step to the power 4, 1e-12, times the constants of a stiff-free limit cycle over 20 s.
 VAN_DER_POL_TOLERANCE = 1e-9
-# The same operations in another order of rounding.
+# The same operations in another order.
 ROUNDING = 1e-12
 # Lines that the README's `lib.rs` may have.
 README_LINES = 30
@@ -45,9 +45,9 @@ def cargo(*arguments, folder=PROJECT):
     Parameters
     ----------
     *arguments : str
-        What follows ``cargo``.
+        Arguments of ``cargo``.
     folder : pathlib.Path
-        Where it runs.
+        Working directory.
     """
     subprocess.run(["cargo", *arguments], cwd=folder, check=True, stdin=subprocess.DEVNULL)
 
@@ -74,7 +74,7 @@ def validated(fmu):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     return [f"{fmu.name}: {problem}" for problem in validate_fmu(str(fmu))]
 
@@ -85,16 +85,16 @@ def far(name, found, wanted, tolerance):
     Parameters
     ----------
     name : str
-        What they are.
+        Name of the signal.
     found, wanted : array_like
         The signals.
     tolerance : float
-        Largest difference that passes.
+        Largest permitted difference.
 
     Returns
     -------
     list of str
-        Empty, or the difference in words.
+        Findings.
     """
     difference = float(np.max(np.abs(np.asarray(found) - np.asarray(wanted))))
     print(f"{name}: largest difference {difference:.2e}, allowed {tolerance:.0e}")
@@ -112,7 +112,7 @@ def van_der_pol(fmu):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     result = fmpy.simulate_fmu(str(fmu), stop_time=20.0, step_size=0.01, output_interval=0.01, output=["x", "v"])
 
@@ -127,7 +127,7 @@ def van_der_pol(fmu):
 
 
 def pi_controller(fmu):
-    """Compare the controller with its law, in steps that are no multiple of its sample time.
+    """Compare the controller with its law, in steps that are not multiples of its sample time.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def pi_controller(fmu):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     step = 0.004
     time = np.arange(251) * step
@@ -148,7 +148,7 @@ def pi_controller(fmu):
     )
     wanted, integral, taken, output = [0.0], 0.0, 0, 0.0
     for number in range(len(result["time"]) - 1):
-        # A sample belongs to the step in which it lies, the end excluded.
+        # A sample belongs to the step that contains it, without the end.
         while taken * 0.01 < (number + 1) * step - 1e-5:
             error = reference[math.floor(taken * 0.01 / step + 1e-9)] if taken * 0.01 <= 1.0 else reference[-1]
             ahead = integral + 5.0 * 0.01 * error
@@ -171,12 +171,12 @@ def bouncing_ball(fmu):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     result = fmpy.simulate_fmu(str(fmu), stop_time=2.0, step_size=0.01, output_interval=0.01, output=["h", "v", "impacts"])
     g, restitution, wanted = 9.81, 0.7, []
     for time in result["time"]:
-        # The time since the last impact, at which the ball was on the ground with a velocity upwards.
+        # Time of the last impact, and the upward velocity after it.
         begin, velocity, impacts = -math.sqrt(2.0 / g), math.sqrt(2.0 * g), 0
         while time - begin > 2.0 * velocity / g:
             begin, velocity, impacts = begin + 2.0 * velocity / g, restitution * velocity, impacts + 1
@@ -196,7 +196,7 @@ def thermostat(fmu):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     time = np.arange(61) * 60.0
     temperature = 293.15 + np.sin(time / 300.0)
@@ -220,7 +220,7 @@ def thermostat(fmu):
 
 
 def heated_rod(fmu):
-    """Compare the rod with SciPy's solution, and its heat with what it has taken in.
+    """Compare the rod with SciPy's solution, and its heat with the heat input.
 
     Parameters
     ----------
@@ -230,7 +230,7 @@ def heated_rod(fmu):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     names = [f"temperature[{cell}]" for cell in range(1, 41)]
     result = fmpy.simulate_fmu(str(fmu), stop_time=200.0, step_size=1.0, output_interval=1.0, output=names)
@@ -256,7 +256,7 @@ def length(example):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     text = (CRATE / "examples" / f"{example}.rs").read_text(encoding="utf-8")
     lines = [line for line in text.splitlines() if line.strip() and not line.strip().startswith("//")]
@@ -270,7 +270,7 @@ def readme():
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     text = (CRATE / "README.md").read_text(encoding="utf-8")
     manifest, library, program = (
@@ -288,7 +288,7 @@ def readme():
         (folder / "Cargo.toml").write_text(manifest.replace("../fmu-export", str(CRATE)), encoding="utf-8")
         (folder / "src" / "lib.rs").write_text(library, encoding="utf-8")
         (folder / "src" / "main.rs").write_text(program, encoding="utf-8")
-        # The versions that are locked here, and what was compiled here already.
+        # The locked versions of the project.
         (folder / "Cargo.lock").write_text((PROJECT / "Cargo.lock").read_text(encoding="utf-8"), encoding="utf-8")
         cargo("run", "--release", "--quiet", "--target-dir", str(PROJECT / "target" / "readme"), folder=folder)
         # A panic must not end the importer.
@@ -316,7 +316,7 @@ def readme():
 
 
 def rust_version():
-    """Compare the oldest Rust that the crates state with what their dependencies state.
+    """Compare the oldest Rust version that the crate states with those of its dependencies.
 
     Returns
     -------
@@ -337,12 +337,12 @@ def rust_version():
         return [int(part) for part in (package["rust_version"] or "1").split(".")]
 
     [crate] = [package for package in packages.values() if package["name"] == "fmu-export"]
-    needed, rest = set(), [crate["id"]]
-    while rest:
-        at = rest.pop()
+    needed, pending = set(), [crate["id"]]
+    while pending:
+        at = pending.pop()
         if at not in needed:
             needed.add(at)
-            rest += edges[at]
+            pending += edges[at]
     late = [packages[at] for at in needed if version(packages[at]) > version(crate)]
     print(f"fmu-export: Rust {crate['rust_version']}, {len(needed)} crates, {len(late)} need a later one")
     return [f"{package['name']} needs Rust {package['rust_version']}" for package in late]

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
 """Compare the FMUs of FMI 3.0 with those of FMI 2.0, to the last bit.
 
-All FMUs of the project and of the examples of fmu-export are packaged, once with scalars and once with arrays. Each archive is
-validated by fmpy and by the FMU manipulation toolbox, both with the schema of the standard. Then the same run, with inputs that
-change at every step, must give the same bits in FMI 2.0 and FMI 3.0: in direct calls of fmpy, with scalars, with event mode and
-with arrays; in fmpy's own simulation; and in containers of the toolbox, which hold one FMU and are run by fmpy.
+All FMUs of the project and of the examples of fmu-export are packaged with scalars and with arrays. Each archive is validated by
+fmpy and by the FMU manipulation toolbox, both with the schema of the standard. Then the same run, with inputs that change at every
+step, must give the same bits in FMI 2.0 and FMI 3.0: in direct calls of fmpy, with scalars, with event mode and with arrays; in
+fmpy's own simulation; and in containers of the toolbox with one FMU, run by fmpy.
 
-Needs the packages of scripts/requirements.txt, cargo, and the program as `cargo build --release` makes it. The importer in
+Needs the packages of scripts/requirements.txt, cargo, and the program built by `cargo build --release`. The importer in
 tests/importer does the same in fmi-rs.
 """
 
@@ -34,7 +34,7 @@ EXAMPLES = {
     "thermostat": "Thermostat",
     "heated_rod": "HeatedRod",
 }
-# Off with its start values, so that its outputs stay as they are.
+# Off with its start values, so that its outputs are constant.
 STILL = ("Thermostat",)
 STEPS = 200
 # Getters and setters of fmpy by the type of a variable.
@@ -50,12 +50,12 @@ def command(*arguments, folder=PROJECT):
     *arguments : str
         The command.
     folder : pathlib.Path
-        Where it runs.
+        Working directory.
 
     Returns
     -------
     str
-        What it printed.
+        Its output.
     """
     done = subprocess.run(
         [str(argument) for argument in arguments],
@@ -72,7 +72,7 @@ def command(*arguments, folder=PROJECT):
 
 
 def package(folder, *switches):
-    """Package all FMUs into a folder below the given one.
+    """Package all FMUs below a folder.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def size_of(variable):
 
 
 def excitation(variable, element, step):
-    """Value of an element of an input at a step: near its start, and different for each.
+    """Value of an input element at a step: near its start, different for each.
 
     Parameters
     ----------
@@ -159,7 +159,7 @@ class Run2:
 
 
 class Run3:
-    """An instance of FMI 3.0, with event mode or without."""
+    """An instance of FMI 3.0, with or without event mode."""
 
     def __init__(self, archive, folder, event_mode):
         self.description = fmpy.read_model_description(str(archive))
@@ -218,12 +218,12 @@ def direct(name, two, three, arrays, folder):
     two, three, arrays : pathlib.Path
         Its archives: FMI 2.0, FMI 3.0, FMI 3.0 with arrays.
     folder : pathlib.Path
-        Where to extract them.
+        Folder for the extracted archives.
 
     Returns
     -------
     list of str
-        What differs.
+        Differences.
     """
     wanted = Run2(two, folder / "two")
     inputs = continuous_inputs(wanted.description)
@@ -250,7 +250,7 @@ def direct(name, two, three, arrays, folder):
 
 
 def columns(result):
-    """Split a recording into columns of scalars, those of arrays under the names of their elements."""
+    """Split a recording into columns of scalars; elements of arrays get their names."""
     found = {}
     for name in result.dtype.names:
         column = result[name]
@@ -274,7 +274,7 @@ def simulated(name, two, three, arrays):
     Returns
     -------
     list of str
-        What differs.
+        Differences.
     """
     description = fmpy.read_model_description(str(two))
     length = float(description.defaultExperiment.stepSize)
@@ -296,7 +296,7 @@ def signals(box, description, length):
     box : pathlib.Path
         The container.
     description : fmpy.model_description.ModelDescription
-        Description of the FMU of FMI 2.0 in it, or of the one with the same inputs.
+        Description of its FMU in FMI 2.0.
     length : float
         Step, in seconds.
 
@@ -307,7 +307,7 @@ def signals(box, description, length):
     """
     starts = continuous_inputs(description)
     references = {v.name: v.valueReference for v in description.modelVariables if v.valueReference in starts}
-    # The container has its own names only where they would occur twice.
+    # The container renames variables only if their names would occur twice.
     names = [v.name for v in fmpy.read_model_description(str(box)).modelVariables if v.name in references]
     if len(names) != len(references):
         raise RuntimeError(f"{box}: inputs {names} of {sorted(references)}")
@@ -328,12 +328,12 @@ def contained(name, two, three, folder):
     two, three : pathlib.Path
         Its archives: FMI 2.0, FMI 3.0.
     folder : pathlib.Path
-        Where the containers are made.
+        Folder for the containers.
 
     Returns
     -------
     list of str
-        What differs.
+        Differences.
     """
     description = fmpy.read_model_description(str(two))
     length = float(description.defaultExperiment.stepSize)
@@ -359,7 +359,7 @@ def contained(name, two, three, folder):
     return findings
 
 
-def sound(archive):
+def validated(archive):
     """Validate an archive with fmpy and with the toolbox.
 
     Parameters
@@ -370,7 +370,7 @@ def sound(archive):
     Returns
     -------
     list of str
-        What is wrong with it.
+        Findings.
     """
     findings = [f"{archive.name}: {problem}" for problem in validate_fmu(str(archive))]
     report = command(Path(sys.executable).with_name("fmutool"), "-input", archive, "-check")
@@ -398,7 +398,7 @@ def main():
         for name in (*ALL, *EXAMPLES.values()):
             two, three = folders[0] / f"{name}.fmu", folders[0] / f"{name}_fmi3.fmu"
             arrays = folders[1] / f"{name}_fmi3.fmu"
-            findings += sound(three) + sound(arrays)
+            findings += validated(three) + validated(arrays)
             findings += direct(name, two, three, arrays, scratch / "extracted" / name)
             findings += simulated(name, two, three, arrays)
             findings += contained(name, two, three, scratch / "containers" / name)

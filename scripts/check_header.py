@@ -1,12 +1,11 @@
 #!/usr/bin/env python3
-"""Compare our headers of FMI 2.0 and FMI 3.0, item by item, with those that fmpy ships.
+"""Compare our headers of FMI 2.0 and FMI 3.0, item by item, with those shipped with fmpy.
 
-Both sides are read by libclang, so that what is compared is what a compiler understands, whatever the layout of the text:
-the values of macros and enumeration constants, the types of typedefs, structure fields, function types and prototypes.
-A type is compared twice, as written and with all typedefs resolved: the first tells fmi2Integer from fmi2Boolean, the
-second is what the other side of the call relies on.
+libclang reads both sides, so that the meaning for a compiler is compared, whatever the layout of the text: the values of macros and
+enumeration constants, the types of typedefs, structure fields, function types and prototypes. A type is compared as written, which
+distinguishes fmi2Integer from fmi2Boolean, and with all typedefs resolved, on which the other side of a call relies.
 
-Needs the packages fmpy and libclang in the interpreter that runs it; no compiler is needed.
+Needs the packages fmpy and libclang; no compiler is needed.
 """
 
 import argparse
@@ -18,7 +17,7 @@ from clang import cindex
 
 SOURCES = Path(__file__).resolve().parent.parent / "fmu-export" / "src"
 
-# The C library is replaced by these lines, so that the result depends on no compiler of the machine.
+# Replaces the C library, so that the result does not depend on the machine.
 LIBRARY = {
     "stddef.h": "typedef __SIZE_TYPE__ size_t;\n",
     "stdlib.h": "",
@@ -45,10 +44,10 @@ MODEL_EXCHANGE_FUNCTIONS = [
     "fmi2GetNominalsOfContinuousStates",
 ]
 MODEL_EXCHANGE_TYPES = ["fmi2EventInfo"] + [f"{name}TYPE" for name in MODEL_EXCHANGE_FUNCTIONS]
-# The means by which C sources decorate the names they export; our exports are made in Rust.
+# Macros that decorate exported names in C; our exports are in Rust.
 EXPORT_MACROS = ["FMI2_Export", "fmi2FullName"]
 
-# Functions that our headers leave out. An FMU exports all functions of FMI 3.0.
+# Items that our headers omit. An FMU exports all functions of FMI 3.0.
 ABSENT = {
     "fmi2": set(MODEL_EXCHANGE_FUNCTIONS + MODEL_EXCHANGE_TYPES + EXPORT_MACROS),
     "fmi3": {"FMI3_Export", "fmi3FullName"},
@@ -56,7 +55,7 @@ ABSENT = {
 
 
 def described(kind):
-    """Describe a type as written and as resolved.
+    """Describe a type as written and resolved.
 
     Parameters
     ----------
@@ -68,12 +67,12 @@ def described(kind):
     str
         Both spellings.
     """
-    # fmpy declares callbacks without arguments as in K&R's C; the standard has (void).
+    # fmpy declares callbacks without arguments in K&R style; the standard has (void).
     return f"{kind.spelling} = {kind.get_canonical().spelling}".replace("()", "(void)")
 
 
 def cursor_items(cursor):
-    """Yield what one declaration says, in comparable pieces.
+    """Yield the comparable parts of a declaration.
 
     Parameters
     ----------
@@ -83,13 +82,13 @@ def cursor_items(cursor):
     Yields
     ------
     tuple of (tuple of str, str)
-        A key (kind, name, part), and the value that two headers must share.
+        A key (kind, name, part), and the value to be compared.
     """
     kinds = cindex.CursorKind
     name = cursor.spelling
     if cursor.kind == kinds.MACRO_DEFINITION:
         value = " ".join(token.spelling for token in list(cursor.get_tokens())[1:])
-        # Without a value it is an include guard; with the macro for full names it is the decoration of an exported name.
+        # A macro without a value is an include guard; one with the macro for full names decorates an exported name.
         if value and "FullName (" not in value:
             yield ("macro", name, ""), value
     elif cursor.kind == kinds.TYPEDEF_DECL:
@@ -107,7 +106,7 @@ def cursor_items(cursor):
 
 
 def header_items(header):
-    """Read all items of a header and of those that it includes.
+    """Read all items of a header and its includes.
 
     Parameters
     ----------
@@ -139,7 +138,7 @@ def header_items(header):
 
 
 def reference_header(standard):
-    """Find the header in the installed fmpy that includes all others.
+    """Find fmpy's header that includes all others.
 
     Parameters
     ----------
@@ -154,7 +153,7 @@ def reference_header(standard):
     Raises
     ------
     SystemExit
-        If there is no fmpy, or none of its files is that header.
+        If fmpy or that header is missing.
     """
     package = importlib.util.find_spec("fmpy")
     folders = package.submodule_search_locations if package else []
@@ -172,7 +171,7 @@ def differences(ours, theirs, left_out):
     ours, theirs : dict
         Items of our header and of the reference.
     left_out : set of str
-        Names that our header leaves out.
+        Names that our header omits.
 
     Returns
     -------
@@ -185,14 +184,14 @@ def differences(ours, theirs, left_out):
             lines.append(f"{' '.join(key).strip()}: listed as absent, but our header has it")
         elif key[1] not in left_out and ours.get(key) != theirs.get(key):
             lines.append(f"{' '.join(key).strip()}: ours {ours.get(key)}, theirs {theirs.get(key)}")
-    # A name that the reference does not know would hide nothing now, and perhaps a mistake later.
+    # A name unknown to the reference might hide a mistake later.
     known = {name for _, name, _ in theirs}
     lines += [f"{name}: listed as absent, but the reference does not have it" for name in sorted(left_out - known)]
     return lines
 
 
 def main():
-    """Compare the headers and print what differs.
+    """Compare the headers and print the differences.
 
     Returns
     -------

@@ -3,8 +3,8 @@
 
     scripts/check_platforms.py target/fmu-all
 
-Each FMU holds the same binary for each platform, in the folder that belongs to it; each binary exports the functions of
-the headers fmi2.h and fmi3.h of fmu-export/src and nothing else, needs system libraries only, and holds no time and no path of the machine that built it.
+All FMUs must hold the same binary per platform, in its folder; each binary must export exactly the functions of the headers fmi2.h
+and fmi3.h of fmu-export/src, need only system libraries, and hold no time and no path of the machine that built it.
 Needs the package lief.
 """
 
@@ -30,7 +30,7 @@ SYSTEM_LIBRARIES = re.compile(
     r"|/usr/lib/libSystem\.B\.dylib",
     re.IGNORECASE,
 )
-# Folders of machines. Debian's own standard library names where its source is installed.
+# Paths of machines. Debian's standard library contains the path of its source.
 PATHS = re.compile(rb"(?<![\w.])/(?:root|home|Users|tmp|work|builds?|mnt|opt|var)/[\w./-]+|index\.crates|registry/src|/\.cargo")
 PATHS_ALLOWED = re.compile(rb"/(?:tmp|var/run)/?$")
 
@@ -112,7 +112,7 @@ def check_macho(name, binary, machine):
         check(own == library.name.startswith("@rpath/"), f"{name} needs {library.name}")
         check(own or SYSTEM_LIBRARIES.fullmatch(library.name), f"{name} needs {library.name}")
     check(list(binary.build_version.minos) == MACOS_OLDEST, f"{name} needs macOS {binary.build_version.minos}")
-    # Apple silicon runs only signed code; a signature by the linker is enough.
+    # Apple silicon runs only signed code; the linker's signature suffices.
     signed = binary.has_code_signature
     check(signed or machine == lief.MachO.Header.CPU_TYPE.X86_64, f"{name} is not signed")
     exports = binary.dyld_info.exports if binary.has_dyld_info else binary.dyld_exports_trie.exports
@@ -126,7 +126,7 @@ def check_content(name, folder, content, expected):
         check(PATHS_ALLOWED.search(path), f"{name} holds the path {path.decode()}")
     for folder_here in {str(PROJECT), str(Path.home()), os.environ.get("CARGO_HOME", "")} - {"", "/"}:
         check(folder_here.encode() not in content, f"{name} holds the path {folder_here}")
-    if folder.endswith("linux64") or folder.endswith("linux"):
+    if folder.endswith(("linux64", "linux")):
         machine = lief.ELF.ARCH.AARCH64 if arm else lief.ELF.ARCH.X86_64
         exports = [check_elf(name, lief.ELF.parse(io.BytesIO(content)), machine)]
     elif folder == "win64":
@@ -134,7 +134,7 @@ def check_content(name, folder, content, expected):
     else:
         cpu = lief.MachO.Header.CPU_TYPE
         machines = [cpu.ARM64] if arm else [cpu.X86_64, cpu.ARM64]
-        # The parts live as long as the universal file.
+        # Keeps the universal file, which owns the parts.
         whole = lief.MachO.parse(io.BytesIO(content))
         slices = list(whole)
         check(len(slices) == len(machines), f"{name} holds {len(slices)} libraries")

@@ -1,16 +1,15 @@
 """Run closed loops of FMUs and Python functions in fmpy.
 
-A :class:`System` says which components there are and how they are wired. A component is an FMU or any Python callable;
-:func:`read_system` reads a system from an SSP, and single components of it can be replaced::
+A :class:`System` lists components and connections. A component is an FMU or any Python callable;
+:func:`read_system` reads a system from an SSP, and its components can be replaced::
 
     system = read_system("target/fmu/MagneticBearing.ssp")
     system.elements["controller"] = (pid, {})
     rows = run(system, stop_s=0.2)
     plt.plot(rows["time"], rows["plant.Y"])
 
-At every communication point all outputs are read, then all connected inputs are set, then every component does its
-step, as in the program `magnetic-bearing simulate`. So what a component computes of its inputs at `t` acts from the next
-point on.
+At every communication point all outputs are read, then all connected inputs are set, then every component steps, as in
+`magnetic-bearing simulate`. The response of a component to its inputs at `t` thus acts from the next point on.
 """
 
 import tempfile
@@ -48,8 +47,7 @@ NAMESPACES = {
     "osp": "http://opensimulationplatform.com/SSP/OSPAnnotations",
 }
 
-# Messages of all instances by instance name. The native proxy that formats messages has one receiver per
-# process.
+# Messages of all instances by instance name: the native proxy that formats them has one receiver per process.
 MESSAGES = {}
 
 
@@ -66,7 +64,7 @@ addLoggerProxy(byref(CALLBACKS))
 
 @dataclass
 class Model:
-    """An FMU: its archive, the folder it is extracted to, and its variables by name."""
+    """An FMU: its archive, its extracted folder, and its variables by name."""
 
     archive: Path
     folder: str
@@ -82,7 +80,7 @@ class Model:
         archive : pathlib.Path
             The FMU.
         folder : pathlib.Path
-            Where to extract it.
+            Folder for its files.
 
         Returns
         -------
@@ -119,7 +117,7 @@ class Model:
 
 
 class CallFailed(FMICallException):
-    """A call of an FMU has failed; the text is the FMU's own reason."""
+    """A failed call of an FMU, with the FMU's reason as text."""
 
     def __init__(self, error, reason):
         super().__init__(error.function, error.status)
@@ -168,7 +166,7 @@ class Instance:
 
     @contextmanager
     def _with_reason(self):
-        """Replace the status of a call that failed by what the FMU said."""
+        """Replace the status of a failed call by the FMU's messages."""
         before = len(self.messages)
         try:
             yield
@@ -251,7 +249,7 @@ class Function:
     ----------
     function : callable
         Called in every step as `function(t, inputs)` with the time in s and a dict of the connected inputs by name;
-        returns a dict of outputs, which hold from the next communication point on. What it leaves out stays.
+        returns a dict of outputs, which hold from the next communication point on. Missing ones keep their values.
     outputs : list of str
         Names of the outputs.
     """
@@ -297,15 +295,15 @@ class System:
     Parameters
     ----------
     elements : dict
-        By name, what a component is and a dict of settings: `(what, settings)`. It is the path of an FMU, a
+        By name, a component and a dict of settings: `(what, settings)`. The component is the path of an FMU, a
         :class:`Model`, a callable (see :class:`Function`), or a name in the `models` of :func:`run`. The settings of an FMU
-        are its parameters, those of a callable its outputs at the start.
+        are its parameters, those of a callable its initial outputs.
     connections : list
         Pairs of output and input, each `"element.variable"` or `(element, variable)`.
     duration_s, step_s : float, optional
-        How long it is run, and the step, if nothing else is said.
+        Default length of a run and of a step.
     archive : pathlib.Path, optional
-        An SSP with the FMUs that the elements name.
+        An SSP with the FMUs of the elements.
     """
 
     elements: dict
@@ -329,12 +327,12 @@ def read_system(ssp, structure="SystemStructure.ssd"):
     ssp : pathlib.Path or str
         The archive.
     structure : str, optional
-        The member that describes the structure.
+        The member with the structure.
 
     Returns
     -------
     System
-        The loop with the parameters that are bound to its elements.
+        The loop with the parameters bound to its elements.
     """
     with zipfile.ZipFile(ssp) as archive:
         root = etree.fromstring(archive.read(structure))
@@ -380,12 +378,12 @@ def open_models(system, folder):
     system : System
         The system.
     folder : pathlib.Path
-        Where to extract them.
+        Folder for their files.
 
     Returns
     -------
     dict
-        The FMUs by the name or path under which the elements know them.
+        The FMUs by the name or path used in the elements.
     """
     models = {}
     wanted = {what for what, _ in system.elements.values() if isinstance(what, str | Path)}
@@ -405,7 +403,7 @@ def instantiate(system, models):
     instances = {}
     for name, (what, _) in system.elements.items():
         if callable(what):
-            # Its outputs are the inputs that others connect to it.
+            # Its outputs are those that are connected.
             outputs = dict.fromkeys(start[1] for start, _ in system.connections if start[0] == name)
             instances[name] = Function(what, outputs)
         else:
@@ -423,23 +421,23 @@ def run(
     stop_s=None,
     step_s=None,
 ):
-    """Run a loop: at every point all outputs are read, then all connected inputs set, then all instances stepped.
+    """Run a loop: at every point read all outputs, then set all connected inputs, then step all instances.
 
     Parameters
     ----------
     system : System
-        What is connected to what.
+        The loop.
     models : dict, optional
-        FMUs that were opened already, by name; by default those that the system names are opened, and removed again.
+        Opened FMUs by name; by default those of the system are opened temporarily.
     times_s, lengths_s : list of float, optional
-        Communication points, one more than steps, and the steps; by default multiples of `step_s` up to `stop_s`.
+        Communication points, one more than steps, and step lengths; by default multiples of `step_s` up to `stop_s`.
     instances : dict, optional
-        Instances by element that were already started; by default new ones are made and closed again.
+        Started instances by element; by default new ones are made and closed again.
     after_inputs : bool, optional
-        Record the outputs when the new inputs are set, as ecos does, and not when they are read to be handed on. It
-        makes a difference to outputs that follow an input at the same instant, the forces of the magnets.
+        Record the outputs after the new inputs are set, as ecos does, instead of before. This matters for outputs with
+        direct feedthrough, the forces of the magnets.
     stop_s, step_s : float, optional
-        Length of the run and of a step, those of the system by default.
+        Length of the run and of a step; by default those of the system.
 
     Returns
     -------

@@ -14,7 +14,7 @@ PROGRAM = ["cargo", "run", "--release", "--locked", "--quiet", "--"]
 
 # System structures within the SSP and the scenarios that their parameters come from.
 VARIANTS = {"SystemStructure.ssd": "unbalanced", "PaperSimulation.ssd": "paper"}
-# Elements of the loop, in the order of the scenario files, and the FMU that each is an instance of.
+# Elements of the loop, in the order of the scenario files, with their FMUs.
 ELEMENTS = {"plant": "MagneticBearing", "controller": "FlatnessController", "estimator": "AlgebraicEstimator"}
 
 
@@ -29,7 +29,7 @@ def program(*arguments):
 
 
 def read_scenario(text, models, connections):
-    """Read a scenario as the program prints it.
+    """Read a scenario printed by the program.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def read_scenario(text, models, connections):
     Returns
     -------
     System
-        The loop, and the estimators that run beside it.
+        The loop, with further estimators for comparison.
     """
     document = tomllib.loads(text)
     elements = {}
@@ -78,7 +78,7 @@ def leaves(table, prefix=""):
 
 
 def knows(model, key):
-    """Whether an FMU has a variable, or an array of variables, of that name."""
+    """Whether an FMU has a variable or an array of that name."""
     return key in model.variables or f"{key}[1]" in model.variables
 
 
@@ -93,7 +93,7 @@ def convert(model, name, value):
     if unit in ("", variable.unit):
         return float(number)
     units = {u.name: u for u in model.description.unitDefinitions}[variable.unit].displayUnits
-    # The factor of the standard turns a value into the value shown.
+    # The standard's factor converts a value to the displayed value.
     return float(number) / float(next(display.factor for display in units if display.name == unit))
 
 
@@ -119,7 +119,7 @@ def same_bits(one, other):
 
 
 def differences(one, other, first_row=0):
-    """Compare two recordings bit by bit; times of only one of them are ignored.
+    """Compare two recordings bit by bit; `time` may be missing in one.
 
     Returns
     -------
@@ -140,7 +140,7 @@ def differences(one, other, first_row=0):
 
 
 def largest_difference(one, other, nominals, first_row=0):
-    """Find the largest difference of two recordings in parts of the nominal values.
+    """Find the largest difference of two recordings relative to the nominal values.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def largest_difference(one, other, nominals, first_row=0):
     nominals : dict
         Nominal values by name.
     first_row : int, optional
-        Where to begin.
+        First row to compare.
 
     Returns
     -------

@@ -1,12 +1,12 @@
 """Call every function of the packaged FMUs through fmpy, and compare final values of all tools.
 
-Usage: `conformance.py DIST`, with the folder of the packaged FMUs. Each FMU runs alone in fmpy, libcosim and ecos; the
-loops of all machines, and twins that `identify` writes of two recordings, run in these, MagneticBearing.ssp in fmi-rs as well, and
-directly in the program. All of them must give the same final values, relative to the nominal of every variable. Needs the packages of scripts/requirements.txt, and cargo for the
-program and for the importer in tests/importer.
+Usage: `conformance.py DIST`, with the folder of the packaged FMUs. Each FMU runs alone in fmpy, libcosim and ecos. The loops of all
+machines, and twins that `identify` writes of two recordings, run in these tools and directly in the program, MagneticBearing.ssp also
+in fmi-rs. All final values must agree, relative to the nominal value of every variable. Needs the packages of
+scripts/requirements.txt, and cargo for the program and for the importer in tests/importer.
 
-The FMU manipulation toolbox (fmutool) runs no FMU: it unpacks an archive and checks the model description against the schema
-and its own rules (names, causality and variability, dependencies, binaries), and reports findings.
+The FMU manipulation toolbox (fmutool) runs no FMU: it checks the model description in an archive against the schema
+and its own rules (names, causality and variability, dependencies, binaries).
 """
 
 import csv
@@ -26,10 +26,10 @@ from fmpy.validation import validate_fmu
 
 STEP_S = 1e-4
 STEPS = 50
-# Final values of different tools: in parts of the nominal. The arithmetic is the same; only the times are summed up or
+# Final values of different tools, relative to the nominal values. The arithmetic is the same, but times are summed up or
 # multiplied.
 SAME_RUN = 1e-9
-# A central difference against an exact derivative: in parts of the largest in its column.
+# A central difference against an exact derivative, relative to the largest in its column.
 QUOTIENT = 1e-5
 # The other machines: scenario, and plant, controller and estimator.
 OTHERS = {
@@ -54,11 +54,11 @@ TWINS = {
 }
 ALL = (*FMUS, *(fmu for fmus in OTHERS.values() for fmu in fmus))
 IMPORTER = PROJECT / "tests" / "importer" / "Cargo.toml"
-# The loop in different tools against the direct run, in parts of the nominal. Instances of fmpy and fmi-rs are given the
-# program's own points in time. libcosim counts nanoseconds and ecos adds up, by up to 3e-14 s; at 314 rad/s a harmonic force then
-# differs by 1e-11 of its amplitude.
+# The loop in different tools against the direct run, relative to the nominal values. Instances of fmpy and fmi-rs get the
+# program's points in time. libcosim counts nanoseconds and ecos adds up steps, with differences up to 3e-14 s; at 314 rad/s a
+# harmonic force then differs by 1e-11 of its amplitude.
 SAME_LOOP = {"fmpy": 0.0, "fmi-rs": 0.0, "libcosim": 1e-10, "ecos": 1e-10}
-# Functions that fmpy calls itself or under another name.
+# Functions called by fmpy itself or under another name.
 INDIRECT = {"fmi2FreeInstance", "fmi2Instantiate", "fmi2GetVersion", "fmi2GetTypesPlatform"}
 
 
@@ -186,10 +186,10 @@ def questions(model, called, findings):
 
 
 def directional(model, instance, findings):
-    """Compare all derivatives by the inputs with differences, and with the dependencies that are declared."""
+    """Compare all derivatives with respect to inputs with difference quotients and with declared dependencies."""
     names, inputs = reals(model, "input")
     outputs, unknowns = reals(model, "output")
-    # Currents that differ from each other.
+    # Different currents.
     magnets = [name for name in names if name.rpartition(".")[2].startswith("i[")]
     instance.set({name: 1.5 - 0.1 * k for k, name in enumerate(magnets)})
     declared = {u.variable.name: {d.name for d in u.dependencies or []} for u in model.description.outputs}
@@ -305,7 +305,7 @@ class Loop:
 
 
 def twin(name, scratch, findings):
-    """Identify from a recording, validate the twin as a scenario, SSV and SSP, and return its loop."""
+    """Identify from a recording, validate SSV and SSP of the twin, and return its loop."""
     elements, arguments = TWINS[name]
     archive, alone, scenario = (scratch / Path(name).with_suffix(ending) for ending in (".ssp", ".ssv", ".toml"))
     program("identify", *arguments, "--ssp", archive, "--ssv", alone, "--save", scenario)
@@ -325,7 +325,7 @@ def twin(name, scratch, findings):
 
 
 def loop_in_the_program(loop, models, scratch):
-    """Final outputs of the direct run in Rust, without the enumerations that some tools cannot set."""
+    """Final outputs of the direct run in Rust, without enumerations, which some tools cannot set."""
     choices = {choice for model in models.values() for choice in model.choices()}
     lines = loop.scenario.splitlines()
     kept = [line for line in lines if line.partition("=")[0].strip().strip('"') not in {*choices, "compare"}]
@@ -349,11 +349,11 @@ def loop_in_fmpy(loop, models, _scratch):
 
 
 def loop_in_fmi_rs(_loop, _models, _scratch):
-    """Final outputs of the loop over instances of fmi-rs, as the importer in tests/importer writes them."""
+    """Final outputs of the loop over instances of fmi-rs, written by the importer in tests/importer."""
     target = PROJECT / "target" / "importer"
     written = target / "tmp" / "final.csv"
     written.unlink(missing_ok=True)
-    name = "final_values_are_written_down_for_comparison"
+    name = "final_values_are_written_for_comparison"
     options = ["--manifest-path", str(IMPORTER), "--target-dir", str(target), "--locked", "--quiet"]
     command("cargo", "test", *options, "--", "--exact", name)
     with open(written, encoding="utf-8", newline="") as file:
@@ -374,7 +374,7 @@ def loop_in_tool(tool):
 
 
 def following_inputs(elements, models):
-    """Outputs of the loop that follow an input at the same instant, as the model descriptions declare."""
+    """Outputs of the loop with direct feedthrough, from the model descriptions."""
     return {
         f"{element}.{unknown.variable.name}"
         for element, fmu in elements.items()
@@ -394,7 +394,7 @@ def loop_in_every_tool(loop, all_models, findings):
     elements = loop.elements
     models = {fmu: all_models[fmu] for fmu in elements.values()}
     if loop.archive.name != SYSTEM:
-        # The importer in Rust runs that of the planar rotor.
+        # The importer in Rust runs only the planar rotor.
         del runs["fmi-rs"]
     with tempfile.TemporaryDirectory() as scratch:
         wanted = loop_in_the_program(loop, models, Path(scratch))
@@ -424,7 +424,7 @@ def loop_in_every_tool(loop, all_models, findings):
 
 
 def sound_archives(folder, findings):
-    """Look at the archives with fmutool."""
+    """Check the archives with fmutool."""
     compliant = {}
     fmutool = str(Path(sys.executable).with_name("fmutool"))
     for name in ALL:

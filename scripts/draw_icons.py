@@ -1,9 +1,9 @@
 """Draw the icons of the FMUs: modelDescription/*.svg to PNG.
 
-Run without arguments it writes the PNG beside each SVG; with ``--check`` it
-writes nothing and says whether the PNGs are what the SVGs give.
+Without arguments it writes a PNG beside each SVG; with ``--check`` it only
+reports whether the PNGs are current.
 
-It needs one package, which holds its own renderer::
+It needs one package, which includes a renderer::
 
     pip install resvg-py==0.5.0
 """

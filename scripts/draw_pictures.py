@@ -12,7 +12,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 PICTURE = ROOT / "docs" / "pictures" / "report.png"
 SCENARIO = "experiment"
-# The animation stops here.
+# Instant of the animation.
 INSTANT_S = 0.117
 
 

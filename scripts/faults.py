@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Recordings with faults, made by a simulator that shares nothing with the product, and what `identify` says of them.
+"""Recordings with faults, made by a simulator that shares no code with the product, and the answers of `identify`.
 
     cargo build --release
     scripts/faults.py --seed 501 --runs 20 [--only TEXT]
 
-Every seed draws a bearing, a controller and the noise of its sensors, and records one second at 10 kHz. Each fault is put into the recordings
-of all seeds. A verdict is right if the answer is valid where the fault can be mended, and not valid elsewhere; the cause is right if its words
-stand in the answer and, without a fault, if there are none. The exit code is 1 unless both are right in all runs but one of twenty, and no valid answer
-is off by more than four stated deviations.
+Every seed draws a bearing, a controller and sensor noise, and records one second at 10 kHz. Each fault is applied to the recordings
+of all seeds. A verdict is right if the answer is valid exactly where the fault can be corrected; the cause is right if the answer contains its
+words or, without a fault, no finding. The exit code is 1 unless both are right in 19 of 20 runs, and no valid answer
+is off by more than four stated standard deviations.
 
 Requires: numpy.
 """
@@ -29,12 +29,12 @@ PROGRAM = Path(__file__).resolve().parents[1] / "target" / "release" / "magnetic
 STEP_S, SUBSTEPS = 1e-4, 4
 HEADER = "time [s],Ym [m],Zm [m],im[1] [A],im[2] [A],im[3] [A],theta [rad],omega [rad/s]"
 POSITIONS, CURRENTS = slice(1, 3), slice(3, 6)
-MOST = 4.0
+WORST = 4.0
 
 
 @dataclass
 class Recording:
-    """Columns as in HEADER, λ at the end and, if it changes, at the start; arguments for `identify`; the generator of the seed."""
+    """Columns as in HEADER, commands, final and, if different, initial λ, arguments of `identify`, random generator."""
 
     rows: np.ndarray
     commands: np.ndarray
@@ -44,19 +44,19 @@ class Recording:
 
 
 class Amplifier:
-    """Currents that follow commands with two time constants, each 0 for none."""
+    """Currents that follow commands with two lags, 0 for none."""
 
     def __init__(self, current, *lags_s):
         self.states, self.lags_s = [current] * len(lags_s), lags_s
         self.current = current
 
     def follow(self, command, duration_s):
-        """The currents after the commands have been held for so long."""
+        """The currents after holding the commands for this time."""
         left = [math.exp(-duration_s / lag_s) if lag_s else 0.0 for lag_s in self.lags_s]
         (first, second), (a, b) = (state - command for state in self.states), self.lags_s
-        # What is left of the first state reaches the second one on the way.
-        on_the_way = a / (a - b) * (left[0] - left[1]) if a and b else left[0]
-        self.states = [command + first * left[0], command + (second * left[1] if b else 0.0) + first * on_the_way]
+        # Response of the second state to the decay of the first one.
+        coupling = a / (a - b) * (left[0] - left[1]) if a and b else left[0]
+        self.states = [command + first * left[0], command + (second * left[1] if b else 0.0) + first * coupling]
         self.current = self.states[1]
         return self.current
 
@@ -64,10 +64,9 @@ class Amplifier:
 def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, amplifier_s=(0.0, 0.0, 0.0), salt=0):
     """A recording of each seed. All bearings are integrated together.
 
-    The rotor is held on an ellipse by a PID controller with the feed-forward of its path; forces become currents by the gap that is measured
-    and a guess of λ. A command of sample k is held from k + 1 to k + 2. λ2 changes by the part `step_of_lambda` in the middle; the amplifiers
-    saturate at this part of the largest current of the first turns, and the currents follow the commands after a delay, with two time constants:
-    `amplifier_s`.
+    A PID controller with feed-forward keeps the rotor on an ellipse; forces are converted to currents with the measured gap and a guess of λ.
+    A command of sample k is held from k + 1 to k + 2. λ2 changes by the fraction `step_of_lambda` in the middle; the amplifiers saturate at the
+    fraction `limit_a` of the largest current of the first turns, and the currents follow the commands with a delay and two lags: `amplifier_s`.
     """
     draws = [np.random.default_rng([seed, 1]) for seed in seeds]
     noise = [np.random.default_rng([seed, 2, salt]) for seed in seeds]
@@ -112,7 +111,7 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         data[:, row, 0], data[:, row, POSITIONS] = time, read
         data[:, row, CURRENTS] = amplifier.current + sigma_i[:, None] * white[:, row, 2:5]
         data[:, row, 6], data[:, row, 7] = (omega * time + phase) % (2 * np.pi), omega
-        # The controller: forces that move the rotor along its path, magnets that pull with `least` at least.
+        # The controller: forces that move the rotor along its reference, and magnet forces of at least `least`.
         wanted, forward = path(time)
         error = read - wanted
         rate = (read - filtered) * 3000.0
@@ -135,11 +134,11 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         slow = slow + slow_force * math.sqrt(STEP_S) * white[:, row, 5:]
         factor = np.array([1.0, 1.0 + step_of_lambda * (time > duration_s / 2), 1.0])
         h = STEP_S / SUBSTEPS
-        # A command is not yet there in the half steps that end before its delay.
+        # A command has no effect in half steps that end before its delay.
         commands_now = [old if half * h / 2 < delay_s - 1e-9 else held for half in range(2 * SUBSTEPS)]
-        course = [amplifier.current if any(amplifier_s) else held, *(amplifier.follow(now, h / 2) for now in commands_now)]
+        half_steps = [amplifier.current if any(amplifier_s) else held, *(amplifier.follow(now, h / 2) for now in commands_now)]
         for part in range(SUBSTEPS):
-            at, (begin, middle, end) = time + part * h, course[2 * part : 2 * part + 3]
+            at, (begin, middle, end) = time + part * h, half_steps[2 * part : 2 * part + 3]
             f = lambda t, x, current: acceleration(t, x, current, factor * constants, slow)
             k1, k2 = f(at, position, begin), f(at + h / 2, position + h / 2 * velocity, middle)
             k3 = f(at + h / 2, position + h / 2 * velocity + h * h / 4 * k1, middle)
@@ -158,14 +157,14 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
 
 
 def commanded(recording):
-    """The controller logs its commands when they take effect, beside what the sensors read then."""
+    """Commands, when they take effect, in place of measured currents."""
     rows = recording.rows.copy()
     rows[:, CURRENTS] = recording.commands
     return rows
 
 
 def stuck(recording):
-    """A channel of the recorder stands still for 20 to 200 ms, or to the end."""
+    """A channel is stuck for 20 to 200 ms, or to the end."""
     rows, random = recording.rows.copy(), recording.random
     column, start = random.integers(1, 6), random.integers(1000, 6000)
     end = len(rows) if random.random() < 0.25 else start + random.integers(200, 2000)
@@ -174,7 +173,7 @@ def stuck(recording):
 
 
 def clipped(recording):
-    """The range of a current sensor ends at 90 % of the largest current."""
+    """A current sensor is limited to 90 % of the largest current."""
     rows, column = recording.rows.copy(), recording.random.integers(3, 6)
     low, high = np.quantile(rows[:, column], [0.0, 0.999])
     rows[:, column] = np.minimum(rows[:, column], low + 0.9 * (high - low))
@@ -182,7 +181,7 @@ def clipped(recording):
 
 
 def outliers(recording):
-    """0.1 % of the readings are anywhere within three ranges of their column; a current, also 0."""
+    """0.1 % of the readings are uniform within three ranges of their column; half of those of currents are 0."""
     rows, random = recording.rows.copy(), recording.random
     for column in range(1, 6):
         low, high = rows[:, column].min(), rows[:, column].max()
@@ -195,24 +194,20 @@ def lost(part):
     return lambda recording: recording.rows[np.append(True, recording.random.random(len(recording.rows) - 1) >= part)]
 
 
-def quantised(recording):
-    """Converters of 12 bit over the gap and over 5 A."""
-    rows = recording.rows.copy()
-    for columns, grain in ((POSITIONS, 1e-3 / 4096), (CURRENTS, 5.0 / 4096)):
-        rows[:, columns] = np.round(rows[:, columns] / grain) * grain
-    return rows
+def quantised(position_bits, current_bits):
+    """Converters with these numbers of bits over 1 mm and over 5 A."""
 
+    def spoil(recording):
+        rows = recording.rows.copy()
+        for columns, step in ((POSITIONS, 1e-3 / 2**position_bits), (CURRENTS, 5.0 / 2**current_bits)):
+            rows[:, columns] = np.round(rows[:, columns] / step) * step
+        return rows
 
-def coarse(recording):
-    """Converters of 10 bit over the gap and of 9 bit over 5 A."""
-    rows = recording.rows.copy()
-    for columns, grain in ((POSITIONS, 1e-3 / 1024), (CURRENTS, 5.0 / 512)):
-        rows[:, columns] = np.round(rows[:, columns] / grain) * grain
-    return rows
+    return spoil
 
 
 def dropouts(recording):
-    """Twenty times the recorder writes the row before again, up to 5 ms long."""
+    """The recorder repeats the previous row twenty times, for up to 5 ms."""
     rows, random = recording.rows.copy(), recording.random
     for start in random.integers(100, len(rows) - 100, 20):
         rows[start : start + random.integers(1, 50), 1:6] = rows[start - 1, 1:6]
@@ -225,7 +220,7 @@ def plain(recording):
 
 @dataclass
 class Fault:
-    """Name; how the recordings are made and spoilt; options; whether the answer is to be valid; words of the cause."""
+    """Name, modification of recordings, expected validity, words of the cause, options, simulation, columns."""
 
     name: str
     spoil: object = plain
@@ -263,8 +258,8 @@ FAULTS = [
     Fault("3 % of rows missing", lost(0.03), cause="gaps"),
     Fault("10 % of rows missing", lost(0.10), cause="gaps"),
     Fault("3 % of rows missing, tolerances", lost(0.03), cause="gaps", options=lambda _: TOLERANCES),
-    Fault("quantised: 0.24 µm, 1.2 mA", quantised, cause="|quantised in steps"),
-    Fault("quantised: 1 µm, 10 mA", coarse, cause="quantised in steps"),
+    Fault("quantised: 0.24 µm, 1.2 mA", quantised(12, 12), cause="|quantised in steps"),
+    Fault("quantised: 1 µm, 10 mA", quantised(10, 9), cause="quantised in steps"),
     Fault("saturated amplifiers", world=(("limit_a", 0.95),)),
     Fault("slow force, 200 mN/√s", cause="slow force", world=(("slow_force", 0.2),)),
     Fault("dropouts", dropouts, cause="repeat the one before"),
@@ -281,7 +276,7 @@ def write(path, rows, header):
 
 
 def identify(paths, recording, options):
-    """The JSON document of `identify` and all that it says."""
+    """The JSON document of `identify`."""
     command = [str(PROGRAM), "identify", *map(str, paths), *recording.arguments, *options, "--json", "-"]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode not in (0, 3) and not done.stdout.startswith("{"):
@@ -290,7 +285,7 @@ def identify(paths, recording, options):
 
 
 def judge(fault, recording, other, folder, seed):
-    """Whether verdict and cause are right, largest error/± of a valid answer, and the document."""
+    """Whether verdict and cause are right, the largest error/± of a valid answer, and the document."""
     paths = [folder / f"{seed}.csv"]
     write(paths[0], fault.spoil(recording), fault.columns)
     if other is not None:
@@ -299,9 +294,9 @@ def judge(fault, recording, other, folder, seed):
     document = identify(paths, recording, fault.options(recording))
     for path in paths:
         path.unlink()
-    said = [document["verdict"], *document["findings"], *document.get("notes", [])]
-    said.append(document.get("told", {}).get("hold", ""))
-    cause = bool(re.search(fault.cause, " ".join(said))) if fault.cause else not document["findings"]
+    texts = [document["verdict"], *document["findings"], *document.get("notes", [])]
+    texts.append(document.get("told", {}).get("hold", ""))
+    cause = bool(re.search(fault.cause, " ".join(texts))) if fault.cause else not document["findings"]
     worst = 0.0
     if document["valid"]:
         found, std = np.array(document["lambdaHat"]), np.array(document["lambdaStdTotal"])
@@ -340,11 +335,11 @@ def main():
             verdicts, causes, errors = ([result[n] for result in results] for n in range(3))
             valid = sum(document["valid"] for *_, document in results)
             print(f"| {fault.name} | {sum(verdicts)} | {sum(causes)} | {valid} | {max(errors):.1f} |", flush=True)
-            sound &= min(sum(verdicts), sum(causes)) >= least and max(errors) <= MOST
+            sound &= min(sum(verdicts), sum(causes)) >= least and max(errors) <= WORST
             for seed, (verdict, cause, worst, document) in zip(seeds, results):
-                if arguments.verbose and not (verdict and cause and worst <= MOST):
-                    said = [document["verdict"], *document["findings"], *document.get("notes", [])]
-                    print(f"  {seed}: {worst:.1f} {' '.join(said)}", flush=True)
+                if arguments.verbose and not (verdict and cause and worst <= WORST):
+                    texts = [document["verdict"], *document["findings"], *document.get("notes", [])]
+                    print(f"  {seed}: {worst:.1f} {' '.join(texts)}", flush=True)
     return 0 if sound else 1
 
 

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Recordings of a ball below one magnet, on courses from slow to fast, made by a simulator that shares nothing with the product, and how far `identify` is off.
+"""Errors of `identify` for a ball below one magnet, on trajectories from slow to fast, by a simulator that shares no code with the product.
 
     cargo build --release
     scripts/levitation.py --seed 8101 --runs 20 [--only TEXT]
 
-Every seed draws mass, force law, κ, coil, controller, noise and a slow force, and starts with the ball on its table; 15 s at 1 kHz. The current is
-measured with noise and an offset of up to 10 mA, which nothing tells; the position with noise that grows with the gap, in steps of 1 µm; 1 % of the rows repeat. The exit code
-is 1 if a valid answer is off by more than four stated deviations.
+Every seed draws mass, force law, κ, coil, controller, noise and a slow force, and starts with the ball on its table; 15 s at 1 kHz. The measured
+current has noise and an unknown offset of up to 10 mA, the position noise that grows with the gap, and steps of 1 µm; 1 % of the rows repeat.
+The exit code is 1 if a valid answer is off by more than four stated standard deviations.
 
 Requires: numpy.
 """
@@ -27,7 +27,7 @@ STEP_S, SUBSTEPS, DURATION_S = 1e-3, 10, 15.0
 TABLE_M, CENTRE_M, STOP_M = 0.0165, 0.010, 0.002
 START_S = 1.5
 GRAVITY_M_S2 = 9.81
-MOST = 4.0
+WORST = 4.0
 
 STAIRS = np.array([0, -1, -2, 0, 1, 2, 1, 0, -1]) * 1e-3
 COURSES = {
@@ -44,7 +44,7 @@ COURSES = {
 
 
 def simulate(seeds, course):
-    """Rows (time, z, i) of each seed, shape seeds × rows × 3, the truth, and whether the ball was held. All are integrated together."""
+    """Rows (time, z, i), shape seeds × rows × 3, true values, masses, and whether the ball was held. All seeds are integrated together."""
     number = list(COURSES).index(course)
     draws = [np.random.default_rng([seed, number]) for seed in seeds]
     draw = lambda low, high: np.array([random.uniform(low, high) for random in draws])
@@ -141,7 +141,7 @@ def main():
             percent = " %, ".join(f"{100 * of:.1f}" for of in rms[:2])
             deviations = ", ".join(f"{of:.2f}" for of in rms[2:])
             print(f"| {course} | {held.sum()} | {valid} | {percent} % | {deviations} | {worst:.1f} |", flush=True)
-    return 0 if furthest <= MOST else 1
+    return 0 if furthest <= WORST else 1
 
 
 if __name__ == "__main__":

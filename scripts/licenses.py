@@ -1,10 +1,9 @@
 #!/usr/bin/env python3
 """Collect the licences of the crates that are linked into the FMUs: modelDescription/licenses/THIRD-PARTY.txt.
 
-Run without arguments it writes the file; with ``--check`` it writes nothing and reports whether the file is current. What
-is linked is what `cargo tree` gives as normal dependencies of this package on Linux, without those that only run while
-compiling: procedural macros, build scripts, tests. The texts come from the sources of the crates as cargo has unpacked
-them.
+Without arguments it writes the file; with ``--check`` it only reports whether the file is current. The linked crates are the
+normal dependencies of this package on Linux according to `cargo tree`, without procedural macros, build scripts and tests. The
+texts come from the crates' sources unpacked by cargo.
 """
 
 import argparse
@@ -16,13 +15,12 @@ from pathlib import Path
 
 PROJECT = Path(__file__).resolve().parent.parent
 FILE = PROJECT / "modelDescription" / "licenses" / "THIRD-PARTY.txt"
-# One platform for all machines, so that the file is the same everywhere; the others add no more than bindings to their
-# system.
+# One platform, so that the file is the same everywhere; the others add only bindings to their systems.
 PLATFORM = "x86_64-unknown-linux-gnu"
 LICENSE_NAMES = re.compile(r"^(licen[cs]e|copying|notice|unlicense|copyright)", re.IGNORECASE)
-# A line that names a holder, and not one in the middle of a licence that speaks about notices.
+# A line that names a holder, not one of a licence about notices.
 COPYRIGHT = re.compile(r"^\W*(?i:copyright)\s+(?:\([cC]\)|©|[12]\d{3}|[A-Z])")
-# The licences themselves mention copyright and contain blanks to fill in.
+# Mentions of copyright in the licences themselves, and placeholders.
 NO_HOLDER = re.compile(
     r"copyright (notice|license|holder|owner|and related|statement|\[yyyy\]|\{yyyy\}|law)", re.IGNORECASE
 )
@@ -39,7 +37,7 @@ printed once, after the list.
 
 
 def cargo(*arguments):
-    """Ask cargo about the packages, without letting it change the versions that are locked."""
+    """Ask cargo about the packages, with the locked versions."""
     command = ["cargo", *arguments, "--locked"]
     return subprocess.run(
         command, cwd=PROJECT, check=True, stdout=subprocess.PIPE, stdin=subprocess.DEVNULL, encoding="utf-8"
@@ -47,18 +45,18 @@ def cargo(*arguments):
 
 
 def linked():
-    """Find the packages that end up in the library.
+    """Find the packages linked into the library.
 
     Returns
     -------
     list of dict
-        Packages as `cargo metadata` describes them, by name and version.
+        Packages from `cargo metadata`, ordered by name and version.
     """
-    # `cargo metadata` alone counts optional packages that only a feature nobody asked for would enable.
+    # `cargo metadata` alone includes optional packages of features that are off.
     tree = cargo("tree", "--edges=normal,no-proc-macro", "--prefix=none", f"--target={PLATFORM}", "--format={p}")
     names = {tuple(line.split()[:2]) for line in tree.splitlines()}
     packages = json.loads(cargo("metadata", "--format-version=1", f"--filter-platform={PLATFORM}"))["packages"]
-    # Packages without a source are this project's own.
+    # Packages without a source belong to this project.
     chosen = [
         package for package in packages if package["source"] and (package["name"], f"v{package['version']}") in names
     ]
@@ -76,14 +74,14 @@ def license_files(package):
     Returns
     -------
     list of tuple of str
-        Name and text of each file, line ends and trailing blanks made alike.
+        Name and text of each file, with uniform line ends and without trailing blanks.
     """
     folder = Path(package["manifest_path"]).parent
     paths = {path for path in folder.iterdir() if path.is_file() and LICENSE_NAMES.match(path.name)}
     paths |= {path for path in folder.glob("LICENSES/*") if path.is_file()}
     if package["license_file"]:
         paths.add((folder / package["license_file"]).resolve())
-    # A file may contain only the name of another one, if a link was lost in packing.
+    # A file may contain only the name of another one, if packing lost a link.
     texts = [(path.name, path.read_text(encoding="utf-8", errors="replace")) for path in sorted(paths)]
     return [
         (name, "\n".join(line.rstrip() for line in text.strip("\n").splitlines()))
@@ -93,7 +91,7 @@ def license_files(package):
 
 
 def holders(texts):
-    """Pick the lines that name a copyright holder.
+    """Find the lines that name a copyright holder.
 
     Parameters
     ----------
@@ -110,7 +108,7 @@ def holders(texts):
 
 
 def standard(text):
-    """Reduce a text to what distinguishes licences: without copyright lines and layout."""
+    """Normalise a text to compare licences: without copyright lines and layout."""
     kept = [line for line in text.splitlines() if not (COPYRIGHT.match(line) and not NO_HOLDER.search(line))]
     return re.sub(r"\W+", " ", " ".join(kept)).strip().lower()
 
@@ -121,7 +119,7 @@ def generate():
     Returns
     -------
     str
-        What THIRD-PARTY.txt should hold.
+        Content of THIRD-PARTY.txt.
 
     Raises
     ------
@@ -145,7 +143,7 @@ def generate():
         entry = [title, f"  licence: {package['license'].replace('/', ' OR ')}"]
         entry += [f"  {line}" for line in holders(files)]
         if not files:
-            # The package was published without its licence text; its authors are what is known of the holders.
+            # Published without a licence text: only the authors are known.
             authors = [re.sub(r" *<[^>]*>", "", author) for author in package["authors"]]
             entry += [f"  authors: {', '.join(authors) or 'not named'}"]
         found = ", ".join(map(str, sorted(set(numbers))))

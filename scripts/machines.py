@@ -1,15 +1,15 @@
 #!/usr/bin/env python3
-"""How well `identify` knows planar4, spindle and spindle4: recordings that `simulate` writes, with λ (±20 %) and noise drawn.
+"""Accuracy of `identify` for planar4, spindle and spindle4, from recordings of `simulate` with random λ (±20 %) and noise.
 
     cargo build --release
     scripts/machines.py --seed 9101 --runs 20 [--machine spindle] [--commanded | --bench] [--missing 0.1]
     cargo run --release -- package --all && .venv/bin/python scripts/machines.py --seed 9101 --runs 20 --lag 50e-6
 
-Positions have 0.05 to 0.5 µm of noise, currents 5 to 20 mA. Prints error/± (rms over all magnets of all valid answers) in all and of noise, the
-worst, and how often the currents were read as measured ones; `--commanded` records the commands of the controller instead. With `--bench` mass, inertia,
-gaps, angles, positions along the shaft, gains and offsets are off by the tolerances of a typical bench, which `identify` is told. With `--lag` the
+Positions have 0.05 to 0.5 µm of noise, currents 5 to 20 mA. Prints error/± (rms over all magnets of all valid answers) in total and from noise, the
+worst, and how often currents were taken as measured ones; `--commanded` records the commands of the controller instead. With `--bench` mass, inertia,
+gaps, angles, positions along the shaft, gains and offsets are off by the tolerances of a typical bench, which `identify` knows. With `--lag` the
 currents follow the commands, which are recorded, with this time constant in s: plant and controller are FMUs in fmpy, with amplifiers between them.
-`--missing` leaves out this part of the rows at random.
+`--missing` omits this fraction of the rows at random.
 """
 
 import argparse
@@ -25,14 +25,14 @@ PROGRAM = Path(__file__).resolve().parents[1] / "target" / "release" / "magnetic
 SYSTEMS = {"planar4": "MagneticBearing4", "spindle": "MagneticSpindle", "spindle4": "MagneticSpindle4"}
 TIMES_S = (0.1, 1.0, 5.0)
 RATE_HZ = 10_000
-# Steps of the plant in a sample, in each of which a lagging current has its mean.
+# Steps of the plant per sample, each with the mean of the lagging current.
 STEPS = 20
 
-# Standard deviations of a typical bench, and what belongs to a shaft.
+# Standard deviations of a typical bench, and names of shaft parameters.
 RELATIVE = {"m": 0.01, "s": 0.01, "Jt": 0.01, "Jp": 0.01}
 ABSOLUTE = {"alpha": math.radians(0.5), "position": 5e-4, "sensorPosition": 5e-4, "unbalance.position": 5e-4}
 SHAFT = ("Jt", "Jp", "position", "sensorPosition", "unbalance", "X.sensor.gain")
-# Gains of two sensors that are independent of each other: their mean, and half their difference.
+# Mean and half the difference of two independent sensor gains.
 SENSORS = {"sensor.offset": "5um", "sensor.gain": 0.005 / math.sqrt(2), "sensor.gainDifference": 0.005 / math.sqrt(2)}
 CURRENTS = {"current.gain": 0.005, "current.offset": "5mA"}
 TOLERANCES = {"m": 0.01, "s": 0.01, "alpha": "0.5deg", **SENSORS, **CURRENTS}
@@ -57,14 +57,14 @@ def start_values(machine: str) -> dict[str, float]:
 
 
 def bench(machine: str, draw: random.Random) -> tuple[dict[str, float], list[str]]:
-    """Errors of the sensors of the plant, and what `identify` is told: values that are off, and the tolerances of all."""
-    errors, told = {}, []
+    """Sensor errors of the plant, and options of `identify`: wrong values, and all tolerances."""
+    errors, options = {}, []
     for name, value in start_values(machine).items():
         plain = re.sub(r"^[ABX]\.|\[\d\]", "", name)
         if plain in RELATIVE:
-            told.append(f"--set={name}={value * (1 + draw.gauss(0, RELATIVE[plain]))}")
+            options.append(f"--set={name}={value * (1 + draw.gauss(0, RELATIVE[plain]))}")
         elif plain in ABSOLUTE:
-            told.append(f"--set={name}={value + draw.gauss(0, ABSOLUTE[plain])}")
+            options.append(f"--set={name}={value + draw.gauss(0, ABSOLUTE[plain])}")
     for bearing in [""] if machine == "planar4" else ["A.", "B.", "X."]:
         for axis in [""] if bearing == "X." else "YZ":
             errors[f"{bearing}sensor.offset{axis}"] = draw.gauss(0, 5e-6)
@@ -72,12 +72,12 @@ def bench(machine: str, draw: random.Random) -> tuple[dict[str, float], list[str
     for name in magnets(machine):
         for kind, std in (("Offset", 0.005), ("GainError", 0.005)):
             errors[name.replace("lambda", f"sensor.current{kind}")] = draw.gauss(0, std)
-    told += [f"--tolerance={name}={std}" for name, std in TOLERANCES.items() if machine != "planar4" or name not in SHAFT]
-    return errors, told
+    options += [f"--tolerance={name}={std}" for name, std in TOLERANCES.items() if machine != "planar4" or name not in SHAFT]
+    return errors, options
 
 
 def lagging(machine: str, values: dict[str, float], lag_s: float) -> list[str]:
-    """Rows of a loop whose currents follow the commands with a lag, with their header."""
+    """Header and rows of a loop whose currents follow the commands with a lag."""
     from closed_loop import Instance, open_models, read_system
 
     system = read_system(PROGRAM.parents[1] / "fmu" / f"{SYSTEMS[machine]}.ssp")
@@ -114,14 +114,14 @@ def lagging(machine: str, values: dict[str, float], lag_s: float) -> list[str]:
 
 
 def record(machine: str, seed: int, commanded: bool, off: bool, lag_s: float | None) -> tuple[dict[str, float], list[str], list[str]]:
-    """The force constants that were drawn, the rows of the recording with their header, and arguments for `identify`."""
+    """The true force constants, header and rows of the recording, and options of `identify`."""
     draw = random.Random(seed)
     truth = {name: 2e-6 * draw.uniform(0.8, 1.2) for name in magnets(machine)}
     values = {"sensor.seed": seed, "sensor.positionNoise": 10 ** draw.uniform(-7.3, -6.3)}
     values["sensor.currentNoise"] = draw.uniform(0.005, 0.02)
-    errors, told = bench(machine, draw) if off else ({}, [])
+    errors, options = bench(machine, draw) if off else ({}, [])
     if lag_s:
-        return truth, lagging(machine, values | truth | errors, lag_s), told
+        return truth, lagging(machine, values | truth | errors, lag_s), options
     changes = [f"--set=plant.{name}={value}" for name, value in (values | truth | errors).items()]
     command = [PROGRAM, "simulate", machine, f"--set=duration={TIMES_S[-1]}", *changes, "--csv", "-"]
     currents = re.compile(r"controller\.((?:[ABX]\.)?)i\[" if commanded else r"plant\.((?:[ABX]\.)?)im\[")
@@ -134,11 +134,11 @@ def record(machine: str, seed: int, commanded: bool, off: bool, lag_s: float | N
                 kept = [at for at, name in enumerate(cells) if currents.match(name) or others.match(name)]
                 cells = [currents.sub(r"\1im[", name) for name in cells]
             rows.append(",".join(cells[at] for at in kept))
-    return truth, rows, told
+    return truth, rows, options
 
 
 def main() -> None:
-    """Prints a line per machine and length."""
+    """Print a line per machine and length."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--runs", type=int, default=20)
@@ -155,9 +155,9 @@ def main() -> None:
         recordings = [record(machine, seed, arguments.commanded, arguments.bench, arguments.lag) for seed in seeds]
         for time_s in TIMES_S:
             valid, measured, errors = 0, 0, []
-            for seed, (truth, rows, told) in zip(seeds, recordings):
+            for seed, (truth, rows, options) in zip(seeds, recordings):
                 drawn = random.Random(seed)
-                command = [PROGRAM, "identify", "-", "--machine", machine, *told, "--json", "-"]
+                command = [PROGRAM, "identify", "-", "--machine", machine, *options, "--json", "-"]
                 whole = enumerate(rows[: round(time_s * RATE_HZ) + 2])
                 text = "".join(f"{row}\n" for at, row in whole if at < 2 or drawn.random() >= arguments.missing)
                 answer = json.loads(subprocess.run(command, input=text, capture_output=True, text=True).stdout)

@@ -1,15 +1,15 @@
-"""Peers on the same data: recursive least squares and an extended Kalman filter beside the estimator of this project.
+"""Compare the estimator of this project with recursive least squares and an extended Kalman filter on the same data.
 
-Simulates the nominal unbalanced rotor and bearings drawn at random (``cargo build --release`` first), several seeds of the sensor
-noise each, with the noise known to the estimator and with the noise estimated; or reads recordings of ``simulate SCENARIO --csv`` of the nominal
+Simulates the nominal unbalanced rotor and random bearings (``cargo build --release`` first), with several seeds of sensor
+noise each, with the noise known and estimated; or reads recordings of ``simulate SCENARIO --csv`` of the nominal
 bearing. Prints, while the estimate is valid, the rms of error/bound and of error/standard deviation at some instants and the
-greatest error/standard deviation of all samples. The peers have no notion of validity and are judged always.
+largest error/standard deviation of all samples. The peers report no validity and are always judged.
 
-* RLS: ``padasip.filters.FilterRLS`` on the equations of motion with both sides low-passed (state-variable filter of third order),
-  one filter per axis, the results weighted alike. It states no standard deviation.
-* EKF: the textbook filter with the states [y, z, vy, vz, lambda 1 to 3, Uc, Us, py, pz]. The noise of the currents is the noise of its
-  process. Where the noise is not known, it takes what our estimator starts its search from: the noise of the positions from the fourth differences of the
-  first 64 samples, and 15 mA. Where it is known, its covariance along the true trajectory, from no knowledge, is the Cramér–Rao bound.
+* RLS: ``padasip.filters.FilterRLS`` on the equations of motion with both sides low-passed (third-order state-variable filter),
+  one equation per axis with equal weights. It states no standard deviation.
+* EKF: the textbook filter with the states [y, z, vy, vz, lambda 1 to 3, Uc, Us, py, pz]. The current noise is its process noise.
+  Without known noise it uses the initial values of our estimator: the position noise from the fourth differences of the first
+  64 samples, and 15 mA. With known noise, its covariance along the true trajectory without prior knowledge is the Cramér–Rao bound.
 
 All know mass, gap, angles, angle and speed of the rotor, and the same first guess of lambda.
 
@@ -65,7 +65,7 @@ class Bearing:
 
 
 def draw(seed):
-    """A bearing from the ranges of ``montecarlo``'s drawn bearings."""
+    """A random bearing from the ranges of ``montecarlo``."""
     rng = np.random.default_rng(seed)
     m, s, omega = np.exp(rng.uniform(np.log(2), np.log(15))), rng.uniform(3e-4, 8e-4), 2 * np.pi * rng.uniform(40, 120)
     truth = np.exp(rng.uniform(np.log(1e-6), np.log(3e-6))) * 2 ** rng.uniform(0, 1, 3)
@@ -148,7 +148,7 @@ def magnets(data, name):
 
 
 def own(data):
-    """Estimates, standard deviations and validity of the estimator of the loop over time."""
+    """Estimates, standard deviations and validity of the loop's estimator over time."""
     total = "estimator.lambdaStdTotal" if "estimator.lambdaStdTotal[1]" in data else "estimator.lambdaStd"
     return magnets(data, "estimator.lambdaHat"), magnets(data, total), data["estimator.valid"] > 0
 
@@ -158,7 +158,7 @@ def recursive_least_squares(data, bearing):
     position, current = np.stack([data["plant.Ym"], data["plant.Zm"]]), magnets(data, "plant.im").T
     theta, omega, guess = data["plant.theta"], data["plant.omegam"], np.mean(bearing.guess)
     inverse = 1.0 / (bearing.s - bearing.direction.T @ position) ** 2
-    # The sample of a current is the one held over the interval that ends there.
+    # A current sample is held over the interval that ends at it.
     square = current**2 * inverse
     square[:, 1:] = current[:, 1:] ** 2 * 0.5 * (inverse[:, 1:] + inverse[:, :-1])
     middle = theta - 0.5 * omega * bearing.step
@@ -167,12 +167,12 @@ def recursive_least_squares(data, bearing):
     # Columns per scaled unknown [lambda/guess, Uc/(m s), Us/(m s), py/(m g), pz/(m g)], in m/s^2.
     along = [guess * e[:, None] * square / bearing.m for e in bearing.direction]
     columns = [[*along[0], turning[0], -turning[1], weight, still], [*along[1], turning[1], turning[0], still, weight]]
-    # Acceleration and forces pass the same low-pass filter of third order; initial values decay with it.
+    # Acceleration and forces pass the same third-order low-pass filter, with which initial values decay.
     b, a = signal.butter(3, FILTER_RAD_S, analog=True)
     smooth = signal.cont2discrete((b, a), bearing.step, "bilinear")
     twice = signal.cont2discrete((np.polymul(b, [1, 0, 0]), a), bearing.step, "bilinear")
     targets = [signal.lfilter(np.ravel(twice[0]), twice[1], axis - axis[0]) for axis in position]
-    # Held currents are effective half a sample before the instant of their sample.
+    # Held currents act on average half a sample before their sample.
     centred = [[0.5 * (column + np.append(column[1:], column[-1])) for column in axis] for axis in columns]
     stacked = [np.array([signal.lfilter(np.ravel(smooth[0]), smooth[1], column) for column in axis]) for axis in centred]
     recursion = FilterRLS(n=7, mu=0.9999, eps=1e-6, w="zeros")
@@ -186,8 +186,10 @@ def recursive_least_squares(data, bearing):
 
 
 def extended_kalman_filter(data, bearing, noise=None, true=False):
-    """Estimates and standard deviations over time for this noise, by default the true one; with ``true`` the covariance along the true trajectory, starting from no
-    knowledge: the Cramér–Rao bound."""
+    """Estimates and standard deviations over time for this noise, by default the true one.
+
+    With ``true`` the covariance along the true trajectory without prior knowledge, which is the Cramér–Rao bound.
+    """
     measured = np.stack([data["plant.Ym"], data["plant.Zm"]], axis=1)
     truly = np.stack([data["plant.Y"], data["plant.Z"]], axis=1)
     theta, omega, step, e, m = data["plant.theta"], data["plant.omegam"], bearing.step, bearing.direction, bearing.m
@@ -223,7 +225,7 @@ def extended_kalman_filter(data, bearing, noise=None, true=False):
         a[2:4, 2:4] += 0.5 * step**2 * stiffness
         a[:2, 4:], a[2:4, 4:] = 0.5 * step**2 * columns, step * columns
         if not true:
-            # The motion itself by Nyström's method of fourth order.
+            # The motion by Nyström's fourth-order method.
             at = lambda where, part: force(where, current[n], theta[n] - part * omega[n] * step, omega[n])[0] @ x[4:]  # noqa: E731
             begin = at(x[:2], 1)
             half = at(x[:2] + 0.5 * step * x[2:4] + step**2 / 8 * begin, 0.5)
@@ -235,7 +237,7 @@ def extended_kalman_filter(data, bearing, noise=None, true=False):
         a *= scale / scale[:, None]
         p = a @ p @ a.T
         p[:4, :4] += g @ g.T
-        # In the units of the state the noise of the positions is 1.
+        # In the units of the state the position noise is 1.
         gain = np.linalg.solve(p[:2, :2] + eye, p[:2]).T
         if not true:
             x += scale * (gain @ (measured[n] - x[:2]) / sigma_x)
@@ -254,13 +256,13 @@ def estimates(bearing, known, estimated):
 
 
 def judge(bearing, tracks, bound, rows):
-    """Per estimator: validity, error/bound and error/standard deviation at the rows, greatest error/standard deviation."""
+    """Per estimator: validity, error/bound and error/standard deviation at the rows, largest error/standard deviation."""
     found = {}
     for name, (hat, std, valid) in tracks.items():
         error = hat - bearing.truth
         with np.errstate(invalid="ignore", divide="ignore"):
             normalised = np.abs(error / std)
-        # A filter is evaluated only after a revolution, as ours is not valid before.
+        # Evaluated only after a revolution, before which ours is not valid.
         late = valid & (np.arange(valid.size) * bearing.step > 2 * np.pi / bearing.omega)
         worst = np.max(normalised[late], initial=0) if np.isfinite(normalised[late]).all() else np.nan
         found[name] = (valid[rows], error[rows] / bound[rows], normalised[rows], worst)
@@ -268,7 +270,7 @@ def judge(bearing, tracks, bound, rows):
 
 
 def show(title, judged):
-    """Prints the results of some runs."""
+    """Print the results of several runs."""
     print(f"\n{title}")
     head = "".join(f"{f'{1e3 * instant:.0f} ms':>20}" for instant in INSTANTS_S)
     print(f"{'error/bound, error/std, valid':30}{head}{'worst/std':>11}")
@@ -285,7 +287,7 @@ def show(title, judged):
 
 
 def plot(path, bearing, runs):
-    """The largest of the three errors over time: median of the runs, and their range."""
+    """Plot the largest of the three errors over time: median and range of the runs."""
     import matplotlib
 
     matplotlib.use("svg")
@@ -311,7 +313,7 @@ def plot(path, bearing, runs):
 
 
 def main():
-    """Runs the comparison; returns the exit code."""
+    """Run the comparison; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("recordings", nargs="*", help="written by: cargo run --release -- simulate SCENARIO --csv FILE")
     parser.add_argument("--bearings", type=int, default=4, help="drawn bearings beside the nominal one (default: %(default)s)")

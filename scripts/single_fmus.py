@@ -1,4 +1,4 @@
-"""Checks of single FMUs: steps of other lengths, start values, and what no importer should do."""
+"""Checks of single FMUs: steps of other lengths, start values, and misuse."""
 
 import math
 import re
@@ -11,16 +11,16 @@ from fmpy.fmi2 import FMU2Slave
 from closed_loop import CALLBACKS, FMUS, MESSAGES, STEP_S, Instance, run
 from compare_runs import ELEMENTS, differences, largest_difference, nominals, same_bits
 
-# The shortest steps that importers were seen to make at the end of a run, and the jitter of others, in seconds.
+# Shortest observed last step of an importer, and jitter of step lengths, in seconds.
 LAST_STEP_S = 1.1e-16
 JITTER_S = 1e-16
 # The shortest steps add up to 7e-14 s, in which a rotor at 0.02 m/s moves 1e-10 of the nominal 1e-5 m; without control,
-# disturbances grow 3000-fold in 0.06 s, at 130 rad/s. A sensor that read one sample late would be above 1e-2.
+# disturbances grow 3000-fold in 0.06 s, at 130 rad/s. A delay of one sample would exceed 1e-2.
 STEP_ROUNDING = 1e-6
 # Lengths of runs of one FMU, in sample times: with the currents of the closed loop, and with currents held too long.
 DRIVEN_SAMPLES = 600
 FALLING_SAMPLES = 60
-# Importers that die in campaigns do so within about a thousand instances; half of that is enough to see memory grow.
+# Importers that fail in campaigns do so within about a thousand instances; half of that suffices to detect growing memory.
 INSTANCES = 500
 MEMORY_GROWTH_KB = 4096
 
@@ -68,7 +68,7 @@ REFUSED += [
 
 
 def drive(archives, fmu, pieces, rows, held=1, jitter=False):
-    """Run one FMU of the paper's loop alone, its inputs taken from the recording of the loop.
+    """Run one FMU of the paper's loop alone, with inputs from the recording of the loop.
 
     Parameters
     ----------
@@ -81,9 +81,9 @@ def drive(archives, fmu, pieces, rows, held=1, jitter=False):
     rows : int
         Length of the run in sample times.
     held : int, optional
-        For how many sample times inputs are held.
+        Sample times over which inputs are held.
     jitter : bool, optional
-        Add up the times, jolt every step in its last bits and end with a step of next to nothing.
+        Add up the times, perturb every step in its last bits, and follow it with a tiny step.
 
     Returns
     -------
@@ -121,11 +121,11 @@ def drive(archives, fmu, pieces, rows, held=1, jitter=False):
 
 
 def other_steps(archives, fmu):
-    """Compare runs with the inputs held over the same time and steps of different lengths.
+    """Compare runs with different step lengths and inputs held over the same times.
 
-    The sampled FMUs act at multiples of the sample time only and must give the same bits whatever the steps. The plant
-    integrates with sub-steps of half a sample time, so that halves and doubles of it lead to the same sub-steps and
-    differ by rounding; with doubles the inputs of the reference are held as long, and the run is short, because the
+    The sampled FMUs act only at multiples of the sample time and must give the same bits whatever the steps. The plant
+    integrates with sub-steps of half a sample time, so that steps of half or double length have the same sub-steps and
+    differ by rounding; with double steps the inputs of the reference are held as long, and the run is short, because the
     rotor falls.
     """
     cases = [("halves", 2, 1, False), ("quarters", 4, 1, False), ("jitter", 1, 1, True)]
@@ -150,11 +150,11 @@ def other_steps(archives, fmu):
 
 
 def start_values(archives, fmu):
-    """Read all variables during initialization and compare with the start values, which are all that people see."""
+    """Read all variables during initialization and compare them with the declared start values."""
     findings, count = [], 0
     instance = Instance(archives.models[fmu], "new")
     instance.fmu.setupExperiment()
-    # libcosim reads everything here, the inputs as well.
+    # libcosim reads everything here, including inputs.
     instance.fmu.enterInitializationMode()
     for name, variable in archives.models[fmu].variables.items():
         value = instance.get(name)[0]
@@ -173,7 +173,7 @@ def start_values(archives, fmu):
 
 
 def wrong_guid(archives, fmu):
-    """Ask for an instance with a GUID that the binary does not know."""
+    """Request an instance with an unknown GUID."""
     try:
         Instance(archives.models[fmu], "wrong guid", guid="{00000000-0000-0000-0000-000000000000}")
         return ["an instance was made"], ""
@@ -216,7 +216,7 @@ def odd_callers(archives, fmu):
 
 
 def refused_parameters(archives, fmu):
-    """Set parameters that cannot be and see them refused, at the latest when the initialization ends, with words that help."""
+    """Set invalid parameters; they must be refused by the end of initialization, with a helpful message."""
     findings, cases = [], [(settings, names) for name, settings, names in REFUSED if name == fmu]
     for settings, names in cases:
         instance = Instance(archives.models[fmu], "refused")
@@ -244,7 +244,7 @@ def refused_parameters(archives, fmu):
 
 
 def rotor_leaves_the_gap(archives):
-    """Push the rotor out of the gap; the run ends with an error, and the instance is good again after a reset."""
+    """Push the rotor out of the gap; the run ends with an error, and the instance works again after a reset."""
     findings = []
     instance = Instance(archives.models["MagneticBearing"], "pushed")
     read = instance.reader(instance.model.outputs())
@@ -329,7 +329,7 @@ def reset_is_fresh(archives):
 
 
 def two_at_once(archives):
-    """Run two loops with different parameters in turn; neither may see the other."""
+    """Run two loops with different parameters in one process; neither may affect the other."""
     steps = 300
     times_s, lengths_s = [step * STEP_S for step in range(steps + 1)], [STEP_S] * steps
     paper, other = archives.systems.values()
@@ -342,7 +342,7 @@ def two_at_once(archives):
 
 
 def resident_kb():
-    """Memory of this process, where the system tells it."""
+    """Memory of this process; 0 if the system does not report it."""
     status = Path("/proc/self/status")
     return int(re.search(r"VmRSS:\s+(\d+)", status.read_text()).group(1)) if status.exists() else 0
 

@@ -3,12 +3,12 @@
 
     scripts/sweep.py DESIGN.csv --out ROWS.csv [--scheduler ADDRESS]
 
-A row per case in, a row per case out: the same rows, to the last digit, as those of `magnetic-bearing sweep`, which also makes a
-design in CSV out of one in TOML (`sweep DESIGN.toml --expand`). The FMUs come out of the SSP and travel to the workers with the
-tasks, so that a worker needs the packages of `requirements-sweep.txt` and nothing else.
+Every case gives a row, identical to the last digit to that of `magnetic-bearing sweep`, which also converts a design from TOML to CSV
+(`sweep DESIGN.toml --expand`). The FMUs of the SSP are sent to the workers with the tasks, so that a worker needs only the packages of
+`requirements-sweep.txt`.
 
-Without `--scheduler` a cluster is made on this machine, a process per processor. Every row is on the disk before it counts; a
-sweep that was interrupted goes on where it stopped, and what a lost worker was at is done by another.
+Without `--scheduler` a cluster is started on this machine, with a process per processor. Every row is on disk before it counts; an
+interrupted sweep resumes where it stopped, and cases of a lost worker are repeated by another.
 """
 
 import argparse
@@ -35,7 +35,7 @@ SSD = {"ssd": "http://ssp-standard.org/SSP1/SystemStructureDescription"}
 STRETCH_S = 0.04
 
 
-# A number and its unit, with or without a blank between them.
+# A number and its unit, with or without a blank.
 NUMBER_AND_UNIT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?(?:nan|inf|infinity)(?![a-zA-Z]))\s*(.*)", re.IGNORECASE)
 
 
@@ -44,7 +44,7 @@ class Refused(Exception):
 
 
 def shortest(value):
-    """A number with as many digits as needed to read the same number again, as the native sweep writes it."""
+    """A number with the digits needed to read it back exactly, in the format of the native sweep."""
     sign, digits, exponent = decimal.Decimal(repr(float(value))).as_tuple()
     text = "".join(map(str, digits)).lstrip("0")
     exponent += len(text) - 1
@@ -55,7 +55,7 @@ def shortest(value):
 
 
 def split(column):
-    """`plant.m [g]` as path and unit."""
+    """Split `plant.m [g]` into path and unit."""
     found = re.fullmatch(r"\s*(.*?) \[(.*)\]\s*", column)
     return (found[1].strip(), found[2].strip()) if found else (column.strip(), None)
 
@@ -88,8 +88,8 @@ def results(elements):
     Returns
     -------
     dict
-        By name: what of the output is the result (`last`: its last value, `error`: λ̂/λ - 1, `tracking`: its largest magnitude at
-        the end), and the element and name of the output.
+        By name: the kind of result (`last`: last value, `error`: λ̂/λ - 1, `tracking`: largest magnitude at the end), and element
+        and name of the output.
     """
 
     def of(element, pattern, rename=lambda name: name, kind="last"):
@@ -144,7 +144,7 @@ def convert(path, description, variable, value):
 
 
 def flatten(table, prefix=""):
-    """The leaves of a table with their keys joined by dots."""
+    """Yield the leaves of a table with keys joined by dots."""
     for key, value in table.items():
         if isinstance(value, dict):
             yield from flatten(value, f"{prefix}{key}.")
@@ -155,7 +155,7 @@ def flatten(table, prefix=""):
 class Element:
     """One instance of an FMU."""
 
-    # Shared by all instances, because fmpy passes all messages to the logger made last.
+    # Shared by all instances, because fmpy passes all messages to the last logger.
     messages = []
 
     def __init__(self, name, folder, description):
@@ -182,8 +182,8 @@ class Element:
         self.fmu.instantiate(callbacks=self.callbacks, loggingOn=False)
 
     @classmethod
-    def complaint(cls):
-        """The messages since the last complaint, without the name of the function."""
+    def error_text(cls):
+        """Take the messages since the last call, without the name of the function."""
         text = " ".join(cls.messages).partition(": ")[2]
         cls.messages.clear()
         return text
@@ -210,7 +210,7 @@ def seconds(value):
 
 
 def settings(scenario, columns, cells, elements):
-    """The values of a case per element: those of the scenario, overridden by the design."""
+    """Values of a case per element: those of the scenario, overridden by the design."""
     values = {name: {} for name in elements}
     for name, (_, description) in elements.items():
         variables = {variable.name: variable for variable in description.modelVariables}
@@ -268,7 +268,7 @@ def simulate(made, elements, connections, scenario, values):
         try:
             element.fmu.exitInitializationMode()
         except Exception:
-            refused += [f"[{name}] {finding}" for finding in Element.complaint().split("; ")]
+            refused += [f"[{name}] {finding}" for finding in Element.error_text().split("; ")]
     if refused:
         return "; ".join(refused), dict.fromkeys(results(elements), "")
 
@@ -293,7 +293,7 @@ def simulate(made, elements, connections, scenario, values):
             try:
                 element.fmu.doStep(currentCommunicationPoint=step * step_s, communicationStepSize=step_s)
             except Exception:
-                faults.append(f"{name}: {Element.complaint()}")
+                faults.append(f"{name}: {Element.error_text()}")
         if faults:
             status = faults[-1]
             break
@@ -343,7 +343,7 @@ class Rows:
         return digest.hexdigest()[:12]
 
     def resume(self):
-        """The cases that are done; discards an incomplete last row."""
+        """The finished cases; discards an incomplete last row."""
         text = self.path.read_bytes() if self.path.exists() else b""
         whole = text.rfind(b"\n") + 1
         with open(self.path, "ab") as file:
@@ -407,7 +407,7 @@ def sweep(client, design, out, scenario_text, ssp):
     rows = Rows(out, columns, cases, scenario_text, list(results(system(ssp)[0])))
     done = rows.resume()
     todo = [case for case in range(len(cases)) if case not in done]
-    # The same FMUs for all; a key of their content keeps sweeps of different FMUs apart.
+    # The same FMUs for all; a hash of their content distinguishes sweeps of different FMUs.
     [shipped] = client.scatter([ssp], broadcast=True, hash=True)
     futures = [
         client.submit(run_case, case, shipped, scenario_text, columns, cases[case], pure=False) for case in todo
@@ -417,7 +417,7 @@ def sweep(client, design, out, scenario_text, ssp):
         fresh = []
         for future, result in batch:
             if future.status == "error":
-                # A failure of the worker, not of the case: note it in the row and continue.
+                # A failure of the worker, not of the case: recorded in the row.
                 case = todo[futures.index(future)]
                 result = case, "", f"{type(future.exception()).__name__}: {future.exception()}", dict.fromkeys(rows.figures, "")
             fresh.append(rows.row(*result))
@@ -444,7 +444,7 @@ def main():
 
     built_in = SCENARIOS / f"{arguments.scenario}.toml"
     scenario = built_in if built_in.is_file() else pathlib.Path(arguments.scenario)
-    # A worker may die several times on the same case without the case being the cause.
+    # Workers may die several times on the same case without being killed by it.
     dask.config.set({"distributed.scheduler.allowed-failures": 10})
     if arguments.scheduler:
         cluster, address = None, arguments.scheduler

@@ -1,7 +1,7 @@
 """Run the SSP in libcosim or in ecos and record all outputs: `system_tools.py TOOL SYSTEM OUT.npz [PARAMETER_SET]`.
 
-A program of its own, because these tools are native libraries: one that crashes then fails a check instead of ending
-all of them, and what they print can be looked at. The SSP or the system structure is handed over as it is.
+A separate program, because these tools are native libraries: a crash then fails one check instead of ending all of them, and
+their output can be checked. The SSP or the system structure is passed unchanged.
 """
 
 import sys
@@ -49,12 +49,12 @@ def outputs(path):
 
 
 def run_libcosim(path, _parameter_set):
-    """Run the system in libcosim with the step that it finds in the system structure.
+    """Run the system in libcosim with the step of the system structure.
 
     Returns
     -------
     dict
-        Values of all outputs by `element.variable`; those at the start are not available and stand as 0.
+        Values of all outputs by `element.variable`; those at the start are not available and set to 0.
     """
     from libcosimpy.CosimEnums import CosimVariableCausality, CosimVariableType
     from libcosimpy.CosimExecution import CosimExecution
@@ -92,7 +92,7 @@ def run_libcosim(path, _parameter_set):
 
 
 def run_ecos(path, parameter_set):
-    """Run the system in ecos; the user of ecos gives the step and names the parameter set.
+    """Run the system in ecos, whose user sets the step and names the parameter set.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def run_ecos(path, parameter_set):
         readers = []
         for element, name, kind in outputs(path):
             if kind not in ("Real", "Boolean"):
-                # The rest are enumerations, which ecos does not know.
+                # Enumerations, which ecos does not support.
                 continue
             read = simulation.get_bool if kind == "Boolean" else simulation.get_real
             readers.append((f"{element}.{name}", f"{element}::{name}", read))

@@ -23,7 +23,7 @@ DESIGNS = HERE / "tests" / "designs"
 
 def native(*arguments):
     done = subprocess.run([PROGRAM, "sweep", *map(str, arguments)], capture_output=True, text=True)
-    # Cases that fail are rows as well, and counted.
+    # Failed cases have rows too, and are counted.
     assert done.returncode == 0 or "cases failed" in done.stderr, done.stderr
     return done.stdout
 
@@ -52,7 +52,7 @@ def test_rows_are_those_of_the_native_sweep_to_the_last_byte(tmp_path, client, s
     assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
 
 
-def test_so_are_those_of_another_machine(tmp_path, client):
+def test_rows_of_another_machine_are_those_of_the_native_sweep(tmp_path, client):
     subprocess.run([PROGRAM, "package", "spindle4", "--out", tmp_path], check=True, capture_output=True)
     text = (sweep.SCENARIOS / "spindle4.toml").read_text(encoding="utf-8").replace('duration = "0.4 s"', 'duration = "0.1 s"')
     (tmp_path / "short.toml").write_text(text, encoding="utf-8")
@@ -65,13 +65,13 @@ def test_so_are_those_of_another_machine(tmp_path, client):
 
 def test_a_lost_worker_loses_no_row(tmp_path, client, ssp):
     design = tmp_path / "design.csv"
-    # The first cases are enough to lose a worker in their midst.
+    # Enough cases to lose a worker during the sweep.
     design.write_text("".join(native(DESIGNS / "hypercube.toml", "--expand").splitlines(keepends=True)[:13]))
     native(design, "--out", tmp_path / "native.csv")
     killed = []
 
     def kill():
-        # Once rows come in, a worker is at work.
+        # Once there are rows, workers are busy.
         while not (tmp_path / "cluster.csv").exists() or len((tmp_path / "cluster.csv").read_text().splitlines()) < 5:
             time.sleep(0.01)
         victim = client.run(os.getpid, workers=[next(iter(client.scheduler_info()["workers"]))])
@@ -79,7 +79,7 @@ def test_a_lost_worker_loses_no_row(tmp_path, client, ssp):
             os.kill(process, signal.SIGKILL)
             killed.append(process)
 
-    # A sweep that fails leaves it waiting for rows.
+    # A daemon, because after a failed sweep it waits for rows for ever.
     killer = threading.Thread(target=kill, daemon=True)
     killer.start()
     sweep.sweep(client, design, tmp_path / "cluster.csv", scenario(), ssp)
@@ -88,7 +88,7 @@ def test_a_lost_worker_loses_no_row(tmp_path, client, ssp):
     assert (tmp_path / "cluster.csv").read_text() == (tmp_path / "native.csv").read_text()
 
 
-def test_either_sweep_goes_on_with_the_rows_of_the_other(tmp_path, client, ssp):
+def test_either_sweep_resumes_from_the_rows_of_the_other(tmp_path, client, ssp):
     native(DESIGNS / "cases.csv", "--out", tmp_path / "whole.csv")
     lines = (tmp_path / "whole.csv").read_text().splitlines(keepends=True)
     (tmp_path / "rows.csv").write_text("".join([lines[0], lines[4], lines[2], lines[5], lines[3], lines[6][:30]]))
@@ -97,5 +97,5 @@ def test_either_sweep_goes_on_with_the_rows_of_the_other(tmp_path, client, ssp):
 
 
 @pytest.mark.parametrize("value", [0.0, 1.0, -1.5e-6, 1e8, 0.1, 123456.789, 5e-324, 1.7976931348623157e308])
-def test_numbers_read_again_as_themselves(value):
+def test_numbers_are_read_back_exactly(value):
     assert float(sweep.shortest(value)) == value

@@ -1,24 +1,22 @@
 #!/usr/bin/env python3
 """Check the packaged FMUs and the SSP from outside, with third-party tools.
 
-Needs the packages of scripts/requirements.txt; scripts/test installs them. Everything is checked on the archives as
-they are in target/fmu, or in the folder that --fmu names; what the archives are compared with comes from the program,
-run by cargo.
+Needs the packages of scripts/requirements.txt; scripts/test installs them. Checks the archives in target/fmu, or in the
+folder of --fmu, against results of the program, run by cargo.
 
-How the SSP runs elsewhere, as found by these checks:
+The SSP in other tools, as found by these checks:
 
 - libcosim reads the system structure, the parameter sets bound to the elements, and the communication step from the
-  annotation of Open Simulation Platform. All elements step at once, then outputs are handed on, as in the program. It
-  counts time in nanoseconds, so that the points of communication differ from count × step in the last bits; given the
-  same points, the direct run has the same bits. Outputs at the start are not offered.
-- ecos is given the step by its user, adds it up, and applies a parameter set only if its user names it (`unbalanced`);
-  otherwise the FMUs run with their start values. Outputs are handed on after all steps, as in the program. What it then
-  shows for outputs that follow an input at the same instant, the forces of the magnets, belongs to the new inputs.
-  Given the same points in time and read at the same place, the direct run has the same bits. It knows no name but
-  SystemStructure.ssd.
-- Neither of the two supports variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs,
-  and a warning says so. SystemStructure.ssd needs no others; in PaperSimulation.ssd the estimator then runs the method
-  `predictionError`, not the paper's.
+  annotation of Open Simulation Platform. All elements step at once, then outputs are transferred, as in the program. It
+  counts time in nanoseconds, so that communication points differ from count × step in the last bits; at the
+  same points, the direct run has the same bits. Outputs at the start are not available.
+- ecos gets the step from its user, adds it up, and applies a parameter set only if its user names it (`unbalanced`);
+  otherwise the FMUs run with their start values. Outputs are transferred after all steps, as in the program. Recorded
+  outputs with direct feedthrough, the forces of the magnets, then belong to the new inputs. At the same points in time
+  and recorded in the same way, the direct run has the same bits. It accepts only the name SystemStructure.ssd.
+- Neither supports variables of type Enumeration: `method` and `update.mode` keep the start values of the FMUs, with a
+  warning. SystemStructure.ssd needs no others; in PaperSimulation.ssd the estimator then runs the method
+  `predictionError` instead of the paper's.
 """
 
 import argparse
@@ -56,14 +54,14 @@ SCENARIOS = ("paper", "unbalanced", "turned")
 DURATION_S = 0.4
 STEPS = round(DURATION_S / STEP_S)
 
-# Points in time that were added up differ by up to 3e-14 s after 4000 steps. At 314 rad/s that turns a harmonic force
-# of nominal 10 N by 1e-11 of its amplitude; a loop that damps disturbances does not amplify it. A sample of
-# misalignment would be above 1e-2, and so would a parameter that was not applied.
+# Added-up times differ by up to 3e-14 s after 4000 steps. At 314 rad/s this changes a harmonic force of nominal 10 N by 1e-11
+# of its amplitude, which a damped loop does not amplify. A misalignment of one sample, or a parameter that was not applied,
+# would exceed 1e-2.
 TIME_ROUNDING = 1e-10
 
 
 class Report:
-    """Collects the findings of the checks and prints a row for each."""
+    """Collect the findings of the checks and print a row for each."""
 
     def __init__(self):
         self.passed = 0
@@ -75,9 +73,9 @@ class Report:
         Parameters
         ----------
         name : str
-            What is checked.
+            Name of the check.
         function : callable
-            Returns what it finds, as a list of texts, and a note with the figures measured.
+            Returns its findings as a list of texts, and a note with measured figures.
         *arguments
             Arguments of the function.
         """
@@ -108,9 +106,9 @@ class Archives:
     Parameters
     ----------
     folder : pathlib.Path
-        Where they are.
+        Their folder.
     scratch : pathlib.Path
-        A folder for whatever is extracted or recorded.
+        A folder for extracted and recorded files.
     """
 
     def __init__(self, folder, scratch):
@@ -148,7 +146,7 @@ def as_the_program(archives, scenario):
 
 
 def parameters_of_ssp(archives, structure):
-    """Compare the parameter sets of the SSP with the scenario that they come from."""
+    """Compare the parameter sets of the SSP with their scenario."""
     scenario, findings, count = archives.scenario(VARIANTS[structure]), [], 0
     for element, (fmu, settings) in archives.systems[structure].elements.items():
         # An enumeration at its start value may be left out of the SSP.
@@ -175,10 +173,10 @@ def in_tool(archives, tool, structure, named):
     tool : str
         libcosim or ecos.
     structure : str
-        The system structure. Another than the default one is handed over from the extracted archive: to libcosim by its
-        path, to ecos under the name of the default one, as there is no other way to tell them.
+        The system structure. One other than the default is passed from the extracted archive: to libcosim by its
+        path, to ecos under the default name, the only ways to select it.
     named : bool
-        Whether the user names the parameter set, which ecos wants.
+        Whether the user names the parameter set, as ecos requires.
     """
     path = archives.ssp
     if structure != "SystemStructure.ssd":

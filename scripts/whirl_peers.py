@@ -1,10 +1,10 @@
-"""The whirl of the spindle beside ROSS, a rotordynamics package: natural frequencies and unbalance response over the speed.
+"""Compare the whirl of the spindle with ROSS, a rotordynamics package: natural frequencies and unbalance response over speed.
 
     cargo build --release
     python3 -m venv .venv-ross && .venv-ross/bin/pip install -r scripts/requirements-ross.txt
     .venv-ross/bin/python scripts/whirl_peers.py
 
-ROSS has finite elements: the rigid shaft is a nearly massless, nearly rigid one that carries a disc with the mass and the inertia. The exit
+ROSS uses finite elements: the rigid shaft is a nearly massless, nearly rigid one with a disc that has the mass and the inertia. The exit
 code is 1 if a frequency or an amplitude differs by more than 0.5 %.
 """
 
@@ -46,7 +46,7 @@ def rotor(damping):
 
 
 def main():
-    """Compares; returns the exit code."""
+    """Compare; return the exit code."""
     worst = 0.0
     model, _ = rotor(0.0)
     print("natural frequencies in Hz, ours / ROSS")

@@ -89,27 +89,28 @@ impl Loop {
     }
 }
 
-/// The loop with every method, noise given and estimated, all tolerances, and estimates used by the controller.
+/// The loop with every method, noise known and estimated, all tolerances, and estimates used by the controller.
 fn loops() -> [(Loop, u64); 5] {
     let noise = [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")];
-    let mut told = noise.to_vec();
-    told.extend([("estimator.sensor.positionNoise", "0.1 µm"), ("estimator.sensor.currentNoise", "10 mA")]);
-    told.extend([
+    let mut known = noise.to_vec();
+    known.extend([
+        ("estimator.sensor.positionNoise", "0.1 µm"),
+        ("estimator.sensor.currentNoise", "10 mA"),
         ("estimator.tolerance.s", "1 µm"),
         ("estimator.tolerance.alpha", "0.1 deg"),
         ("estimator.hold", "linear"),
     ]);
     let mut changing = noise.to_vec();
-    // The data contradict the model: the estimator restarts again and again.
+    // The data contradict the model, and the estimator keeps restarting.
     changing.extend([("estimator.identify.unbalance", "false"), ("controller.update.mode", "whenValid")]);
-    // Every sample takes another estimate of λ over.
+    // Every sample uses another estimate of λ.
     let mut spindle = noise.to_vec();
     spindle.extend([("plant.drive", "voltage"), ("controller.drive", "voltage"), ("estimator.hold", "linear")]);
     spindle.push(("controller.update.mode", "whenValid"));
     [
         (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 4),
         (Loop::new("unbalanced", &noise), STEPS),
-        (Loop::new("unbalanced", &told), STEPS / 4),
+        (Loop::new("unbalanced", &known), STEPS / 4),
         (Loop::new("unbalanced", &changing), STEPS / 4),
         (Loop::new("spindle", &spindle), STEPS / 20),
     ]
@@ -127,7 +128,7 @@ fn a_step_allocates_nothing() {
     }
 }
 
-/// Without a controller it falls into its backup bearings: sensors, coils, contact and friction take part.
+/// Without a controller it falls into its backup bearings: covers sensors, coils, contact and friction.
 #[test]
 fn a_step_of_a_spindle_allocates_nothing() {
     let settings = [
@@ -151,12 +152,12 @@ fn a_step_of_a_spindle_allocates_nothing() {
     }
 }
 
-/// Large constant data, such as the kernels of the estimator, are shared between an instance and its snapshots.
-/// Fails if a copy of an estimation copies the estimator.
+/// An instance and its snapshots share large constant data, such as the kernels of the estimator.
+/// Fails if a snapshot copies the estimator.
 #[test]
-fn a_snapshot_copies_the_state_alone() {
+fn a_snapshot_copies_only_the_state() {
     let mut estimator = Named::new("AlgebraicEstimator");
-    // The paper's method has kernels as long as its window; the other one has no large constant data.
+    // The paper's method has kernels as long as its window.
     for (name, value) in [("method", 2.0), ("Tf", 0.1), ("epsilon", 0.1)] {
         estimator.set(name, value);
     }
@@ -182,7 +183,7 @@ fn the_counter_counts() {
     assert_eq!(CALLS.get() - before, 2);
 }
 
-/// The process steps in an environment where the kernel kills it at the first system call: seccomp in strict mode allows only
+/// The kernel kills the stepping process at its first system call: seccomp in strict mode allows only
 /// reading, writing, and exit.
 #[cfg(all(target_os = "linux", target_arch = "x86_64"))]
 mod confined {
@@ -203,8 +204,8 @@ mod confined {
 
     /// The status, from `waitpid`, of a process that does this many steps.
     fn confine(closed: &mut Loop, steps: u64, call: bool) -> i32 {
-        // SAFETY: the child does nothing but step, which the other test shows not to allocate, and ends without cleaning up;
-        // all arguments are of the types that the functions want.
+        // SAFETY: the child only steps, which the other test shows not to allocate, and ends without cleaning up;
+        // all arguments have the types that the functions expect.
         unsafe {
             let child = fork();
             if child == 0 {
@@ -224,14 +225,14 @@ mod confined {
     }
 
     #[test]
-    fn a_step_calls_the_system_for_nothing() {
+    fn a_step_makes_no_system_call() {
         for (mut closed, steps) in loops() {
             assert_eq!(confine(&mut closed, steps, false), 0, "the status of the process after {steps} steps");
         }
     }
 
     #[test]
-    fn a_call_of_the_system_is_noticed() {
+    fn a_system_call_is_detected() {
         let [(mut closed, _), ..] = loops();
         assert_eq!(confine(&mut closed, 1, true) & 0x7f, KILLED);
     }

@@ -1,5 +1,5 @@
-/* The library bcryptprimitives.dll for releases of Wine before 9, which lack it: Rust's standard library takes random numbers
- * from it. Every Windows that Rust supports has it. */
+/* bcryptprimitives.dll for Wine before version 9, which lacks it: Rust's standard library takes random numbers
+ * from it. Every Windows version that Rust supports has it. */
 
 #include <windows.h>
 #include <ntsecapi.h>

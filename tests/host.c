@@ -1,13 +1,13 @@
-/* A small importer in C: runs the closed loop of an unpacked SSP and tries what importers do, with the binaries of one
- * platform. It shares no code with the FMUs but the standard's header, and computes nothing itself, so that its results can
+/* A small importer in C: runs the closed loop of an unpacked SSP and tests typical operations of importers, with the binaries of
+ * one platform. It shares no code with the FMUs but the standard's header, and computes nothing itself, so that its results can
  * be compared between platforms to the last bit.
  *
  *     host STRUCTURE PLATFORM OUTPUT [ELEMENT.VARIABLE=VALUE ...]
  *
- * The folder of STRUCTURE, an .ssd file, holds resources/NAME, unpacked, of every resources/NAME.fmu. All outputs of all elements at
- * every step go to OUTPUT, Reals as the hexadecimal digits of their bits. The settings are made beside the SSP's own. */
+ * The folder of STRUCTURE, an .ssd file, holds every resources/NAME.fmu unpacked in resources/NAME. All outputs of all elements at
+ * every step go to OUTPUT, Reals as hexadecimal bits. The settings are added to the SSP's own. */
 
-/* The C library of Windows reads numbers with an error in the last bit; that of mingw does not. */
+/* The C library of Windows parses numbers with an error in the last bit; that of mingw does not. */
 #define __USE_MINGW_ANSI_STDIO 1
 
 #include <errno.h>
@@ -27,9 +27,9 @@
 #include "fmi2.h"
 
 #define STEP_S 1e-4
-/* The paper's scenario takes the estimated parameters over at 0.2 s. */
+/* In the paper's scenario the controller uses the estimated parameters from 0.2 s on. */
 #define STEPS 2500
-/* Steps that are done twice, from a state that was kept or after a reset. */
+/* Steps repeated from a saved state or after a reset. */
 #define AGAIN 300
 
 #define FUNCTIONS(X) \
@@ -40,7 +40,7 @@
     X(SetRealInputDerivatives) X(GetRealOutputDerivatives) X(DoStep) X(CancelStep) X(GetStatus) X(GetRealStatus) \
     X(GetIntegerStatus) X(GetBooleanStatus) X(GetStringStatus)
 
-/* ---- What is counted ---- */
+/* ---- Checks ---- */
 
 static int passed, failed;
 
@@ -102,7 +102,7 @@ static char *read_file(const char *path)
     return content;
 }
 
-/* The next tag of that name, or null. The files are written by this project, without comments that look like tags. */
+/* The next tag of that name, or null. The files of this project contain no comments that look like tags. */
 static const char *find_tag(const char *from, const char *name)
 {
     size_t length = strlen(name);
@@ -149,14 +149,14 @@ typedef struct {
     fmi2Status status;
     int count;
     char category[64], instance[512], message[4096];
-} Heard;
+} LogRecord;
 
 typedef struct {
     char *name, *model, *guid, *resources, *path;
     int keeps_states, serializes_states;
     Variable *variables;
     int count;
-    Heard heard;
+    LogRecord logged;
     fmi2CallbackFunctions callbacks;
     fmi2Component component;
     void *library;
@@ -179,14 +179,14 @@ static int setting_count;
 static void logger(fmi2ComponentEnvironment environment, fmi2String instance, fmi2Status status, fmi2String category,
                    fmi2String message, ...)
 {
-    Heard *heard = environment;
+    LogRecord *logged = environment;
     va_list arguments;
-    heard->count++;
-    heard->status = status;
-    snprintf(heard->instance, sizeof heard->instance, "%s", instance);
-    snprintf(heard->category, sizeof heard->category, "%s", category ? category : "null");
+    logged->count++;
+    logged->status = status;
+    snprintf(logged->instance, sizeof logged->instance, "%s", instance);
+    snprintf(logged->category, sizeof logged->category, "%s", category ? category : "null");
     va_start(arguments, message);
-    vsnprintf(heard->message, sizeof heard->message, message, arguments);
+    vsnprintf(logged->message, sizeof logged->message, message, arguments);
     va_end(arguments);
 }
 
@@ -299,10 +299,10 @@ static void load(Fmu *fmu, const char *folder, const char *platform)
         fail("nothing can be tried without fmi2" #name);
     FUNCTIONS(RESOLVE)
     fmu->callbacks.logger = logger;
-    fmu->callbacks.componentEnvironment = &fmu->heard;
+    fmu->callbacks.componentEnvironment = &fmu->logged;
 }
 
-/* The parameter sets of a structure. One that is bound within an element names that element's variables, one that is bound
+/* The parameter sets of a structure. One bound within an element names variables of that element, one bound
  * before all elements names elements and variables. */
 static void read_parameters(const char *structure, const char *folder)
 {
@@ -357,7 +357,7 @@ static void set(Fmu *fmu, const char *name, const char *value)
     fmi2Status status = variable->type == 'R'   ? fmu->SetReal(fmu->component, &variable->reference, 1, &real)
                         : variable->type == 'I' ? fmu->SetInteger(fmu->component, &variable->reference, 1, &integer)
                                                 : fmu->SetBoolean(fmu->component, &variable->reference, 1, &integer);
-    check(status == fmi2OK, "%s.%s = %s is refused: %s", fmu->name, name, value, fmu->heard.message);
+    check(status == fmi2OK, "%s.%s = %s is refused: %s", fmu->name, name, value, fmu->logged.message);
 }
 
 static void instantiate(void)
@@ -369,7 +369,7 @@ static void instantiate(void)
         fmu->component =
             fmu->Instantiate(fmu->name, fmi2CoSimulation, fmu->guid, place, &fmu->callbacks, fmi2False, fmi2False);
         if (!fmu->component)
-            fail("%s cannot be instantiated: %s", fmu->model, fmu->heard.message);
+            fail("%s cannot be instantiated: %s", fmu->model, fmu->logged.message);
     }
 }
 
@@ -387,7 +387,7 @@ static void initialize(void)
         check(fmu->SetupExperiment(fmu->component, fmi2False, 0.0, 0.0, fmi2False, 0.0) == fmi2OK, "%s: set-up", fmu->name);
         check(fmu->EnterInitializationMode(fmu->component) == fmi2OK, "%s: initialization begins", fmu->name);
         check(fmu->ExitInitializationMode(fmu->component) == fmi2OK, "%s: initialization ends: %s", fmu->name,
-              fmu->heard.message);
+              fmu->logged.message);
     }
 }
 
@@ -405,14 +405,14 @@ static uint64_t read_bits(Fmu *fmu, Variable *variable)
                         : variable->type == 'I' ? fmu->GetInteger(fmu->component, &variable->reference, 1, &integer)
                                                 : fmu->GetBoolean(fmu->component, &variable->reference, 1, &integer);
     if (status != fmi2OK)
-        fail("%s.%s cannot be read: %s", fmu->name, variable->name, fmu->heard.message);
+        fail("%s.%s cannot be read: %s", fmu->name, variable->name, fmu->logged.message);
     if (variable->type != 'R')
         return (uint64_t)integer;
     memcpy(&bits, &real, sizeof bits);
     return bits;
 }
 
-/* One step of all; no element sees another's results before the next. */
+/* One step of all; results reach other elements in the next one. */
 static void step(int index, Record *record)
 {
     int i, j;
@@ -434,11 +434,11 @@ static void step(int index, Record *record)
                      ? to->fmu->SetInteger(to->fmu->component, &to->variable->reference, 1, &integer)
                      : to->fmu->SetBoolean(to->fmu->component, &to->variable->reference, 1, &integer);
         if (status != fmi2OK)
-            fail("%s.%s cannot be set: %s", to->fmu->name, to->variable->name, to->fmu->heard.message);
+            fail("%s.%s cannot be set: %s", to->fmu->name, to->variable->name, to->fmu->logged.message);
     }
     for (i = 0; i < fmu_count; i++)
         if (fmus[i].DoStep(fmus[i].component, index * STEP_S, STEP_S, fmi2True) != fmi2OK)
-            fail("%s: step %d: %s", fmus[i].name, index, fmus[i].heard.message);
+            fail("%s: step %d: %s", fmus[i].name, index, fmus[i].logged.message);
 }
 
 static Record steps(int from, int to)
@@ -462,7 +462,7 @@ static void write_record(const char *path, Record record)
     if (!file)
         fail("%s: %s", path, strerror(errno));
     while (at < record.count) {
-        /* One line for each value, so that a comparison shows the first variable that differs. */
+        /* One line per value, so that a comparison shows the first variable that differs. */
         for (i = 0; i < fmu_count; i++)
             for (j = 0; j < fmus[i].count; j++)
                 if (fmus[i].variables[j].is_output)
@@ -473,7 +473,7 @@ static void write_record(const char *path, Record record)
         fail("%s: %s", path, strerror(errno));
 }
 
-/* ---- What importers do beside ---- */
+/* ---- Other operations ---- */
 
 static void try_instances(void)
 {
@@ -489,33 +489,33 @@ static void try_instances(void)
         check(!strcmp(fmu->GetVersion(), "2.0"), "%s: version %s", fmu->model, fmu->GetVersion());
         check(!strcmp(fmu->GetTypesPlatform(), "default"), "%s: types %s", fmu->model, fmu->GetTypesPlatform());
 
-        memset(&fmu->heard, 0, sizeof fmu->heard);
+        memset(&fmu->logged, 0, sizeof fmu->logged);
         component = fmu->Instantiate(instance, fmi2CoSimulation, "{00000000-0000-0000-0000-000000000000}", places[0],
                                      &fmu->callbacks, fmi2False, fmi2False);
         check(!component, "%s: a wrong GUID is accepted", fmu->model);
-        check(fmu->heard.count == 1 && fmu->heard.status >= fmi2Error && strstr(fmu->heard.message, fmu->guid),
-              "%s: the message on a wrong GUID is: %s", fmu->model, fmu->heard.message);
+        check(fmu->logged.count == 1 && fmu->logged.status >= fmi2Error && strstr(fmu->logged.message, fmu->guid),
+              "%s: the message on a wrong GUID is: %s", fmu->model, fmu->logged.message);
 
         for (j = 0; j < 4; j++) {
             component =
                 fmu->Instantiate(instance, fmi2CoSimulation, fmu->guid, places[j], &fmu->callbacks, fmi2False, fmi2True);
-            check(component != NULL, "%s: not instantiated with %s: %s", fmu->model, places[j], fmu->heard.message);
+            check(component != NULL, "%s: not instantiated with %s: %s", fmu->model, places[j], fmu->logged.message);
             if (!component)
                 continue;
-            memset(&fmu->heard, 0, sizeof fmu->heard);
+            memset(&fmu->logged, 0, sizeof fmu->logged);
             check(fmu->DoStep(component, 0.0, STEP_S, fmi2True) == fmi2Error, "%s: a step before initialization",
                   fmu->model);
-            check(fmu->heard.count == 1 && fmu->heard.status == fmi2Error, "%s: %d messages", fmu->model,
-                  fmu->heard.count);
-            check(!strcmp(fmu->heard.category, "logStatusError"), "%s: category %s", fmu->model, fmu->heard.category);
-            check(!strcmp(fmu->heard.instance, instance), "%s: instance %s", fmu->model, fmu->heard.instance);
-            check(strstr(fmu->heard.message, "fmi2DoStep") != NULL, "%s: message %s", fmu->model, fmu->heard.message);
+            check(fmu->logged.count == 1 && fmu->logged.status == fmi2Error, "%s: %d messages", fmu->model,
+                  fmu->logged.count);
+            check(!strcmp(fmu->logged.category, "logStatusError"), "%s: category %s", fmu->model, fmu->logged.category);
+            check(!strcmp(fmu->logged.instance, instance), "%s: instance %s", fmu->model, fmu->logged.instance);
+            check(strstr(fmu->logged.message, "fmi2DoStep") != NULL, "%s: message %s", fmu->model, fmu->logged.message);
             fmu->FreeInstance(component);
         }
     }
 }
 
-/* Steps done again from a state that was kept, and from one that was written to bytes and read back, give the same. */
+/* Steps repeated from a saved state, and from a serialized one, give the same results. */
 static void try_states(void)
 {
     fmi2FMUstate states[8] = {NULL};
@@ -524,12 +524,12 @@ static void try_states(void)
     for (i = 0; i < fmu_count; i++) {
         Fmu *fmu = &fmus[i];
         fmi2Status status;
-        fmu->heard.count = 0;
+        fmu->logged.count = 0;
         status = fmu->GetFMUstate(fmu->component, &states[i]);
         if (fmu->keeps_states)
-            check(status == fmi2OK && states[i], "%s: state: %s", fmu->name, fmu->heard.message);
+            check(status == fmi2OK && states[i], "%s: state: %s", fmu->name, fmu->logged.message);
         else
-            check(status == fmi2Error && fmu->heard.count == 1, "%s: states are not offered, yet %d", fmu->name, status);
+            check(status == fmi2Error && fmu->logged.count == 1, "%s: states are not offered, yet %d", fmu->name, status);
         kept += fmu->keeps_states && status == fmi2OK;
         serialized += fmu->serializes_states;
     }
@@ -539,7 +539,7 @@ static void try_states(void)
     }
     first = steps(STEPS, STEPS + AGAIN);
     for (i = 0; i < fmu_count; i++)
-        check(fmus[i].SetFMUstate(fmus[i].component, states[i]) == fmi2OK, "%s: %s", fmus[i].name, fmus[i].heard.message);
+        check(fmus[i].SetFMUstate(fmus[i].component, states[i]) == fmi2OK, "%s: %s", fmus[i].name, fmus[i].logged.message);
     again = steps(STEPS, STEPS + AGAIN);
     check(same(first, again), "steps from a state that was kept differ");
     for (i = 0; i < fmu_count && serialized == fmu_count; i++) {
@@ -551,7 +551,7 @@ static void try_states(void)
         check(fmu->SerializeFMUstate(fmu->component, states[i], bytes, size) == fmi2OK, "%s: to bytes", fmu->name);
         check(fmu->FreeFMUstate(fmu->component, &states[i]) == fmi2OK && !states[i], "%s: state freed", fmu->name);
         check(fmu->DeSerializeFMUstate(fmu->component, bytes, size, &states[i]) == fmi2OK, "%s: from bytes", fmu->name);
-        check(fmu->SetFMUstate(fmu->component, states[i]) == fmi2OK, "%s: %s", fmu->name, fmu->heard.message);
+        check(fmu->SetFMUstate(fmu->component, states[i]) == fmi2OK, "%s: %s", fmu->name, fmu->logged.message);
         free(bytes);
     }
     if (serialized == fmu_count)
@@ -560,7 +560,7 @@ static void try_states(void)
         check(fmus[i].FreeFMUstate(fmus[i].component, &states[i]) == fmi2OK, "%s: state freed", fmus[i].name);
 }
 
-/* Importers load and unload FMUs without end. */
+/* Importers load and unload FMUs many times. */
 static void try_loading(void)
 {
     int i, round;

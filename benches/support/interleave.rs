@@ -1,13 +1,13 @@
-//! Interleaved timing: every candidate runs for a short time, then the next one, round after round, so that whatever else the machine
-//! does affects all of them alike. Ratios are taken within a round.
+//! Interleaved timing: candidates run in turn for a short time, round after round, so that other load on the machine affects all alike.
+//! Ratios are taken within a round.
 
 use std::time::Instant;
 
-/// Does the work the given number of times.
 pub struct Candidate<'a> {
     pub name: String,
+    /// Does the work this number of times.
     pub work: Box<dyn FnMut(u32) + 'a>,
-    /// How often per round.
+    /// Repetitions per round.
     pub times: u32,
     /// The candidate that ratios refer to.
     pub peer: Option<usize>,
@@ -19,7 +19,7 @@ pub fn candidate<'a>(name: impl Into<String>, times: u32, work: impl FnMut(u32) 
 }
 
 impl<'a> Candidate<'a> {
-    /// Takes ratios to another candidate.
+    /// Sets the candidate that ratios refer to.
     pub fn beside(mut self, peer: usize) -> Self {
         self.peer = Some(peer);
         self

@@ -11,8 +11,7 @@ use magnetic_bearing::simulation::simulate;
 /// Samples in a record: ten revolutions.
 pub const RECORD: usize = 2000;
 
-/// Ten revolutions of the unbalanced rotor with noise on all sensors, as inputs of its estimator; after the last sample comes the
-/// first one again.
+/// Ten revolutions of the unbalanced rotor with noise on all sensors, as inputs of its estimator, to be repeated.
 pub fn record() -> Vec<EstimatorInput> {
     let mut scenario = Scenario::open(Path::new("unbalanced")).expect("a built-in scenario");
     scenario.elements.truncate(3);

@@ -1,4 +1,4 @@
-//! The attributes of a field: its role, and what is in the parentheses after it.
+//! The attributes of a field: its role with the items in parentheses.
 
 use proc_macro2::Span;
 use syn::parse::{Parse, ParseStream};
@@ -27,7 +27,7 @@ const ROLES: [(&str, Role); 6] = [
 ];
 
 impl Role {
-    /// Keys that may stand in its parentheses.
+    /// Keys allowed in its parentheses.
     fn keys(self) -> Vec<&'static str> {
         let of_variable = ["unit", "display_unit", "start", "value", "min", "above", "max", "nominal"];
         let named = ["name", "names", "description", "count", "with"];
@@ -65,7 +65,7 @@ impl Parse for Item {
 /// Keys without a value.
 const FLAGS: [&str; 8] = ["fixed", "tunable", "calculated", "discrete", "exact", "state", "constant", "default"];
 
-/// The role of a field with what is in its parentheses.
+/// The role of a field with its items.
 pub struct Attributes {
     pub role: Role,
     items: Vec<Item>,
@@ -104,7 +104,7 @@ impl Attributes {
         self.items.iter().find(|item| item.key == key)
     }
 
-    /// Whether the flag is there.
+    /// Whether the key is present.
     pub fn has(&self, key: &str) -> bool {
         self.get(key).is_some()
     }
@@ -114,7 +114,7 @@ impl Attributes {
         self.get(key).and_then(|item| item.value.as_ref())
     }
 
-    /// Where the key stands.
+    /// Position of the key.
     pub fn span(&self, key: &str) -> Span {
         self.get(key).map_or_else(Span::call_site, |item| item.key.span())
     }
@@ -148,7 +148,7 @@ pub fn items(attribute: &Attribute, name: &str, keys: &[&str]) -> Result<Vec<Ite
     Ok(items.into_iter().collect())
 }
 
-/// A text that is known when the macro runs.
+/// A string literal.
 pub fn literal(value: &Expr) -> Option<&LitStr> {
     match value {
         Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) => Some(text),

@@ -2,7 +2,7 @@
 
 use syn::{Attribute, Error, Expr, ExprLit, Lit, LitStr, Meta, Result};
 
-/// The first paragraph of a doc comment in one line, without the full stop at its end.
+/// The first paragraph of a doc comment in one line, without the final full stop.
 pub fn description(attributes: &[Attribute]) -> String {
     let mut lines = Vec::new();
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("doc")) {
@@ -17,13 +17,13 @@ pub fn description(attributes: &[Attribute]) -> String {
     text.strip_suffix('.').map(str::to_owned).unwrap_or(text)
 }
 
-/// Checks a name that is known when the macro runs by the structured naming convention of FMI 2.0.4, section 2.2.9, of which
-/// this is what the names of fields and elements need.
+/// Checks a literal name against the structured naming convention of FMI 2.0.4, section 2.2.9, as far as names of fields and elements
+/// need it.
 pub fn check(name: &LitStr) -> Result<()> {
     let text = name.value();
     let part = |part: &str| {
         let (word, indices) = part.split_once('[').map_or((part, None), |(word, indices)| (word, Some(indices)));
-        let word_is_good = if let Some(quoted) = word.strip_prefix('\'') {
+        let is_valid_word = if let Some(quoted) = word.strip_prefix('\'') {
             quoted.len() > 1 && quoted.ends_with('\'')
         } else {
             !word.is_empty()
@@ -31,9 +31,9 @@ pub fn check(name: &LitStr) -> Result<()> {
                 && word.chars().all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
         };
         let index = |index: &str| !index.is_empty() && index.bytes().all(|digit| digit.is_ascii_digit());
-        let indices_are_good = indices
+        let are_valid_indices = indices
             .is_none_or(|indices| indices.strip_suffix(']').is_some_and(|indices| indices.split(',').all(index)));
-        word_is_good && indices_are_good
+        is_valid_word && are_valid_indices
     };
     let quoted_or_derivative = text.contains('\'') || text.starts_with("der(");
     if quoted_or_derivative || text.split('.').all(part) {

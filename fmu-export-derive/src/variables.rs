@@ -117,7 +117,7 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-/// The value of a field in `Default`: that of its type unless one is given, also of arrays whose length is a parameter, for which Rust has none.
+/// The value of a field in `Default`: the given one or that of its type; Rust has none for arrays whose length is a parameter.
 fn default(member: &Member, field: &Field, attributes: &Attributes) -> TokenStream {
     match (attributes.value("value"), &field.ty) {
         (Some(value), _) => quote!(#member: #value),
@@ -129,7 +129,7 @@ fn default(member: &Member, field: &Field, attributes: &Attributes) -> TokenStre
     }
 }
 
-/// The structure, and what it stays generic over: the other type parameters become aliases of their arguments.
+/// The remaining generic parameters of the structure; the other type parameters become aliases of their arguments.
 struct Target {
     generics: Generics,
 }
@@ -145,7 +145,7 @@ impl Target {
         Self { generics }
     }
 
-    /// Whether code depends on what the structure is generic over.
+    /// Whether code depends on the remaining generic parameters.
     fn is_in(&self, code: TokenStream) -> bool {
         code.into_iter().any(|token| match token {
             TokenTree::Group(group) => self.is_in(group.stream()),
@@ -160,7 +160,7 @@ impl Target {
     }
 }
 
-/// The name of a variable or structure as far as it is known when the macro runs.
+/// The name of a variable or structure if the macro knows it.
 fn name_of(field: &Field, attributes: &Attributes, at: usize, fields: &Fields) -> Result<Option<LitStr>> {
     let given = match attributes.role {
         Role::Nested if attributes.has("prefix") || attributes.has("prefixes") => return Ok(None),
@@ -271,19 +271,19 @@ fn optional(value: Option<&Expr>) -> TokenStream {
     value.map_or_else(|| quote!(::core::option::Option::None), |value| quote!(::core::option::Option::Some(#value)))
 }
 
-/// Attributes that suit some types only.
+/// Checks of attributes that only some types allow.
 fn checks(attributes: &Attributes, of_type: &Type) -> TokenStream {
     let of_reals = ["unit", "display_unit", "above", "nominal", "state", "derivative_of"];
-    let there = of_reals.into_iter().filter(|key| attributes.has(key));
+    let present = of_reals.into_iter().filter(|key| attributes.has(key));
     let reals =
-        there.map(|key| quote_spanned!(attributes.span(key)=> ::fmu_export::variables::only_real::<_, #of_type>();));
+        present.map(|key| quote_spanned!(attributes.span(key)=> ::fmu_export::variables::only_real::<_, #of_type>();));
     let limits = ["min", "above", "max"].into_iter().filter_map(|key| attributes.value(key)).map(
         |value| quote_spanned!(value.span()=> let _ = |index: usize| ::fmu_export::variables::limit::<_, #of_type>(#value);),
     );
     quote!(#(#reals)* #(#limits)*)
 }
 
-/// Role and attributes of a row, as methods one after another.
+/// Role and attributes of a row, as chained methods.
 fn steps(attributes: &Attributes, field: &Field) -> TokenStream {
     let mut steps = Vec::new();
     steps.push(match attributes.role {

@@ -1,4 +1,4 @@
-//! Arrays of any length, where Rust's own have no `Default` and serde knows them up to 32 elements only.
+//! Arrays of any length with `Default` and serde's traits, which Rust's own arrays have up to 32 elements only.
 
 use std::fmt;
 use std::marker::PhantomData;
@@ -8,7 +8,7 @@ use serde::de::{Error, SeqAccess, Visitor};
 use serde::ser::SerializeTuple;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-/// `[T; N]` with `Default` and serde's traits for every length, constants of the type included.
+/// `[T; N]` with `Default` and serde's traits for every length, including lengths that are generic parameters.
 ///
 /// ```
 /// use fmu_export::Array;
@@ -94,7 +94,7 @@ pub fn deserialize<'de, D: Deserializer<'de>, T: Deserialize<'de>, const N: usiz
                 let element = elements.next_element()?.ok_or_else(|| A::Error::invalid_length(read.len(), &self))?;
                 read.push(element);
             }
-            // Not by value: the threads of importers have small stacks.
+            // On the heap, because threads of importers have small stacks.
             let read: Box<[T; N]> = read.try_into().unwrap_or_else(|_| unreachable!("there are as many elements"));
             Ok(*read)
         }

@@ -1,4 +1,4 @@
-//! Errors in a model's table that would make importers refuse its description or misread it.
+//! Errors in a model's table that would make importers reject or misread its description.
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -7,7 +7,7 @@ use crate::model::Info;
 use crate::unit::{Display, Unit};
 use crate::variable::{Causality, Enumeration, Type, Variability, Variable};
 
-/// Defects of a model's name and table, one sentence each.
+/// Errors in a model's name and table, one sentence each.
 pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
     let mut found = Vec::new();
     let part_of_identifier = |letter: char| letter.is_ascii_alphanumeric() || letter == '_';
@@ -81,7 +81,7 @@ fn check_name(variable: &Variable, found: &mut Vec<String>) {
     }
 }
 
-/// A text may hold what XML can hold.
+/// A text must consist of characters that XML can hold.
 fn check_text(what: &str, text: &str, found: &mut Vec<String>) {
     let is_foreign = |letter: char| {
         (letter.is_ascii_control() && !matches!(letter, '\t' | '\n' | '\r'))
@@ -121,7 +121,7 @@ fn after_part(text: &str) -> Option<&str> {
     indices.split(',').all(is_number).then_some(rest)
 }
 
-/// Text after the apostrophe that ends a name of any characters of the grammar: ASCII, with a backslash before some.
+/// Text after the apostrophe that ends a quoted name: ASCII characters, some of them after a backslash.
 fn after_quoted(text: &str) -> Option<&str> {
     let mut rest = text;
     loop {
@@ -139,7 +139,7 @@ fn is_number(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|digit| digit.is_ascii_digit())
 }
 
-/// Names of other variables.
+/// References to other variables.
 fn check_references(variable: &Variable, known: &HashMap<&str, &Variable>, found: &mut Vec<String>) {
     let name = &variable.name;
     let depends_on = variable.depends_on.iter().flatten().map(|(name, _)| name.as_ref());
@@ -150,7 +150,7 @@ fn check_references(variable: &Variable, known: &HashMap<&str, &Variable>, found
         Some(_) => {}
     };
     let is_known =
-        |known: &Variable| known.state || matches!(known.causality, Causality::Input | Causality::Independent);
+        |other: &Variable| other.state || matches!(other.causality, Causality::Input | Causality::Independent);
     let mut seen: Vec<&str> = Vec::new();
     for other in depends_on {
         refer(other, is_known, "neither an input nor a state");
@@ -208,13 +208,12 @@ fn check_numbers(variable: &Variable, found: &mut Vec<String>) {
     if variable.has_start() && variable.admits(&variable.start()).is_err() {
         found.push(format!("the start value of {name} is outside its limits"));
     }
-    let changes = variable.variability == Variability::Continuous && !matches!(variable.data_type, Type::Real { .. });
-    if changes {
+    if variable.variability == Variability::Continuous && !matches!(variable.data_type, Type::Real { .. }) {
         found.push(format!("{name} is not of type Real, and cannot be continuous"));
     }
 }
 
-/// Units and enumerations, which tools know by their names.
+/// Units and enumerations, which tools identify by name.
 fn check_definitions(variables: &[Variable], found: &mut Vec<String>) {
     let mut units: HashMap<&str, &Unit> = HashMap::new();
     let mut enumerations: HashMap<&str, &Enumeration> = HashMap::new();
@@ -240,7 +239,7 @@ fn check_definitions(variables: &[Variable], found: &mut Vec<String>) {
     found.dedup();
 }
 
-/// An enumeration: texts that XML can hold, and items of different names.
+/// An enumeration: texts that XML can hold, and distinct names of items.
 fn check_enumeration(enumeration: &Enumeration, found: &mut Vec<String>) {
     let name = enumeration.name;
     check_text(&format!("the name of the enumeration {name}"), name, found);

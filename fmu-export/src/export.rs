@@ -4,9 +4,9 @@
 /// [`Fmus`](crate::Fmus) named `FMUS` that lists them. Each model is a type that implements [`Model`](crate::Model) or
 /// [`SampledModel`](crate::SampledModel).
 ///
-/// The functions have the standard's names, so that a binary can have them once: use the macro once per crate, and in no crate
-/// that another one with it depends on, or the linker reports duplicate symbols. Models of several crates go into one library by
-/// naming them all in one call, in a crate that depends on the others.
+/// The functions have the standard's names, so a binary can have them only once: use the macro once per crate, and not in a crate
+/// on which another one with the macro depends, or the linker reports duplicate symbols. To put models of several crates into one
+/// library, name them all in one call, in a crate that depends on the others.
 ///
 /// ```ignore
 /// fmu_export::export_fmus!(Pump, Valve, Tank);
@@ -14,7 +14,7 @@
 #[macro_export]
 macro_rules! export_fmus {
     ($($model:ty),+ $(,)?) => {
-        // No panic may reach the importer, and with `panic = "abort"` none could be stopped.
+        // No panic may reach the importer, and `panic = "abort"` would prevent catching it.
         #[cfg(not(panic = "unwind"))]
         ::core::compile_error!(
             "an FMU must be built with `panic = \"unwind\"`: with `panic = \"abort\"` a panic would end the program that \
@@ -24,7 +24,7 @@ macro_rules! export_fmus {
         /// The models of this library.
         pub static FMUS: $crate::Fmus =
             $crate::Fmus::new(::core::env!("CARGO_CRATE_NAME"), || {
-                // A type is one or the other kind of model; the method of the one that it implements is found.
+                // Finds the method of the trait that the type implements.
                 #[allow(unused_imports, reason = "which kind of model there is depends on the crate")]
                 use $crate::instance::kind::{Continuous as _, Sampled as _};
                 ::std::vec![$((&$crate::instance::kind::Of::<$model>::NEW).model_type()),+]

@@ -1,11 +1,11 @@
-//! Whether all numbers of a state are finite: a check for states that come from outside.
+//! Whether all numbers of a state are finite: a check for external states.
 
 use std::fmt::{self, Display};
 
 use serde::ser::{self, Serialize, Serializer};
 
-/// Whether all floating-point numbers within a value are finite, as serde's `Serialize` sees them: skipped fields do not count.
-/// It allocates nothing and ends at the first number that is not.
+/// Whether all floating-point numbers that serde's `Serialize` finds in a value are finite; skipped fields do not count.
+/// Allocates nothing and stops at the first number that is not.
 ///
 /// [`Model::accepts`](crate::Model::accepts) can refuse a damaged snapshot with it.
 ///
@@ -42,7 +42,7 @@ impl ser::Error for NotFinite {
 
 type Checked = Result<(), NotFinite>;
 
-/// Methods for values without floating-point numbers, and for those whose parts follow one by one.
+/// Methods for values without floating-point numbers, and for compound values.
 macro_rules! methods {
     ($result:ty: $($method:ident($($of:ty),*);)*) => {
         $(fn $method(self, $(_: $of),*) -> $result { Ok(self.into()) })*
@@ -121,18 +121,18 @@ impl Serializer for Finite {
         serialize_struct_variant(&'static str, u32, &'static str, usize);
     }
 
-    // As snapshots are written.
+    // As for snapshots.
     fn is_human_readable(&self) -> bool {
         false
     }
 
-    // A `Display` is a text, however it is made.
+    // A `Display` is a text.
     fn collect_str<T: Display + ?Sized>(self, _: &T) -> Checked {
         Ok(())
     }
 }
 
-/// Values whose parts follow one by one.
+/// Compound values.
 macro_rules! parts {
     ($($trait:ident: $($method:ident($($name:ty)?),)+;)*) => {$(
         impl ser::$trait for Finite {

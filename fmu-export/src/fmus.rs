@@ -9,8 +9,7 @@ use crate::instance::ModelType;
 /// The models of one binary. [`export_fmus!`](crate::export_fmus) makes one, named `FMUS`.
 ///
 /// Tables and model descriptions are made on first use and shared by all instances, which hold them as long as needed. The
-/// binary drops its own share when it is unloaded: Rust drops no statics, and every load would otherwise leak some hundred
-/// kilobytes.
+/// binary drops its own share when unloaded: Rust drops no statics, so every load would leak some hundred kilobytes.
 pub struct Fmus {
     library: &'static str,
     make: fn() -> Vec<ModelType>,
@@ -25,7 +24,7 @@ impl Fmus {
 
     /// All models, in the order in which they are exported.
     pub fn models(&'static self) -> Arc<[Arc<ModelType>]> {
-        // After a panic the list is complete or empty.
+        // Even after a panic the list is complete or empty.
         let mut models = self.models.lock().unwrap_or_else(PoisonError::into_inner);
         let made = models.get_or_insert_with(|| {
             at_unload(self);
@@ -57,7 +56,7 @@ impl Fmus {
     #[cfg(feature = "fmi3")]
     pub(crate) fn by_token(&'static self, token: &str) -> Option<(Arc<ModelType>, Standard)> {
         let models = self.models();
-        // Descriptions with arrays are made only if the token is none of the others.
+        // Descriptions with arrays are made only if no other token matches.
         Standard::OF_FMI3.into_iter().find_map(|standard| {
             let found = models.iter().find(|model| model.description(standard).token == token)?;
             Some((found.clone(), standard))
@@ -89,37 +88,36 @@ static IN_USE: Mutex<Vec<&'static Fmus>> = Mutex::new(Vec::new());
 
 fn at_unload(fmus: &'static Fmus) {
     static PREPARED: Once = Once::new();
-    PREPARED.call_once(prepare);
+    PREPARED.call_once(register);
     IN_USE.lock().unwrap_or_else(PoisonError::into_inner).push(fmus);
 }
 
-// A function that the system calls when it unloads the library. On Linux it is listed in the library's section of such
-// functions: the C library's `atexit` would depend on what the linker adds to a shared library, and where that is missing, it
-// would call functions that are gone. Elsewhere it is `atexit`, which Windows keeps per library and macOS distinguishes by the
-// address of the function.
+// A function that the system calls when it unloads the library. On Linux the library lists it in its section of such
+// functions: `atexit` depends on code that the linker adds to a shared library, and without that it would call functions already
+// unloaded. Elsewhere it is registered by `atexit`, which Windows keeps per library and macOS distinguishes by function address.
 #[cfg(all(unix, not(target_vendor = "apple"), not(miri)))]
 #[used]
 // SAFETY: the section holds pointers to functions without arguments, called once, before the library is unloaded.
 #[unsafe(link_section = ".fini_array")]
-static AT_UNLOAD: extern "C" fn() = give_up;
+static AT_UNLOAD: extern "C" fn() = drop_models;
 
 #[cfg(any(all(unix, not(target_vendor = "apple")), miri))]
-fn prepare() {}
+fn register() {}
 
 #[cfg(not(any(all(unix, not(target_vendor = "apple")), miri)))]
-fn prepare() {
+fn register() {
     unsafe extern "C" {
         fn atexit(handler: extern "C" fn()) -> std::ffi::c_int;
     }
     // SAFETY: the handler is part of this library, whose C library calls it before the code is unloaded. If it cannot be
     // registered, memory is leaked, nothing else.
-    let _ = unsafe { atexit(give_up) };
+    let _ = unsafe { atexit(drop_models) };
 }
 
-/// The same function runs when the process ends, perhaps while other threads are in a call, or before an importer that still
-/// steps its instances: it waits for nobody, and drops nothing that an instance holds.
+/// It also runs at process exit, perhaps while other threads are in a call, or before an importer steps its instances once
+/// more: it does not wait, and drops nothing that an instance holds.
 #[cfg_attr(miri, allow(dead_code))]
-extern "C" fn give_up() {
+extern "C" fn drop_models() {
     let Ok(mut in_use) = IN_USE.try_lock() else { return };
     for fmus in std::mem::take(&mut *in_use) {
         if let Ok(mut models) = fmus.models.try_lock() {

@@ -4,10 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::variable::{Table, Value};
 
-/// The highest order of an input derivative that is used.
+/// The highest order of input derivatives.
 pub const HIGHEST_ORDER: usize = 4;
 
-/// The derivatives of one input with respect to time at the begin of a step.
+/// The derivatives of one input with respect to time at the start of a step.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub(crate) struct InputDerivatives {
     /// Index of the input in the table.
@@ -33,23 +33,23 @@ impl InputDerivatives {
     pub fn after(&self, elapsed_s: f64) -> Self {
         let mut later = *self;
         for order in 0..HIGHEST_ORDER {
-            let mut rest = Self::of(self.index);
-            let higher = &self.derivatives[order + 1..];
-            rest.derivatives[..higher.len()].copy_from_slice(higher);
-            later.derivatives[order] = self.derivatives[order] + rest.change(elapsed_s);
+            let mut higher = Self::of(self.index);
+            let of_higher_order = &self.derivatives[order + 1..];
+            higher.derivatives[..of_higher_order.len()].copy_from_slice(of_higher_order);
+            later.derivatives[order] = self.derivatives[order] + higher.change(elapsed_s);
         }
         later
     }
 }
 
-/// Inputs with derivatives, from a time on.
-pub(crate) struct Moving {
+/// Inputs with derivatives from a start time on.
+pub(crate) struct InputPolynomials {
     start_s: f64,
-    /// Each with its value at that time.
+    /// With the value of each input at that time.
     inputs: Vec<(f64, InputDerivatives)>,
 }
 
-impl Moving {
+impl InputPolynomials {
     /// `read` gives the value of an input.
     pub fn new(start_s: f64, inputs: &[InputDerivatives], read: impl Fn(usize) -> Value) -> Self {
         Self { start_s, inputs: inputs.iter().map(|input| (read(input.index).as_f64(), *input)).collect() }
@@ -68,28 +68,28 @@ impl Moving {
 /// `u(t) = u + Σ_j d_j (t − t_0)^j / j!` for every input with derivatives d; all others are held.
 pub struct InputTrajectory<'t, D> {
     pub(crate) table: &'t Table<D>,
-    pub(crate) moving: &'t Moving,
+    pub(crate) polynomials: &'t InputPolynomials,
 }
 
 impl<D> InputTrajectory<'_, D> {
     /// Whether all inputs are held.
     pub fn is_held(&self) -> bool {
-        self.moving.inputs.is_empty()
+        self.polynomials.inputs.is_empty()
     }
 
     /// The time of the values and derivatives, in seconds.
     pub fn start_s(&self) -> f64 {
-        self.moving.start_s
+        self.polynomials.start_s
     }
 
-    /// Sets the inputs to their values at a time, in seconds; before the begin of the step, to their values there.
+    /// Sets the inputs to their values at a time, in seconds; before the start of the step, to those at its start.
     pub fn apply(&self, values: &mut D, time_s: f64) {
-        self.moving.at(time_s, &mut |index, value| self.write(values, index, value));
+        self.polynomials.at(time_s, &mut |index, value| self.write(values, index, value));
     }
 
-    /// Writes the derivatives of that order, from 1, into the places of the inputs; places of held inputs are not changed.
+    /// Writes the derivatives of that order, from 1, in place of the inputs; held inputs are not changed.
     pub fn apply_derivatives(&self, values: &mut D, order: usize) {
-        for (_, input) in &self.moving.inputs {
+        for (_, input) in &self.polynomials.inputs {
             self.write(values, input.index, Value::Real(input.derivatives[order - 1]));
         }
     }

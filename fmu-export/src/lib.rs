@@ -1,8 +1,8 @@
 //! Exports any Rust model as a co-simulation unit (FMU) of FMI 2.0 and FMI 3.0.
 //!
-//! A model is a type with a structure of variables, a start, and a step. Everything else follows from the rows of the table: start
-//! value, value reference, access, unit, model description, reset, snapshot. [`export_fmus!`] defines the C functions of one
-//! library that serves all models of a crate; [`package`](mod@package) writes the archives.
+//! A model is a type with a structure of variables, a start, and a step. Everything else follows from the table of variables: start
+//! values, value references, access, units, model description, reset, snapshots. [`export_fmus!`] defines the C functions of one
+//! library for all models of a crate; [`package`](mod@package) writes the archives.
 //!
 //! ```
 //! use fmu_export::prelude::*;

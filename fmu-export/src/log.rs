@@ -15,7 +15,7 @@ pub enum Topic {
 
 /// Receives the messages of a model.
 pub trait Log {
-    /// Whether messages on this topic are wanted; asked before one is composed.
+    /// Whether messages on this topic are wanted; called before one is composed.
     fn wants(&self, topic: Topic) -> bool;
     /// Receives one message.
     fn message(&mut self, topic: Topic, message: fmt::Arguments<'_>);

@@ -39,7 +39,7 @@ pub struct Info {
     pub stop_s: f64,
     /// Communication step of such a run, in seconds.
     pub step_s: f64,
-    /// Relative tolerance of such a run, which the model should meet: a tolerance set by an importer has no effect.
+    /// Relative tolerance of such a run, which the model should meet: a tolerance set by an importer is ignored.
     pub tolerance: f64,
 }
 
@@ -99,11 +99,11 @@ impl Info {
 pub struct Capabilities {
     /// Directional derivatives of outputs and of derivatives of states.
     pub directional_derivatives: bool,
-    /// The highest order of derivatives of outputs with respect to time; 0 if there are none.
+    /// The highest order of time derivatives of outputs; 0 if there are none.
     pub output_derivative_order: usize,
     /// Whether steps follow the derivatives of inputs that importers set.
     pub interpolates_inputs: bool,
-    /// Whether there are snapshots; the type of the state decides, see [`HiddenState::SAVED`].
+    /// Whether there are snapshots; this depends on the type of the state, see [`HiddenState::SAVED`].
     pub snapshots: bool,
 }
 
@@ -116,13 +116,13 @@ impl Capabilities {
         snapshots: true,
     };
 
-    /// [`Model::differentiate`] is there.
+    /// The model implements [`Model::differentiate`].
     pub const fn directional_derivatives(mut self) -> Self {
         self.directional_derivatives = true;
         self
     }
 
-    /// [`Model::output_derivatives`] is there, up to that order.
+    /// The model implements [`Model::output_derivatives`] up to that order.
     pub const fn output_derivatives(mut self, order: usize) -> Self {
         self.output_derivative_order = order;
         self
@@ -136,7 +136,7 @@ impl Capabilities {
     }
 }
 
-/// A refused value: a parameter or input with what is expected instead, or a file.
+/// A refused value of a parameter or input, or a refused file, with the expected value.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Invalid {
     /// Name of the variable, for instance `coil.R` or `alpha[2]`.
@@ -148,7 +148,7 @@ pub struct Invalid {
 }
 
 impl Invalid {
-    /// A refused value, and what is expected instead.
+    /// A refused value, and the expected one.
     pub fn new(
         name: impl Into<Cow<'static, str>>,
         value: impl fmt::Display,
@@ -163,7 +163,7 @@ impl Invalid {
     }
 }
 
-/// So that `?` takes a single finding where a list is returned.
+/// Lets `?` convert a single finding to a list.
 impl From<Invalid> for Vec<Invalid> {
     fn from(finding: Invalid) -> Self {
         vec![finding]
@@ -176,7 +176,7 @@ impl fmt::Display for Invalid {
     }
 }
 
-/// Why a step could not be completed, as a message for the user.
+/// Reason why a step could not be completed, as a message for the user.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum StepError {
@@ -199,8 +199,8 @@ impl StepError {
         Self::Failed(error.to_string())
     }
 
-    /// The request to end the simulation at an instant within the step, with the values as they are then. Not an error: the
-    /// importer is told, may read all variables, and is refused further steps.
+    /// The request to end the simulation at an instant within the step, with the values at that instant. Not an error: the
+    /// importer is informed and may read all variables, but further steps are refused.
     ///
     /// ```
     /// # use fmu_export::{Step, StepError, Stepped};
@@ -235,9 +235,8 @@ impl Step {
 
 /// A model with its own stepping. For one that acts at sample instants see [`SampledModel`].
 ///
-/// A value of this type holds what follows from the parameters and is constant during a run: validated parameters,
-/// coefficients, tables. All snapshots of a run share it. What changes during a run is in `Values`, which the variables access,
-/// and in the hidden `State`; `()` if there is none.
+/// A value of this type holds the constants of a run: validated parameters, coefficients, tables. All snapshots of a run share it.
+/// Quantities that change during a run are in `Values`, which the variables access, and in the hidden `State`; `()` if there is none.
 pub trait Model: Clone + Send + Sync + 'static {
     /// Name and description.
     const INFO: Info;
@@ -254,8 +253,8 @@ pub trait Model: Clone + Send + Sync + 'static {
     /// The table of variables.
     fn table() -> Vec<Row<Self::Values>>;
 
-    /// Validates the parameters among the values and constructs the model. What is
-    /// outside the `min` and `max` of its row is refused besides, and the run does not begin. `resources` gives the files that the FMU brings along.
+    /// Validates the parameters among the values and constructs the model. Values outside the `min` and `max` of their rows are
+    /// refused in addition. `resources` gives access to the files of the FMU.
     ///
     /// # Errors
     /// Every invalid parameter.
@@ -264,11 +263,11 @@ pub trait Model: Clone + Send + Sync + 'static {
     /// Begins a run at a time, in seconds, and computes the outputs.
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State;
 
-    /// Does one communication step and computes the outputs at its end. The inputs among the values are those at its begin;
-    /// `inputs` gives them over the step, and the step may leave the values with the inputs of any instant.
+    /// Does one communication step and computes the outputs at its end. The inputs among the values are those at its start;
+    /// `inputs` gives them over the step. The step may leave the inputs among the values at any instant.
     ///
     /// # Errors
-    /// Why the run cannot continue. Values computed before remain readable.
+    /// Why the run cannot continue. The values remain readable.
     fn step(
         &self,
         state: &mut Self::State,
@@ -279,14 +278,14 @@ pub trait Model: Clone + Send + Sync + 'static {
     ) -> Stepped;
 
     /// The shortest internal step, in seconds. A communication step of more than [`MAX_BASE_STEPS`] of them is refused, because
-    /// it could not be told from a model that hangs.
+    /// the model would seem to hang.
     ///
     /// [`MAX_BASE_STEPS`]: crate::instance::MAX_BASE_STEPS
     fn base_step_s(&self) -> f64 {
         f64::INFINITY
     }
 
-    /// Applies changed tunable parameters; by default the model is constructed anew and the state kept. A model that keeps
+    /// Applies changed tunable parameters; by default reconstructs the model and keeps the state. A model that keeps
     /// parameters in its state updates them here.
     ///
     /// # Errors
@@ -302,7 +301,7 @@ pub trait Model: Clone + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Whether a state from outside is consistent: to continue at `time_s`, or only to be read if that is `None`. Its types
+    /// Whether an external state is consistent: to continue at `time_s`, or only to be read if that is `None`. Its types
     /// have been checked, its numbers have not.
     ///
     /// # Errors
@@ -317,9 +316,9 @@ pub trait Model: Clone + Send + Sync + 'static {
         let _ = (state, values, time_s);
     }
 
-    /// The directional derivative at an instant: `direction` holds the direction in the places of the known variables and 0 in
-    /// all others; the result holds the derivatives in the places of the unknowns. `started` is true once the run has begun;
-    /// before, parameters are known as well.
+    /// The directional derivative at an instant: `direction` holds the direction in place of the known variables and 0 in
+    /// all others; the result holds the derivatives in place of the unknowns. `started` is true once the run has begun;
+    /// before that, parameters are knowns too.
     ///
     /// Called only if [`Model::CAPABILITIES`] promises it.
     fn differentiate(
@@ -334,8 +333,8 @@ pub trait Model: Clone + Send + Sync + 'static {
         direction.clone()
     }
 
-    /// The derivatives of that order of the outputs with respect to time, in the places of the outputs. `input_derivatives[j]`
-    /// holds the derivatives of order j + 1 of the inputs in their places.
+    /// The time derivatives of that order of the outputs, in place of the outputs. `input_derivatives[j]` holds the derivatives
+    /// of order j + 1 of the inputs, in place of the inputs.
     ///
     /// Called only for orders that [`Model::CAPABILITIES`] promises.
     fn output_derivatives(
@@ -386,8 +385,8 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// Why the run cannot continue.
     fn sample(&self, state: &mut Self::State, values: &mut Self::Values, instant_s: f64, log: &mut dyn Log) -> Stepped;
 
-    /// Writes the outputs that the last sample has computed for the instant of the next one, which is reached: a controller
-    /// acts one sample later, whatever the communication steps. By default there are none.
+    /// Writes the outputs that the last sample computed for the instant of the next one; called when that instant is reached. A
+    /// controller thus acts one sample later, whatever the communication steps. By default there are none.
     fn take_effect(&self, state: &mut Self::State, values: &mut Self::Values) {
         let _ = (state, values);
     }
@@ -407,7 +406,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Whether a state from outside is consistent.
+    /// Whether an external state is consistent.
     ///
     /// # Errors
     /// Why it is not.
@@ -487,7 +486,7 @@ impl<S: SampledModel> Model for Sampled<S> {
         while let Some(instant_s) = clock.next_before(step.end_s()) {
             self.0.take_effect(state, values);
             inputs.apply(values, instant_s);
-            // Importers that add up their steps may begin one slightly after the instant.
+            // Importers that add up their steps may start one slightly after the instant.
             self.0.sample(state, values, instant_s, log).map_err(|error| match error {
                 StepError::Terminated { time_s, reason } if time_s == instant_s => {
                     StepError::terminate(time_s.max(step.time_s), reason)

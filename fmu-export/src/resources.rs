@@ -1,4 +1,4 @@
-//! Files that an FMU brings along, in its folder `resources`.
+//! Files in the folder `resources` of an FMU.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use crate::model::Invalid;
 
-/// The folder `resources` of an FMU, as the importer has unpacked it. `package::Extras` puts files there.
+/// The unpacked folder `resources` of an FMU. `package::Extras` puts files there.
 ///
 /// ```
 /// # use fmu_export::Resources;
@@ -28,14 +28,14 @@ impl Resources {
         Self(Ok(folder.as_ref().into()))
     }
 
-    /// A folder as FMI 2.0 gives it, for instance `file:///home/me/pump/resources`. Importers write one to four slashes.
+    /// A folder as a URI, as in FMI 2.0, for instance `file:///home/me/pump/resources`. Importers write one to four slashes.
     pub fn from_uri(uri: &str) -> Self {
         let unusable = || Self(Err(format!("the importer gave the folder `resources` as `{uri}`").into()));
         let Some(rest) = uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("file:")).map(|_| &uri[5..]) else {
             return unusable();
         };
         let Some(path) = without_escapes(rest) else { return unusable() };
-        // Two slashes precede the name of a host, which is empty or `localhost`; four are those of an empty host and a path.
+        // Two slashes precede a host name, which is empty or `localhost`; four are an empty host and a path with two.
         let path = path.strip_prefix("//localhost/").unwrap_or(path.trim_start_matches('/'));
         let has_drive = path.as_bytes().get(1) == Some(&b':');
         Self::in_folder(if has_drive { path.to_owned() } else { format!("/{path}") })

@@ -1,4 +1,4 @@
-//! State that a model keeps besides its values, and whether snapshots can hold it.
+//! The hidden state of a model, and whether snapshots can hold it.
 
 use std::io::Read;
 use std::ops::{Deref, DerefMut};
@@ -8,20 +8,20 @@ use serde::de::DeserializeOwned;
 
 /// The hidden state of a model.
 ///
-/// Every type with serde's `Serialize` and `Deserialize` and `Clone` is one; `()` if there is none. Snapshots hold it. A state that
-/// cannot be copied or written, such as a solver of another library, is wrapped in [`NotSaved`]: the FMU then offers no
-/// snapshots, and declares so.
+/// Any type with `Clone` and serde's `Serialize` and `Deserialize`; `()` if there is none. Snapshots hold it. Wrap a state that
+/// cannot be copied or written, such as a solver of another library, in [`NotSaved`]: the FMU then declares that it has no
+/// snapshots.
 pub trait HiddenState: Sized + Send + Sync + 'static {
     /// Whether snapshots are possible.
     const SAVED: bool;
-    /// A copy; `None` if there can be none.
+    /// A copy; `None` if it cannot be copied.
     fn copy(&self) -> Option<Self>;
     /// Appends the state to bytes; `None` if it cannot be written.
     fn write(&self, bytes: &mut Vec<u8>) -> Option<()>;
     /// Reads a state and the bytes after it.
     ///
     /// # Errors
-    /// Why the bytes are none.
+    /// Why the bytes are not a state.
     fn read(bytes: &[u8]) -> Result<(Self, &[u8]), String>;
 }
 
@@ -37,20 +37,20 @@ impl<T: Clone + Serialize + DeserializeOwned + Send + Sync + 'static> HiddenStat
     }
 
     fn read(mut bytes: &[u8]) -> Result<(Self, &[u8]), String> {
-        // Inlined, the reading of hundreds of numbers would take long to compile.
+        // A trait object, because inlined reading of hundreds of numbers would compile slowly.
         let (mut texts, reader): (_, &mut dyn Read) = (vec![0; bytes.len()], &mut bytes);
         let (state, _) = postcard::from_io((reader, &mut texts)).map_err(|error| error.to_string())?;
         Ok((state, bytes))
     }
 }
 
-/// Appends a value in postcard's format; `None` for one whose length is not known beforehand, or that refuses to be written.
+/// Appends a value in postcard's format; `None` if its length is not known beforehand, or serialization fails.
 pub(crate) fn write_to(bytes: &mut Vec<u8>, value: &impl Serialize) -> Option<()> {
     *bytes = postcard::to_extend(value, std::mem::take(bytes)).ok()?;
     Some(())
 }
 
-/// A state that snapshots cannot hold; an FMU with it declares that it has none.
+/// A state that snapshots cannot hold; its FMU declares that it has no snapshots.
 ///
 /// ```
 /// # use fmu_export::{HiddenState, NotSaved};

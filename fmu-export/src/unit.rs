@@ -1,7 +1,7 @@
-//! Units: the one of a variable, and those for display. Models declare missing ones themselves.
+//! Units of variables, with display units. Models declare missing ones themselves.
 
-/// A unit of the interface, with its exponents of the SI base units and its display units. Values in it are those in base units: what
-/// has another factor or zero, such as `°C`, is a display unit of one that has not.
+/// A unit of the interface, with its exponents of the SI base units and its display units. It is coherent: a unit with another factor or
+/// zero, such as `°C`, is a display unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Unit {
@@ -9,7 +9,7 @@ pub struct Unit {
     pub name: &'static str,
     /// Exponents of SI base units, by their FMI 2.0 names: `kg`, `m`, `s`, `A`, `K`, `mol`, `cd`, `rad`.
     pub base: &'static [(&'static str, i32)],
-    /// Display units, from which tools let their users choose.
+    /// Display units that tools offer.
     pub displays: &'static [Display],
 }
 
@@ -31,7 +31,7 @@ impl Display {
         Self { name, factor, offset: 0.0 }
     }
 
-    /// A display unit whose 0 is not that of the unit, such as `°C`.
+    /// A display unit with another zero than the unit, such as `°C`.
     pub const fn with_offset(name: &'static str, factor: f64, offset: f64) -> Self {
         Self { name, factor, offset }
     }
@@ -49,10 +49,8 @@ impl Unit {
     pub const fn new(name: &'static str, base: &'static [(&'static str, i32)], displays: &'static [Display]) -> Self {
         Self { name, base, displays }
     }
-}
 
-impl Unit {
-    /// Converts a value from the unit `name` to this one; `None` for a unit that is not known here. `µ` may be written as `u`.
+    /// Converts a value from the unit `name` to this one; `None` for an unknown unit. `µ` may be written as `u`.
     pub fn convert(&self, value: f64, name: &str) -> Option<f64> {
         let plain = |text: &str| text.replace(['µ', 'μ'], "u");
         if plain(name) == plain(self.name) {

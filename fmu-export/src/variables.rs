@@ -1,7 +1,7 @@
 //! Variables as fields of a structure: [`derive@crate::Variables`], and of Rust enums: [`derive@crate::Choice`].
 //!
-//! A field is a variable, and its doc comment the description. The attribute gives the role, and in parentheses what else there is
-//! to say; README lists it all.
+//! A field is a variable, and its doc comment the description. The attribute sets the role and, in parentheses, further properties;
+//! README lists them all.
 //!
 //! ```
 //! use fmu_export::prelude::*;
@@ -41,7 +41,7 @@
 //! assert_eq!(Drive::all().map(Drive::name).collect::<Vec<_>>(), ["current", "voltage"]);
 //! ```
 //!
-//! Mistakes are errors of the compiler, at the place of the mistake:
+//! Mistakes are compiler errors, at the place of the mistake:
 //!
 //! ```compile_fail
 //! # use fmu_export::prelude::*;
@@ -110,11 +110,11 @@ use crate::variable::{Access, Enumeration, Row, Slot, Type, Value};
              `#[hidden]` on this field"
 )]
 pub trait Variables: Sized + 'static {
-    /// Source of names, descriptions and start values when the table is built; `()` unless
-    /// `#[variables(context = Type)]` says otherwise.
+    /// Source of names, descriptions and start values when the table is built; `()` unless set by
+    /// `#[variables(context = Type)]`.
     type Context: ?Sized;
 
-    /// Number of variables, those of structures within included.
+    /// Number of variables, including those of nested structures.
     #[doc(hidden)]
     const COUNT: usize;
 
@@ -138,7 +138,7 @@ pub trait Variables: Sized + 'static {
         Self::rows_in(&())
     }
 
-    /// As [`Variables::rows`], with what the attributes call `context`.
+    /// As [`Variables::rows`], with the `context` of the attributes.
     fn rows_in(context: &Self::Context) -> Vec<Row<Self>>
     where
         Self: Default,
@@ -153,8 +153,8 @@ pub trait Variables: Sized + 'static {
         Self::placed(rows)
     }
 
-    /// As [`Variables::rows_in`], without access to values: such rows are of the same type for all models, and so is what changes
-    /// them before [`Variables::placed`].
+    /// As [`Variables::rows_in`], without access to values: such rows have the same type for all models, and so do functions that
+    /// change them before [`Variables::placed`].
     fn described(context: &Self::Context) -> Vec<Row<()>>
     where
         Self: Default,
@@ -166,11 +166,7 @@ pub trait Variables: Sized + 'static {
 
     /// Rows from [`Variables::described`], in any order, with access to values.
     fn placed(rows: Vec<Row<()>>) -> Vec<Row<Self>> {
-        let mut placed = Vec::with_capacity(rows.len());
-        for row in rows {
-            placed.push(row.placed(Access { at: Self::at, at_mut: Self::at_mut }));
-        }
-        placed
+        rows.into_iter().map(|row| row.placed(Access { at: Self::at, at_mut: Self::at_mut })).collect()
     }
 }
 
@@ -199,7 +195,7 @@ pub trait Choice: Copy + 'static {
     }
 }
 
-/// Where a structure stands within the values of a model.
+/// Position of a structure within the values of a model.
 #[doc(hidden)]
 #[derive(Default)]
 pub struct Scope {
@@ -207,14 +203,14 @@ pub struct Scope {
     prefix: String,
     /// Index of the structure in its array.
     pub index: usize,
-    /// Number of the structure in its array, or of the array in which the structure around it is.
+    /// Number of the structure in its array, or else that of the enclosing structure.
     number: Option<usize>,
     /// Number of its first variable among those of the model.
     first: usize,
 }
 
 impl Scope {
-    /// The structures in a field, by the numbers of variables before it and in it, and by the lengths of an array.
+    /// The structures in a field, from the numbers of variables before it and in it, and the lengths of an array.
     ///
     /// # Panics
     /// If `count` or the number of prefixes is more than the number of structures.
@@ -238,11 +234,11 @@ impl Scope {
         (0..count).map(structure).collect()
     }
 
-    /// Appends the rows of a field that starts with these variables: all, or the first `count`; it has that number of variables before it.
-    /// `complete` adds the attributes to one with its index.
+    /// Appends the rows of all elements of a field, or of the first `count`; `before` is the number of variables before it.
+    /// `complete` adds the attributes to the row of an index.
     ///
     /// # Panics
-    /// If there are not as many names as elements.
+    /// If the numbers of names and elements differ.
     pub fn rows(
         &self,
         before: usize,
@@ -280,7 +276,7 @@ impl Names {
         Self::Each(names.into_iter().map(Into::into).collect())
     }
 
-    /// That of the element with an index, counted from 0 through all dimensions of an array with that shape.
+    /// The name of the element with an index, counted from 0 through all dimensions of an array with that shape.
     fn at(&self, prefix: &str, index: usize, shape: &[usize]) -> String {
         let name = match self {
             Self::Common(name) => name,
@@ -311,7 +307,7 @@ pub trait Scalar: Slot + Sized {
 #[doc(hidden)]
 pub enum NoLimit {}
 
-/// Implements a type whose field holds its values as they are.
+/// Implements a type whose field holds its values directly.
 macro_rules! scalar {
     ($scalar:ident, $limit:ty, $real:expr, $real_mut:expr, |$start:ident| $of_type:expr) => {
         impl Scalar for $scalar {
@@ -379,7 +375,7 @@ impl<T: Choice> Slot for T {
              them; `#[hidden]` for what is no variable"
 )]
 pub trait Field<Kind> {
-    /// The variable or structure, or that in the array.
+    /// The variable or structure, or the element type of the array.
     type Item;
     /// Number of variables.
     const COUNT: usize;
@@ -542,7 +538,7 @@ impl Real for f64 {}
 #[doc(hidden)]
 pub fn only_real<K, F: Field<K, Item: Real>>() {}
 
-/// Fails to compile unless a limit has the type of those of the field.
+/// Fails to compile unless a limit has the limit type of the field.
 #[doc(hidden)]
 pub fn limit<K, F: Field<K, Item: Scalar>>(_: <F::Item as Scalar>::Limit) {}
 

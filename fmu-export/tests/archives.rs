@@ -1,4 +1,4 @@
-//! The packager: its archives, and what it takes out of a library.
+//! The packager: its archives, and the paths that it removes from libraries.
 
 use std::fs;
 use std::path::Path;
@@ -11,7 +11,7 @@ mod pi_controller;
 use fmu_export::Standard;
 use fmu_export::package::{self, PackageError, Packager};
 
-/// The model is there without C as well.
+/// The model can be used without C.
 #[test]
 fn the_controller_limits_its_output() {
     use fmu_export::{Step, log::Silent, variable::Value};
@@ -31,9 +31,9 @@ fn the_controller_limits_its_output() {
     controller.set(index("Ts"), Value::Real(1.0)).expect_err("fixed");
 }
 
-/// Fails if a library that is none is packed.
+/// Fails if a file that is not a library is packed.
 #[test]
-fn what_is_no_library_is_refused() {
+fn other_files_than_libraries_are_refused() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let file = folder.join("text.so");
     fs::write(&file, "this is a text").expect("a file");
@@ -43,7 +43,7 @@ fn what_is_no_library_is_refused() {
     assert!(error.to_string().contains("crate-type"), "{error}");
 }
 
-/// The archive holds no path of this machine. Fails if the folder of the registry is left in the messages of panics.
+/// Fails if panic messages contain the folder of the registry.
 #[test]
 fn a_packaged_library_names_no_folder_of_this_machine() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
@@ -52,7 +52,7 @@ fn a_packaged_library_names_no_folder_of_this_machine() {
     let source = folder.join("library.rs");
     let home = std::env::var("CARGO_HOME").unwrap_or_else(|_| format!("{}/.cargo", std::env::var("HOME").unwrap()));
     let text = format!("{home}/registry/src/index.crates.io-1/thing-1.0.0/src/lib.rs");
-    // A library with the functions that the packager looks for, which do nothing.
+    // A library with empty functions of the names that the packager requires.
     let names = ["fmi2GetVersion", "fmi2Instantiate", "fmi2SetupExperiment", "fmi2DoStep", "fmi2FreeInstance"];
     let of_fmi3 = ["fmi3GetVersion", "fmi3InstantiateCoSimulation", "fmi3GetFloat64", "fmi3DoStep", "fmi3FreeInstance"];
     let define = |name| format!("#[unsafe(no_mangle)] pub extern \"C\" fn {name}() {{}}\n");

@@ -1,4 +1,4 @@
-//! Variables made of structures: the same rows as by hand.
+//! Rows derived from structures equal those written by hand.
 
 use fmu_export::prelude::*;
 use fmu_export::variable::{Causality, Dependency, Table, Type, Variability, Variable};
@@ -34,7 +34,7 @@ struct Wheel<const N: usize> {
     temperature: Array<f64, N>,
 }
 
-/// How many of the wheels there are, and where they begin.
+/// Context: number of wheels and start value.
 struct Machine {
     wheels: usize,
     radius: f64,
@@ -96,7 +96,7 @@ fn find<'t>(table: &'t Table<Car<2>>, name: &str) -> &'t Variable {
     table.variables.iter().find(|variable| variable.name == name).unwrap_or_else(|| panic!("there is no {name}"))
 }
 
-/// Fails if a field is left out, or stands in another order, or under another name.
+/// Fails if a field is missing, out of order, or has another name.
 #[test]
 fn every_field_is_a_variable_in_its_place() {
     let table = table();
@@ -106,8 +106,8 @@ fn every_field_is_a_variable_in_its_place() {
     };
     let mut wanted: Vec<String> = ["drive", "torque[1]", "torque[2]", "Fx", "Fy"].map(str::to_owned).into();
     wanted.extend(["wheel[1]", "wheel[2]", "spare"].iter().flat_map(|prefix| of_wheel(prefix)));
-    let rest = ["largest", "gears", "says", "matrix[1,1]", "matrix[1,2]", "matrix[2,1]", "matrix[2,2]"];
-    wanted.extend(rest.map(str::to_owned));
+    let others = ["largest", "gears", "says", "matrix[1,1]", "matrix[1,2]", "matrix[2,1]", "matrix[2,2]"];
+    wanted.extend(others.map(str::to_owned));
     assert_eq!(names, wanted);
 }
 
@@ -142,7 +142,7 @@ fn attributes_reach_the_variables() {
     assert_eq!(items.items, [("none", "Not at all"), ("front", "By the front axle")]);
 }
 
-/// Fails if a start value is not that of the attribute, or else that of `Default`, or else if it is not that of the context.
+/// Fails if a start value is not that of the attribute, which may use the context, or else that of `Default`.
 #[test]
 fn start_values_come_from_attribute_default_and_context() {
     let table = table();
@@ -171,12 +171,12 @@ fn every_row_has_its_own_field() {
     assert_eq!(values.wheel[0].temperature[1], numbers(at("wheel[1].temperature[2]")));
     assert_eq!(values.spare.temperature[1], numbers(at("spare.temperature[2]")));
     assert_eq!(values.matrix[1][0], numbers(at("matrix[2,1]")));
-    // The third wheel is not there.
+    // The third wheel is not used.
     assert_eq!(values.wheel[2], Wheel { radius: 7.0, ..Wheel::default() });
     assert_eq!(values.drive, Drive::FrontAxle);
 }
 
-/// A mast, generic over its numbers; the table is for one type of them.
+/// A mast, generic over its type of numbers; the table is for one of them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64)]
 struct Mast<T = f64> {
@@ -201,10 +201,10 @@ struct Ship {
     main: Mast,
 }
 
-/// Fails if an attribute does not see the index of the element, if a name is not that of the own structure first and with a point
-/// that of the model, or if the prefix is not in the description.
+/// Fails if an attribute ignores the index of the element, if a name is not first looked up in the same structure, or with a point in
+/// the model, or if the description lacks the prefix.
 #[test]
-fn elements_of_generic_structures_differ_and_names_are_looked_up_from_inside() {
+fn attributes_use_the_index_and_names_are_looked_up_in_the_structure_first() {
     let table = Table::new(Ship::rows());
     let find = |name: &str| table.variables.iter().find(|variable| variable.name == name).expect("a variable");
     let real = |name: &str| match find(name).data_type {
@@ -234,7 +234,7 @@ struct Bank<const N: usize> {
     mast: Mast,
 }
 
-/// Fails if a field has another default than that given, or else its own.
+/// Fails if the default of a field is not the given one, or else that of its type.
 #[test]
 fn defaults_of_arrays_of_any_length_are_derived() {
     assert_eq!(Bank::default(), Bank { voltage: [0.0; 40], charges: false, capacity: 2.5, mast: Mast::default() });

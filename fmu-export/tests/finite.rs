@@ -1,4 +1,4 @@
-//! Numbers that are not finite are found wherever serde can put them.
+//! Non-finite numbers are found in every shape of serde's data model.
 
 use std::collections::BTreeMap;
 

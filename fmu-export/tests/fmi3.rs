@@ -25,11 +25,11 @@ fn advance(fmu: &Fmu3, steps: std::ops::Range<u32>) {
     }
 }
 
-/// Fails if a row of the table in `fmi3/sequence.rs` is open.
+/// Fails if a row of the table in `fmi3/sequence.rs` allows too much.
 #[test]
 fn calls_out_of_sequence_are_refused() {
     let subject = Subject { model: MODEL, real: "x", refused: ("mu", f64::NAN), step_s: STEP_S };
-    sequence3::every_function_is_refused_in_every_state_that_is_not_its_own(subject);
+    sequence3::every_function_is_refused_in_all_other_states(subject);
 }
 
 /// Fails if the two interfaces do not work on the same model.
@@ -53,7 +53,7 @@ fn the_run_is_that_of_fmi_2_bit_for_bit() {
     );
 }
 
-/// The serialized form is the same in both standards. Fails if a value is left out.
+/// The serialized form is the same in both standards. Fails if a value is missing.
 #[test]
 fn snapshots_restore_every_bit_also_in_the_other_standard() {
     let fmu = Fmu3::started(MODEL, &[("mu", 1.5)]);
@@ -88,7 +88,7 @@ fn snapshots_restore_every_bit_also_in_the_other_standard() {
     old.free_state(&mut read).ok(&old);
 }
 
-/// Fails if the state of event mode, which FMI 2.0 does not have, is restored there: no function leaves it.
+/// Fails if FMI 2.0 restores event mode, which no function of it can leave.
 #[test]
 fn event_mode_is_unknown_to_the_other_standard() {
     let request = Request3 { logging: true, event_mode: true, ..Request3::of(MODEL, false) };
@@ -105,9 +105,9 @@ fn event_mode_is_unknown_to_the_other_standard() {
     old.free_state(&mut read).ok(&old);
 }
 
-/// Fails if initialization does not lead to event mode, or if event mode is entered though it was not agreed on.
+/// Fails if initialization does not lead to event mode, or if event mode is entered though it was not requested.
 #[test]
-fn event_mode_is_used_if_it_was_agreed_on() {
+fn event_mode_is_used_if_it_was_requested() {
     let request = Request3 { logging: true, event_mode: true, ..Request3::of(MODEL, false) };
     let fmu = request.instantiate(MODEL, false).expect("an instance");
     fmu.start(0.0);
@@ -121,7 +121,7 @@ fn event_mode_is_used_if_it_was_agreed_on() {
     fmu.ok(fmu.step(STEP_S, STEP_S));
     let without = Fmu3::started(MODEL, &[]);
     assert!(without.error(without.enter_event_mode()).contains("eventModeUsed = fmi3False"));
-    // After a reset, what was agreed on still holds.
+    // The request survives a reset.
     fmu.ok(fmu.reset());
     fmu.start(0.0);
     assert!(fmu.error(fmu.step(0.0, STEP_S)).contains("in the state `event mode`"));
@@ -134,12 +134,12 @@ unsafe extern "C" fn keep(environment: fmi3InstanceEnvironment, status: fmi3Stat
     list.push(text.to_string_lossy().into_owned());
 }
 
-/// Fails if another interface type gives an instance, and if nobody is told why there is none.
+/// Fails if another interface type gives an instance, or if there is no message.
 #[test]
 fn other_interface_types_are_refused_with_a_message() {
-    let mut told: Vec<String> = Vec::new();
+    let mut messages: Vec<String> = Vec::new();
     let (name, token) = (c"it", support::ffi::text(&support::ffi3::token(MODEL, false)));
-    let environment = (&raw mut told).cast();
+    let environment = (&raw mut messages).cast();
     // SAFETY: the texts live until the calls return; the environment belongs to the logger.
     let made = unsafe {
         [
@@ -152,12 +152,12 @@ fn other_interface_types_are_refused_with_a_message() {
         ]
     };
     assert!(made.iter().all(|instance| instance.is_null()));
-    let [exchange, scheduled] = &told[..] else { panic!("{told:?}") };
+    let [exchange, scheduled] = &messages[..] else { panic!("{messages:?}") };
     assert!(exchange.starts_with("fmi3InstantiateModelExchange: ") && exchange.contains("fmi3InstantiateCoSimulation"));
     assert!(scheduled.starts_with("fmi3InstantiateScheduledExecution: "));
 }
 
-/// Fails if a token of FMI 2.0 is accepted, or if the message does not tell those that are.
+/// Fails if a token of FMI 2.0 is accepted, or if the message does not list the accepted ones.
 #[test]
 fn a_foreign_token_is_refused() {
     let guid = support::ffi::guid(MODEL);
@@ -169,7 +169,7 @@ fn a_foreign_token_is_refused() {
 
 /// Random calls with random arguments; see `support/abuse3.rs`.
 #[test]
-fn nothing_that_an_importer_does_breaks_an_instance() {
+fn random_calls_never_break_an_instance() {
     let mut served = 0;
     for seed in 1..=50 {
         let mut abuse = Abuse3::new(Random::new(seed));

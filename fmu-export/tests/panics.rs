@@ -2,7 +2,7 @@
 
 mod support;
 
-/// A model that panics where a test wants it.
+/// A model that panics on demand.
 mod library {
     use std::cell::Cell;
 
@@ -12,7 +12,7 @@ mod library {
         static WHERE: Cell<Option<&'static str>> = const { Cell::new(None) };
     }
 
-    /// Makes the next call of this thread that passes the given place panic, once.
+    /// Makes the next call of this thread that passes the given place panic.
     pub fn plant(place: &'static str) {
         WHERE.set(Some(place));
     }
@@ -103,18 +103,18 @@ use support::ffi3::{Fmu3, no_state};
 const MODEL: &str = "Fragile";
 const STEP_S: f64 = 0.01;
 
-/// The message of a call that a panic in this place has ended.
+/// Checks the message of a call that panicked in this place.
 #[track_caller]
-fn told(text: &str, function: &str, place: &str, reset: &str) {
+fn assert_reported(text: &str, function: &str, place: &str, reset: &str) {
     assert!(text.starts_with(&format!("{function}: a defect of this FMU")), "{text}");
     assert!(text.contains(&format!("planted in `{place}`")) && text.contains(reset), "{text}");
 }
 
-/// Fails if the entry guard does not catch panics: then this process ends.
+/// Fails, by the end of this process, if the entry guard does not catch panics.
 #[test]
 fn a_panic_becomes_an_error_and_a_reset_recovers() {
     std::panic::set_hook(Box::new(|_| {}));
-    /// Place of the panic, the function that comes upon it and its call, and whether the run has begun.
+    /// Place of the panic, the function and its call, and whether the run has begun.
     type Case = (&'static str, &'static str, fn(&Fmu) -> fmi2Status, bool);
     let cases: [Case; 6] = [
         ("start", "fmi2GetReal", |fmu| fmu.try_get("y").expect_err("an error"), false),
@@ -138,13 +138,13 @@ fn a_panic_becomes_an_error_and_a_reset_recovers() {
         }
         fmu.set("x", 2.0).ok(&fmu);
         plant(place);
-        told(&call(&fmu).error(&fmu), function, place, "after fmi2Reset");
-        // The run is over, and the instance says so.
+        assert_reported(&call(&fmu).error(&fmu), function, place, "after fmi2Reset");
+        // The run has ended.
         let text = fmu.step(0.0, STEP_S).error(&fmu);
         assert!(text.contains("not allowed in the state `error`"), "{text}");
         fmu.reset().ok(&fmu);
     }
-    // After all this the instance is a fresh one.
+    // The instance equals a fresh one.
     for fmu in [&fresh, &fmu] {
         fmu.start(0.0, None);
         (0..30).for_each(|step| fmu.step(f64::from(step) * STEP_S, STEP_S).ok(fmu));
@@ -179,7 +179,7 @@ fn a_panic_becomes_an_error_of_fmi_3_and_a_reset_recovers() {
         }
         fmu.ok(fmu.set("x", 2.0));
         plant(place);
-        told(&fmu.error(call(&fmu)), function, place, "after fmi3Reset");
+        assert_reported(&fmu.error(call(&fmu)), function, place, "after fmi3Reset");
         let text = fmu.error(fmu.step(0.0, STEP_S));
         assert!(text.contains("not allowed in the state `error`"), "{text}");
         fmu.ok(fmu.reset());
@@ -193,7 +193,7 @@ fn a_panic_becomes_an_error_of_fmi_3_and_a_reset_recovers() {
 
 /// Other instances are not affected. Fails if the entry guard does not catch panics.
 #[test]
-fn a_panic_in_one_instance_is_none_in_another() {
+fn a_panic_in_one_instance_does_not_affect_another() {
     std::panic::set_hook(Box::new(|_| {}));
     let [fmu, neighbour, alone] = [0, 1, 2].map(|_| Fmu::started(MODEL, &[]));
     for step in 0..20 {

@@ -1,4 +1,4 @@
-//! Mistakes that a model can make without noticing: each is done right by default, or refused.
+//! Easy mistakes in models: prevented by default, or refused.
 
 use fmu_export::fmi2::bindings::{fmi2Boolean, fmi2Real, fmi2Status, fmi2StatusKind};
 use fmu_export::log::{Silent, Topic};
@@ -35,7 +35,7 @@ mod library {
         u: f64,
     }
 
-    /// Copies its gain when it is made, and has no `retune`.
+    /// Copies its gain at construction, and has no `retune`.
     #[derive(Clone)]
     pub struct Pid {
         kp: f64,
@@ -59,7 +59,7 @@ mod library {
         }
 
         fn start(&self, values: &mut PidValues, _: f64) {
-            // The prelude has two traits with this function, of which one is meant.
+            // Compiles only if the two traits of the prelude with this function are not ambiguous.
             let again = Pid::new(values, &Resources::default()).expect("good parameters");
             values.u = 0.0 * again.kp;
         }
@@ -142,7 +142,7 @@ mod library {
 use library::FMUS;
 use support::ffi::{Expect, Fmu};
 
-fn made(name: &str) -> (std::sync::Arc<ModelType>, Instance) {
+fn instance(name: &str) -> (std::sync::Arc<ModelType>, Instance) {
     let model = FMUS.find(name).expect("a model");
     let instance = model.instantiate();
     (model, instance)
@@ -160,10 +160,10 @@ fn real(instance: &mut Instance, index: usize) -> f64 {
     instance.get(index).expect("a value").as_f64()
 }
 
-/// Fails if a tunable parameter is read back as set, and the model goes on with the former one.
+/// Fails if the model continues with the former value of a tunable parameter.
 #[test]
 fn tuning_reaches_the_model() {
-    let (model, mut pid) = made("Pid");
+    let (model, mut pid) = instance("Pid");
     let [kp, e, u] = ["kp", "e", "u"].map(|name| index(&model, name));
     pid.set(e, Value::Real(0.5)).expect("an input");
     pid.start().expect("good parameters");
@@ -172,17 +172,17 @@ fn tuning_reaches_the_model() {
     pid.set(kp, Value::Real(20.0)).expect("a tunable parameter");
     pid.step(Step { time_s: 1e-4, length_s: 1e-4 }, &mut Silent).expect("a step");
     assert_eq!(real(&mut pid, u), 10.0);
-    // A copy goes on like the original.
+    // A copy continues like the original.
     let mut copy = model.instantiate();
     copy.read(&pid.write().expect("bytes"), 2e-4, true).expect("its own bytes");
     copy.step(Step { time_s: 2e-4, length_s: 1e-4 }, &mut Silent).expect("a step");
     assert_eq!(real(&mut copy, u), 10.0);
 }
 
-/// Fails if a number that is no item is taken, or a value outside the limits of its row.
+/// Fails if a number without an item, or a value outside the limits of its row, is accepted.
 #[test]
 fn limits_are_enforced_by_name() {
-    let (model, mut pid) = made("Pid");
+    let (model, mut pid) = instance("Pid");
     let [kp, law, inertia, e] = ["kp", "law", "inertia", "e"].map(|name| index(&model, name));
     let refused = |error: &dyn std::fmt::Display, wanted: &str| assert_eq!(error.to_string(), wanted);
     let error = pid.set(law, Value::Integer(99)).expect_err("no item");
@@ -206,7 +206,7 @@ fn limits_are_enforced_by_name() {
 /// Fails if the trial start before the run changes the values of the run.
 #[test]
 fn reading_before_the_run_changes_nothing() {
-    let (model, mut tank) = made("Tank");
+    let (model, mut tank) = instance("Tank");
     let [starts, area] = ["starts", "area"].map(|name| index(&model, name));
     for _ in 0..3 {
         tank.set(area, Value::Real(3.0)).expect("a parameter");
@@ -218,13 +218,13 @@ fn reading_before_the_run_changes_nothing() {
 
 /// Fails if a capability is declared that the model does not have.
 #[test]
-fn inputs_are_interpolated_only_where_the_model_does() {
-    let (model, mut tank) = made("Tank");
+fn inputs_are_interpolated_only_if_the_model_supports_it() {
+    let (model, mut tank) = instance("Tank");
     assert!(model.xml().contains("canInterpolateInputs=\"false\""));
     let flow = index(&model, "flow");
     let error = tank.set_input_derivatives(1, &|_| (flow, 1, 1.0)).expect_err("not followed");
     assert!(error.to_string().contains("flow: the model holds its inputs over a step"), "{error}");
-    assert!(made("Pid").0.xml().contains("canInterpolateInputs=\"true\""));
+    assert!(instance("Pid").0.xml().contains("canInterpolateInputs=\"true\""));
 }
 
 /// The elements of a part of the structure, by name, with their dependencies by name.
@@ -240,14 +240,14 @@ fn structure(model: &ModelType, part: &str) -> Vec<(String, Option<Vec<String>>)
     named.collect()
 }
 
-/// Fails if a forgotten dependency claims independence, and if the start claims more or less than the table says.
+/// Fails if a forgotten dependency means independence, or if the dependencies at the start differ from the table.
 #[test]
-fn dependencies_that_are_not_given_are_all() {
-    let (tank, _) = made("Tank");
+fn without_declared_dependencies_a_variable_depends_on_all() {
+    let (tank, _) = instance("Tank");
     let some = |names: &[&str]| Some(names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>());
     let outputs = [("level", None), ("forgotten", None), ("starts", some(&["level"]))];
     assert_eq!(structure(&tank, "Outputs"), outputs.map(|(name, known)| (name.to_owned(), known)));
-    // The state has a start value, so that it is no unknown.
+    // The state has a start value, so it is not an unknown.
     let unknowns = [
         ("doubled", None),
         ("rate", some(&["area", "flow"])),
@@ -255,15 +255,15 @@ fn dependencies_that_are_not_given_are_all() {
         ("starts", some(&["area", "level"])),
     ];
     assert_eq!(structure(&tank, "InitialUnknowns"), unknowns.map(|(name, known)| (name.to_owned(), known)));
-    let (pid, _) = made("Pid");
+    let (pid, _) = instance("Pid");
     assert_eq!(structure(&pid, "Outputs"), [("u".to_owned(), Some(Vec::new()))]);
     assert_eq!(structure(&pid, "InitialUnknowns"), [("u".to_owned(), None)]);
 }
 
-/// Fails if a start value that can be set, a constant, a calculated parameter, or the time is not declared as such, or not kept.
+/// Fails if a settable start value, a constant, a calculated parameter, or the time is not declared as such, or not kept.
 #[test]
-fn every_kind_of_variable_is_there() {
-    let (model, mut tank) = made("Tank");
+fn every_kind_of_variable_is_supported() {
+    let (model, mut tank) = instance("Tank");
     let [level, doubled, g, area, time, cell] =
         ["level", "doubled", "g", "area", "time", "cells[40]"].map(|name| index(&model, name));
     tank.set(level, Value::Real(7.0)).expect("a start value");
@@ -288,18 +288,18 @@ fn every_kind_of_variable_is_there() {
     assert!(variable(&model, "cells[40]").description.is_empty());
 }
 
-/// Fails if a unit is shown in another one although nobody asked for it.
+/// Fails if a display unit is declared without being requested.
 #[test]
 fn nothing_is_displayed_in_another_unit_by_default() {
     for name in ["Pid", "Tank"] {
-        assert!(!made(name).0.xml().contains("displayUnit="), "{name}");
+        assert!(!instance(name).0.xml().contains("displayUnit="), "{name}");
     }
 }
 
 /// Fails if snapshots are declared or made of a state that cannot be copied.
 #[test]
 fn a_state_that_cannot_be_saved_is_declared() {
-    let (model, mut tank) = made("Tank");
+    let (model, mut tank) = instance("Tank");
     assert!(model.xml().contains("canGetAndSetFMUstate=\"false\" canSerializeFMUstate=\"false\""));
     tank.start().expect("good parameters");
     assert!(tank.duplicate().is_none() && tank.write().is_none());
@@ -308,7 +308,7 @@ fn a_state_that_cannot_be_saved_is_declared() {
     assert!(fmu.get_state(&mut state).error(&fmu).contains("this model has no snapshots"));
 }
 
-/// Fails if the request of a model to end the simulation is an error, or is not told, or does not end it.
+/// Fails if the request of a model to end the simulation is an error, or is not reported, or does not end it.
 #[test]
 fn a_model_may_end_the_simulation() {
     let fmu = Fmu::started("Tank", &[("level", 0.25)]);
@@ -321,14 +321,14 @@ fn a_model_may_end_the_simulation() {
         call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(fmu.component(), fmi2StatusKind::fmi2LastSuccessfulTime, &raw mut time)).ok(&fmu);
     }
     assert_eq!((ended, time, fmu.get("time")), (1, 0.25, 0.25));
-    let said = fmu.take_messages();
-    assert!(said.iter().any(|message| message.text.contains("it is empty")), "{said:?}");
+    let messages = fmu.take_messages();
+    assert!(messages.iter().any(|message| message.text.contains("it is empty")), "{messages:?}");
     assert!(fmu.step(0.25, 0.1).error(&fmu).contains("the model has ended the simulation"));
 }
 
-/// Fails if a run cannot begin at the time of day, or loses or doubles a sample there.
+/// Fails if a run cannot start at the time of day, or loses or doubles a sample there.
 #[test]
-fn runs_begin_at_the_time_of_day() {
+fn runs_can_start_at_the_time_of_day() {
     for start_s in [1.8e9, 1e10] {
         let fmu = Fmu::new("Pid");
         fmu.set("e", 0.5).ok(&fmu);
@@ -422,7 +422,7 @@ mod mistakes {
 
     mistaken!(texts, "Texts", vec![x("'Größe'"), x("'a\\'b c'"), Row::real("b", place!(Values.x), ODD, 0.0).output()]);
     mistaken!(nothing, "Nothing", vec![]);
-    // As an array x would have one nominal value, and its derivative one state.
+    // As an array, x would have one nominal value and its derivative one state.
     mistaken!(unlike, "Unlike", {
         let rows =
             |name| Row::elements(name, [0.0; 2], |name, start| Row::real(name, place!(Values.x), unit::ONE, start));
@@ -441,7 +441,7 @@ mod mistakes {
         count: u32,
     }
 
-    /// A model with its period as a parameter, whose state serde cannot write without a name for each field.
+    /// A model whose period is a parameter and whose state serde can write only with field names.
     #[derive(Clone)]
     pub struct Flattened(f64);
 
@@ -499,15 +499,15 @@ fn mistakes_are_found_when_packing() {
         (problems::<mistakes::texts::Mistaken>(), "the display unit d of f\u{7} has the factor 0"),
         (problems::<mistakes::nothing::Mistaken>(), "there is no variable"),
     ];
-    for (said, wanted) in found {
-        assert!(said.contains(wanted), "`{wanted}` is not said in: {said}");
+    for (problems, wanted) in found {
+        assert!(problems.contains(wanted), "`{wanted}` is not said in: {problems}");
     }
     for name in ["Pid", "Tank"] {
-        assert_eq!(made(name).0.problems(), [""; 0], "{name}");
+        assert_eq!(instance(name).0.problems(), [""; 0], "{name}");
     }
 }
 
-/// Fails if an array of a derivative stands beside states that are no array.
+/// Fails if derivatives form an array but their states do not.
 #[test]
 fn states_and_derivatives_are_arrays_together() {
     let model = ModelType::of::<mistakes::unlike::Mistaken>();
@@ -515,9 +515,9 @@ fn states_and_derivatives_are_arrays_together() {
     assert!(["x[1]", "x[2]", "dx[1]", "dx[2]"].iter().all(|name| xml.contains(&format!("name=\"{name}\""))), "{xml}");
 }
 
-/// Fails if the sum of steps makes an end an error, if a period of 0 hangs, or if a state that cannot be written is packed.
+/// Fails if adding up steps turns a termination into an error, if a period of 0 hangs, or if a state that cannot be written is packed.
 #[test]
-fn what_a_sampled_model_cannot_be_is_refused() {
+fn mistakes_in_sampled_models_are_refused() {
     let model = ModelType::of::<fmu_export::Sampled<mistakes::Flattened>>();
     let (mut instance, mut time_s) = (model.instantiate(), 0.0);
     instance.set(0, Value::Real(0.01)).expect("a parameter");
@@ -532,8 +532,8 @@ fn what_a_sampled_model_cannot_be_is_refused() {
     assert!(matches!(end, StepError::Terminated { .. }), "{end}");
     let mut still = model.instantiate();
     still.set(0, Value::Real(0.0)).expect("a parameter");
-    let said = Invalid::list(&still.start().expect_err("no period"));
-    assert!(said.contains("the sample period = 0 s is refused: expected a number above 0"), "{said}");
+    let found = Invalid::list(&still.start().expect_err("no period"));
+    assert!(found.contains("the sample period = 0 s is refused: expected a number above 0"), "{found}");
     let error = Packager::new(&mistakes::FLATTENED).write("none").expect_err("it cannot be saved");
     assert!(error.to_string().contains("cannot be saved"), "{error}");
     let leaving = Packager::new(&FMUS).extras(|_| fmu_export::package::Extras::default().resource("../../a", "b"));
@@ -541,9 +541,9 @@ fn what_a_sampled_model_cannot_be_is_refused() {
     assert!(format!("{error:?}").contains("\"../../a\" is not allowed"), "{error:?}");
 }
 
-/// Fails if nothing says that several samples see the same inputs, or if it is said of every step.
+/// Fails if there is no warning that several samples see the same inputs, or if every step repeats it.
 #[test]
-fn samples_of_the_same_inputs_are_told() {
+fn samples_of_the_same_inputs_cause_a_warning() {
     struct Warnings(Vec<String>);
     impl Log for Warnings {
         fn wants(&self, topic: Topic) -> bool {
@@ -554,8 +554,8 @@ fn samples_of_the_same_inputs_are_told() {
             self.0.push(message.to_string());
         }
     }
-    let said = |length_s: f64| {
-        let (_, mut pid) = made("Pid");
+    let warnings = |length_s: f64| {
+        let (_, mut pid) = instance("Pid");
         pid.start().expect("good parameters");
         let mut log = Warnings(Vec::new());
         for n in 0..3 {
@@ -564,13 +564,13 @@ fn samples_of_the_same_inputs_are_told() {
         log.0
     };
     assert_eq!(
-        said(3e-4),
+        warnings(3e-4),
         ["a communication step of 0.0003 s holds 3 samples, one every 0.0001 s, of the same inputs"]
     );
-    assert_eq!(said(1e-4), [""; 0]);
+    assert_eq!(warnings(1e-4), [""; 0]);
 }
 
-/// Fails if an archive is written of a model that cannot be instantiated, or two under one name.
+/// Fails if an archive is written of a model that cannot be instantiated, or of two models with one name.
 #[test]
 fn models_that_cannot_run_are_not_packed() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("mistakes");

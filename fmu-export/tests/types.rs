@@ -21,7 +21,7 @@ mod library {
         says: String,
     }
 
-    /// Sums its parameters at samples, and says so in words.
+    /// Sums its parameters at samples, and describes the sum.
     #[derive(Clone)]
     struct Types;
 
@@ -105,7 +105,7 @@ fn write(fmu: &Fmu, name: &str, value: &CStr) -> fmi2Status {
     unsafe { call!(fmi2SetString: fmi2SetStringTYPE(fmu.component(), reference.as_ptr(), 1, value.as_ptr())) }
 }
 
-/// Fails if a text is not copied, or if an element of an array stands in the place of another.
+/// Fails if a text is not copied, or if elements of an array are exchanged.
 #[test]
 fn texts_and_arrays_are_read_and_written() {
     let fmu = Fmu::new("Types");
@@ -124,41 +124,41 @@ fn texts_and_arrays_are_read_and_written() {
     assert!(fmu.set("gain[1]", f64::NAN).error(&fmu).contains("gain[1] = NaN is refused: expected a finite number"));
 }
 
-/// Fails if bytes that are no UTF-8, a null pointer, or another type are taken for a text, or if a Real is read as one.
+/// Fails if invalid UTF-8, a null pointer, or another type is accepted as a text, or if a Real is read as one.
 #[test]
-fn what_is_no_text_is_refused() {
+fn invalid_texts_are_refused() {
     let fmu = Fmu::started("Types", &[]);
     assert!(write(&fmu, "title", c"\xff").error(&fmu).contains("title: the string is refused: expected UTF-8"));
     assert!(write(&fmu, "gain[1]", c"1").error(&fmu).contains("gain[1]"));
     let got = get(&fmu, "gain[1]", &mut null()).error(&fmu);
     assert!(got.contains("fmi2GetString") && got.contains("gain[1] is not of type String but Real"), "{got}");
     let (reference, value) = ([fmu.reference("title")], [null()]);
-    // SAFETY: the instance is live; both arrays have one element; null is what is tested.
+    // SAFETY: the instance is live; both arrays have one element; null is the test.
     let status =
         unsafe { call!(fmi2SetString: fmi2SetStringTYPE(fmu.component(), reference.as_ptr(), 1, value.as_ptr())) };
     assert!(status.error(&fmu).contains("title: a null pointer is refused"));
     assert_eq!(read(&fmu, "title"), "the <sum> & more");
 }
 
-/// Fails if a snapshot leaves a text, the state, or the clock out.
+/// Fails if a snapshot lacks a text, the state, or the clock.
 #[test]
 fn snapshots_hold_texts() {
     let fmu = Fmu::started("Types", &[]);
     fmu.step(0.0, 0.25).ok(&fmu);
-    let (said, mut state, mut back) = (read(&fmu, "says"), null_mut(), null_mut());
+    let (says, mut state, mut back) = (read(&fmu, "says"), null_mut(), null_mut());
     fmu.get_state(&mut state).ok(&fmu);
     let bytes = fmu.serialize(state).expect("bytes");
     let other = Fmu::new("Types");
     other.deserialize(&bytes, &mut back).ok(&other);
     other.set_state(back).ok(&other);
-    assert_eq!(read(&other, "says"), said);
+    assert_eq!(read(&other, "says"), says);
     other.step(0.25, 0.1).ok(&other);
     assert_eq!(read(&other, "says"), "the <sum> & more 4: 3 of one and two");
     fmu.free_state(&mut state).ok(&fmu);
     fmu.free_state(&mut back).ok(&fmu);
 }
 
-/// Fails if start values are not escaped, and if author and version of the model are not those given.
+/// Fails if start values are not escaped, or if author and version are not those of the model.
 #[test]
 fn the_model_description_has_every_type() {
     let model = library::FMUS.find("Types").expect("the model");
@@ -210,14 +210,14 @@ fn mistakes_in_a_table_are_named() {
 fn texts(fmu: &Fmu3, name: &str, count: usize) -> Vec<String> {
     let (reference, mut values) = ([fmu.reference(name)], vec![null(); count]);
     let (c, place) = (fmu.instance(), values.as_mut_ptr());
-    // SAFETY: the instance is live; both arrays are as long as is said.
+    // SAFETY: the instance is live; both arrays are as long as stated.
     fmu.ok(unsafe { call3!(fmi3GetString: fmi3GetStringTYPE(c, reference.as_ptr(), 1, place, count)) });
     // SAFETY: the texts are valid until the next call on the instance.
     let text = |text: &*const _| unsafe { CStr::from_ptr(*text) }.to_str().expect("UTF-8").to_owned();
     values.iter().map(text).collect()
 }
 
-/// Fails if the values of arrays do not follow one another, or if one reference means one value.
+/// Fails if the values of arrays are not consecutive, or if a reference denotes only one value.
 #[test]
 fn arrays_of_fmi_3_have_one_reference_each() {
     let fmu = Fmu3::new("Types", true);
@@ -225,7 +225,7 @@ fn arrays_of_fmi_3_have_one_reference_each() {
     let at = |name: &str| fmu.reference(name);
     fmu.ok(fmu.set_floats(&[at("gain[1]")], &[3.0, 10.0]));
     let counts = [at("count[1]")];
-    // SAFETY: the instance is live; all arrays are as long as is said.
+    // SAFETY: the instance is live; all arrays are as long as stated.
     unsafe {
         fmu.ok(call3!(fmi3SetInt32: fmi3SetInt32TYPE(c, counts.as_ptr(), 1, [5, -1].as_ptr(), 2)));
         let (on, label) = ([at("on[1]")], [at("label[1]")]);
@@ -249,10 +249,10 @@ fn arrays_of_fmi_3_have_one_reference_each() {
     assert!(fmu.error(status).contains("time cannot be set"));
 }
 
-/// Fails if an enumeration is read as Int32, if a byte beyond 0 and 1 is taken for a Boolean, or if a type that no variable has
+/// Fails if an enumeration is read as Int32, if a byte other than 0 and 1 is accepted as a Boolean, or if an unused type
 /// is not refused by name.
 #[test]
-fn types_of_fmi_3_are_told_apart() {
+fn types_of_fmi_3_are_distinguished() {
     let fmu = Fmu3::new("Types", false);
     fmu.ok(fmu.set("mode", 2.0));
     fmu.start(0.0);
@@ -271,12 +271,12 @@ fn types_of_fmi_3_are_told_apart() {
         assert!(fmu.error(status).contains("gain[1] is not of type Float32 but Float64"));
         let status = call3!(fmi3SetBinary: fmi3SetBinaryTYPE(c, gain.as_ptr(), 1, null(), null(), 0));
         assert!(fmu.error(status).contains("gain[1] is not of type Binary but Float64"));
-        // Nothing of that type is not too much.
+        // An empty list of an unused type is accepted.
         fmu.ok(call3!(fmi3GetUInt16: fmi3GetUInt16TYPE(c, null(), 0, null_mut(), 0)));
     }
 }
 
-/// Fails if elements are not joined, if a start value is lost, or if the description of an element stands for all.
+/// Fails if elements are not joined, if a start value is lost, or if the description is that of one element.
 #[test]
 fn the_model_description_of_fmi_3_has_scalars_or_arrays() {
     let model = library::FMUS.find("Types").expect("the model");
@@ -311,7 +311,7 @@ fn the_model_description_of_fmi_3_has_scalars_or_arrays() {
 
 /// Random calls with random arguments; see `support/abuse3.rs`.
 #[test]
-fn nothing_that_an_importer_of_fmi_3_does_breaks_an_instance() {
+fn random_calls_of_fmi_3_never_break_an_instance() {
     for seed in 1..=50 {
         let mut abuse = Abuse3::new(Random::new(seed));
         while abuse.calls < 2000 {
@@ -322,7 +322,7 @@ fn nothing_that_an_importer_of_fmi_3_does_breaks_an_instance() {
 
 /// Random calls with random arguments; see `support/abuse.rs`.
 #[test]
-fn nothing_that_an_importer_does_breaks_an_instance() {
+fn random_calls_never_break_an_instance() {
     for seed in 1..=50 {
         let mut abuse = Abuse::new(Random::new(seed));
         while abuse.calls < 2000 {

@@ -22,11 +22,11 @@ fn advance(fmu: &Fmu, steps: std::ops::Range<u32>) {
     }
 }
 
-/// Fails if a row of the table in `fmi2/sequence.rs` is open, and if a parameter that is no number is accepted.
+/// Fails if a row of the table in `fmi2/sequence.rs` allows too much, or if a parameter accepts NaN.
 #[test]
 fn calls_out_of_sequence_are_refused() {
     let subject = Subject { model: MODEL, real: "x", refused: ("mu", f64::NAN), step_s: STEP_S };
-    sequence::every_function_is_refused_in_every_state_that_is_not_its_own(subject);
+    sequence::every_function_is_refused_in_all_other_states(subject);
 }
 
 /// Without damping the oscillator is `x = 2 cos t`. Fails if a step is lost or doubled.
@@ -39,7 +39,7 @@ fn the_solution_without_damping_is_a_cosine() {
     assert!((fmu.get("v") + 2.0 * 20.0_f64.sin()).abs() < 1e-11, "{}", fmu.get("v"));
 }
 
-/// The same bits from a snapshot in memory, from bytes, in another instance, and after a reset. Fails if a value is left out.
+/// The same bits from a snapshot in memory, from bytes, in another instance, and after a reset. Fails if a value is missing.
 #[test]
 fn snapshots_and_resets_restore_every_bit() {
     let fmu = Fmu::started(MODEL, &[("mu", 1.5)]);
@@ -92,7 +92,7 @@ fn one_snapshot_serves_several_threads() {
     fmu.free_state(&mut state).ok(&fmu);
 }
 
-/// `(f(x + h) − f(x − h)) / 2h` against the exact derivative. Fails if a term of it is missing.
+/// `(f(x + h) − f(x − h)) / 2h` against the exact derivative. Fails if a term is missing.
 #[test]
 fn directional_derivatives_are_those_of_the_equation() {
     const H: f64 = 1e-5;
@@ -107,7 +107,7 @@ fn directional_derivatives_are_those_of_the_equation() {
         assert_eq!(found[0], dv);
         assert!((found[1] - difference).abs() < 1e-8, "{} and {difference}", found[1]);
     }
-    // Before the run the parameters are known as well.
+    // Before the run the parameters are knowns too.
     let fresh = Fmu::new(MODEL);
     fresh.enter_initialization().ok(&fresh);
     let mu = fresh.reference("mu");
@@ -115,16 +115,16 @@ fn directional_derivatives_are_those_of_the_equation() {
     assert_eq!(found, [-1.0], "a = mu (1 - x²) v - x with v = 0");
 }
 
-/// Fails if a step may be of any length: it then does not end.
+/// Never ends if a step may have any length.
 #[test]
-fn steps_that_would_take_for_ever_are_refused() {
+fn excessively_long_steps_are_refused() {
     let fmu = Fmu::started(MODEL, &[]);
     assert!(fmu.step(0.0, 1e6).error(&fmu).contains("expected at most 1000"));
 }
 
 /// Random calls with random arguments; see `support/abuse.rs`.
 #[test]
-fn nothing_that_an_importer_does_breaks_an_instance() {
+fn random_calls_never_break_an_instance() {
     let mut served = 0;
     for seed in 1..=50 {
         let mut abuse = Abuse::new(Random::new(seed));
@@ -136,7 +136,7 @@ fn nothing_that_an_importer_does_breaks_an_instance() {
     assert!(served > 30_000, "{served} of 100,000 calls were served");
 }
 
-/// Fails if a table outlives its library: instances hold their share of it, and a new one is made for those that come later.
+/// Instances hold a share of their table. Fails if two instances of the library have different tables.
 #[test]
 fn models_are_shared() {
     let [one, other] = [library::FMUS.find(MODEL), library::FMUS.find(MODEL)].map(|model| model.expect("the model"));

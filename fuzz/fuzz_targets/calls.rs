@@ -1,4 +1,4 @@
-//! The fuzzer's bytes as an importer's calls: see tests/support/abuse.rs.
+//! The fuzzer's bytes as an importer's calls: see fmu-export/tests/support/abuse.rs.
 
 #![no_main]
 

@@ -1,4 +1,4 @@
-//! The fuzzer's bytes as the content of a serialized snapshot in a valid frame: it must be safe to continue from whatever is accepted.
+//! The fuzzer's bytes as the content of a serialized snapshot in a valid frame: continuing from an accepted snapshot must be safe.
 
 #![no_main]
 
@@ -7,12 +7,11 @@ mod support;
 
 use std::ptr::null_mut;
 
-use libfuzzer_sys::fuzz_target;
 use fmu_export::fmi2::bindings::fmi2Status;
+use libfuzzer_sys::fuzz_target;
 use sha2::{Digest, Sha256};
 use support::MODELS;
 use support::ffi::Fmu;
-
 
 fuzz_target!(|bytes: &[u8]| {
     let Some((first, edits)) = bytes.split_first() else { return };
@@ -27,7 +26,7 @@ fuzz_target!(|bytes: &[u8]| {
     fmu.free_state(&mut state);
     let head = 8 + 2 + 1 + model.len() + 1 + 38;
     let mut content = written[head + 8..written.len() - 32].to_vec();
-    // Edits of a valid content get further than arbitrary bytes: place, place, value.
+    // Edits of a valid content get further than arbitrary bytes: position (2 bytes), value.
     for edit in edits.chunks_exact(3) {
         let place = usize::from(edit[0]) + 256 * usize::from(edit[1]);
         let length = content.len();

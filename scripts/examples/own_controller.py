@@ -16,7 +16,7 @@ sys.path.insert(0, str(project / "scripts"))
 from closed_loop import read_system, run
 
 # %% [markdown]
-# ## The loop as it comes
+# ## The original loop
 #
 # `MagneticBearing.ssp` holds the three FMUs, their wiring, and a rotor with unbalance. Parameters are set by their names;
 # all of them are in `modelDescription/VARIABLES.md`.
@@ -51,7 +51,7 @@ show(rows, "The controller of this project")
 # %% [markdown]
 # ## A PID in its place
 #
-# All magnets carry a bias current; the PID adds a difference that pulls to where the rotor ought to be. At the bias the
+# All magnets carry a bias current; the PID adds a difference that pulls the rotor to its reference. At the bias the
 # bearing has the force-current factor 3 λ i₀/s² and the negative stiffness 3 λ i₀²/s³ on both axes. The gains place three
 # poles at `bandwidth`, for a guess of λ: the PID does not need the estimate.
 
@@ -97,9 +97,9 @@ rows = run(loop, stop_s=0.4)
 show(rows, "A PID")
 
 # %% [markdown]
-# ## What the estimator says
+# ## Estimates
 #
-# It needs to know nothing of the controller: it sees positions, currents and the angle of the rotor.
+# The estimator needs only positions, currents and the angle of the rotor; it knows nothing of the controller.
 
 # %%
 for k in (1, 2, 3):

@@ -1,5 +1,5 @@
-//! A million calls in random order with random arguments over several instances in turn: nothing crashes, hangs, panics,
-//! or returns a number that is not finite; every error has exactly one message.
+//! A million calls in random order with random arguments on several instances: nothing crashes, hangs, panics,
+//! or returns a non-finite number; every error has exactly one message.
 
 use std::time::{Duration, Instant};
 
@@ -7,12 +7,12 @@ use crate::support::Random;
 use crate::support::abuse::Abuse;
 use crate::support::abuse3::Abuse3;
 
-/// Calls in all, unless the environment says otherwise. Debug builds, which are a tenth as fast, make fewer.
+/// Total number of calls unless set by the environment; fewer in debug builds, which are ten times slower.
 const CALLS: u64 = if cfg!(debug_assertions) { 100_000 } else { 1_000_000 };
-/// Calls on one set of instances; the next set has its own seed.
+/// Calls per set of instances; each set has its own seed.
 const CALLS_OF_A_SEED: u64 = 2_000;
 
-/// Makes the calls with a kind of importer.
+/// Makes the calls with an importer of this type.
 macro_rules! a_million_calls {
     ($importer:ident) => {
         let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
@@ -24,7 +24,7 @@ macro_rules! a_million_calls {
         let mut seed = first;
         while made < calls {
             let mut abuse = $importer::new(Random::new(seed));
-            // Shown if the test fails: `ABUSE_SEED` begins there.
+            // If the test fails, start from it with `ABUSE_SEED`.
             println!("seed {seed}");
             while abuse.calls < CALLS_OF_A_SEED.min(calls - made) {
                 let before = Instant::now();
@@ -41,20 +41,19 @@ macro_rules! a_million_calls {
         let [instances, without] = instantiations;
         println!("{made} calls: {served} OK, {refused} Error, {instances} instances made and {without} refused;");
         println!("{steps} steps; {:?}, the longest call {longest:?}", begin.elapsed());
-        // Many calls succeed.
         assert!(served > made / 3 && steps > made / 20, "{made} calls, {served} served, {steps} steps");
     };
 }
 
-/// Fails if the finite check of fmi2GetReal is taken away, if a null pointer or a length is accepted, if a foreign GUID is
-/// accepted, if fmi2GetFMUstate accepts a snapshot of another model, and if steps may begin anywhere: then it does not end.
+/// Fails if fmi2GetReal does not check for finite values, if a null pointer, an invalid length, a foreign GUID or a snapshot of
+/// another model is accepted; never ends if steps may begin anywhere.
 #[test]
-fn nothing_that_an_importer_does_breaks_an_instance() {
+fn random_calls_never_break_an_instance() {
     a_million_calls!(Abuse);
 }
 
 /// As above, through FMI 3.0.
 #[test]
-fn nothing_that_an_importer_of_fmi_3_does_breaks_an_instance() {
+fn random_calls_of_fmi_3_never_break_an_instance() {
     a_million_calls!(Abuse3);
 }

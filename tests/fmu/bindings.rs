@@ -1,6 +1,6 @@
-//! The bindings are made of the headers, and lie in memory as the standard wants them on every platform.
+//! The bindings are generated from the headers and have the standard's memory layout on every platform.
 //!
-//! `scripts/bindings --check` makes them again and compares, and `scripts/check_header.py` compares the headers with the standard's; both
+//! `scripts/bindings --check` regenerates and compares them, and `scripts/check_header.py` compares the headers with the standard's; both
 //! need libclang, these tests do not.
 
 use core::ffi::c_void;
@@ -12,9 +12,10 @@ use sha2::{Digest, Sha256};
 
 const BINDINGS3: &str = include_str!("../../fmu-export/src/fmi3/bindings.rs");
 
-/// Fails if a header was changed without running `scripts/bindings`, if a function has no type, and if one is declared beside our own definition.
+/// Fails if a header was changed without running `scripts/bindings`, if a function has no type, or if one is declared in addition to our
+/// own definition.
 #[test]
-fn the_bindings_were_made_from_these_headers() {
+fn the_bindings_were_generated_from_these_headers() {
     let headers: [(&[u8], &str, usize); 2] = [
         (include_bytes!("../../fmu-export/src/fmi2/fmi2.h"), include_str!("../../fmu-export/src/fmi2/bindings.rs"), 34),
         (include_bytes!("../../fmu-export/src/fmi3/fmi3.h"), BINDINGS3, 75),
@@ -31,7 +32,7 @@ fn the_bindings_were_made_from_these_headers() {
 
 /// A Rust `bool` must be 0 or 1, and an importer may pass any byte.
 #[test]
-fn no_boolean_is_one_of_rust() {
+fn the_bindings_contain_no_rust_bool() {
     assert!(!BINDINGS3.contains("bool"), "a Boolean of the importer is a byte");
 }
 
@@ -61,7 +62,7 @@ fn the_sizes_are_those_of_the_platform_default() {
 }
 
 #[test]
-fn the_callbacks_lie_one_pointer_after_the_other() {
+fn the_callbacks_are_consecutive_pointers() {
     let pointer = size_of::<*const c_void>();
     let places = [
         offset_of!(fmi2CallbackFunctions, logger),

@@ -1,4 +1,4 @@
-//! Derivatives through the C interface: directional, of inputs over a step, of outputs in time.
+//! Derivatives through the C interface: directional, of inputs over a step, and of outputs in time.
 
 use std::f64::consts::PI;
 
@@ -43,7 +43,7 @@ const UNKNOWNS: &str = "F[1] F[2] F[3] FY FZ gap[1] gap[2] gap[3] perturbation.Y
                         coil.uInduced[1] coil.uInduced[3]";
 const SPINDLE_UNKNOWNS: &str = "A.F[2] A.FY B.FZ X.FX B.gap[1] A.Y B.Z B.Ym Xm betaAcceleration aZ perturbation.MZ";
 
-/// The names in a list with blanks between them.
+/// The names of a list separated by spaces.
 fn words(names: &'static str) -> Vec<&'static str> {
     names.split_whitespace().collect()
 }
@@ -58,7 +58,7 @@ fn column(fmu: &Fmu, unknowns: &[&str], known: &str) -> Vec<f64> {
     found.unwrap_or_else(|_| panic!("{known}: {:?}", fmu.take_messages()))
 }
 
-/// Derivatives against `(f(x + h) − f(x − h)) / 2h`, which setting the knowns shows, in parts of the largest of a kind: h² and rounding.
+/// Compares derivatives with `(f(x + h) − f(x − h)) / 2h`, obtained by setting the knowns; the tolerance allows for h² and rounding.
 #[track_caller]
 fn agree(fmu: &Fmu, unknowns: &[&str], knowns: &[&str], h: impl Fn(f64) -> f64) {
     for known in knowns {
@@ -78,9 +78,9 @@ fn agree(fmu: &Fmu, unknowns: &[&str], knowns: &[&str], h: impl Fn(f64) -> f64) 
     }
 }
 
-/// Fails if the directional derivative with respect to an input is that with its neighbour: the reference is off by one.
+/// Fails if the reference of an input is off by one.
 #[test]
-fn derivatives_by_inputs_are_those_that_setting_them_shows() {
+fn derivatives_with_respect_to_inputs_agree_with_difference_quotients() {
     for drive in DRIVES {
         let fmu = Fmu::started(PLANT, &[&RUNNING[..], &[("drive", drive)]].concat());
         for step in 0..20 {
@@ -91,10 +91,10 @@ fn derivatives_by_inputs_are_those_that_setting_them_shows() {
     }
 }
 
-/// In initialization all Real parameters are known; of a spindle first samples and forces at the bearings follow them too.
-/// Fails if `Y0` does not move the position on which the forces depend, and if the displacement at a bearing does not follow the tilt.
+/// In initialization all Real parameters are knowns; first samples and bearing forces of a spindle depend on them too.
+/// Fails if `Y0` does not move the position on which the forces depend, or if the displacement at a bearing does not follow the tilt.
 #[test]
-fn derivatives_by_parameters_are_those_that_setting_them_shows() {
+fn derivatives_with_respect_to_parameters_agree_with_difference_quotients() {
     const PLANAR_KNOWNS: &str = "m s Y0 Z0 theta0 coil.R alpha[2] lambda[3] unbalance.phase gravity.Z";
     const SPINDLE_KNOWNS: &str = "Y0 beta0 gamma0 vX0 betaRate0 gammaRate0 X0 theta0 Jt Jp A.position B.position \
         B.sensorPosition B.sensor.offsetY B.sensor.gainErrorY sensor.positionNoise unbalance[2].position A.alpha[2] \
@@ -115,10 +115,9 @@ fn derivatives_by_parameters_are_those_that_setting_them_shows() {
     }
 }
 
-/// The model structure and the derivatives must agree: without a dependency the derivative is 0, in every state.
-/// Fails if `F[1]` is declared to depend on nothing.
+/// Without a declared dependency the derivative must be 0. Fails if `F[1]` is declared to depend on nothing.
 #[test]
-fn dependencies_are_honest() {
+fn declared_dependencies_agree_with_the_derivatives() {
     let planar = RUNNING.iter().chain(&[("touchdown.friction", 0.2)]).copied().collect::<Vec<_>>();
     let spindle = SPINDLE_RUNNING.iter().chain(&[("A.touchdown.friction", 0.2)]).copied().collect();
     let cases =
@@ -145,9 +144,9 @@ fn dependencies_are_honest() {
     }
 }
 
-/// Fails if a known that is given twice counts once, and if every variable passes for a known.
+/// Fails if a repeated known counts once, or if every variable is accepted as a known.
 #[test]
-fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
+fn directional_derivatives_are_linear_and_refuse_invalid_knowns() {
     let fmu = Fmu::started(PLANT, &RUNNING);
     let knowns = references(&fmu, &["i[1]", "Y", "omega"]);
     let names = words(UNKNOWNS);
@@ -182,8 +181,8 @@ fn directional_derivatives_are_linear_and_refuse_what_is_not_known() {
     }
 }
 
-/// A step with the derivatives of a polynomial against many small steps with its values.
-/// Fails if the Runge–Kutta stages see the input at the begin of the step.
+/// One step with the derivatives of a polynomial against many small steps with its values.
+/// Fails if the Runge–Kutta stages use the input at the start of the step.
 #[test]
 fn the_plant_follows_polynomials_within_a_step() {
     for drive in DRIVES {
@@ -191,7 +190,7 @@ fn the_plant_follows_polynomials_within_a_step() {
         let speed = |t: f64| 100.0 * PI + 2000.0 * t;
         let driven = if drive == 1.0 { "i[2]" } else { "u[2]" };
         let mut settings = RUNNING.to_vec();
-        // Without friction and contact the difference is that of the method alone.
+        // Without friction and contact only the method differs.
         settings.extend([("drive", drive), ("solver.maxStep", 1e-6), ("sensor.Ts", 1e-3)]);
         let whole = Fmu::started(PLANT, &settings);
         let pieces = Fmu::started(PLANT, &settings);
@@ -212,7 +211,7 @@ fn the_plant_follows_polynomials_within_a_step() {
             let (got, wanted) = (whole.get(name), pieces.get(name));
             assert!((got - wanted).abs() <= tolerance, "{name}: {got:e} against {wanted:e}");
         }
-        // The input has the final value of the polynomial; a current sample is the value at the instant.
+        // The input has the final value of the polynomial, and so has the current sample at that instant.
         assert!((whole.get(driven) - polynomial(length)).abs() <= 1e-12);
         assert!((whole.get("omega") - speed(length)).abs() <= 1e-9);
         if drive == 1.0 {
@@ -224,7 +223,7 @@ fn the_plant_follows_polynomials_within_a_step() {
     }
 }
 
-/// Fails if a derivative that is 0 takes another path through the arithmetic than none at all.
+/// Fails if a derivative of 0 changes the arithmetic.
 #[test]
 fn derivatives_of_zero_change_no_bit() {
     for model in MODELS {
@@ -246,9 +245,9 @@ fn derivatives_of_zero_change_no_bit() {
     }
 }
 
-/// A sample in the middle of a step sees the input extrapolated to its instant: a controller stepped at 2.5 times its
-/// sample time with derivatives gives what it gives when it is stepped from sample to sample with values.
-/// Fails if the sampled models take the value at the begin of the step.
+/// A sample within a step sees the input extrapolated to its instant: a controller stepped at 2.5 times its
+/// sample time with derivatives returns the same as when stepped from sample to sample with values.
+/// Fails if sampled models use the value at the start of the step.
 #[test]
 fn samples_within_a_step_see_the_extrapolated_input() {
     let model = "FlatnessController";
@@ -272,9 +271,9 @@ fn samples_within_a_step_see_the_extrapolated_input() {
     assert!((coarse.get("Ym") - position(2e-3)).abs() < 1e-15);
 }
 
-/// Fails if they are taken one by one until one is refused.
+/// Fails if derivatives before the refused one are accepted.
 #[test]
-fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
+fn derivatives_of_inputs_are_accepted_together_or_not_at_all() {
     let fmu = Fmu::started(PLANT, &RUNNING);
     let two = references(&fmu, &["i[1]", "m"]);
     let text = fmu.set_input_derivatives(&two, &[1, 1], &[10.0, 0.0]).error(&fmu);
@@ -289,7 +288,7 @@ fn derivatives_of_inputs_are_taken_together_or_not_at_all() {
     assert_eq!(fmu.get("i[1]"), 1.5, "nothing of what was refused has an effect");
 }
 
-/// Derivatives of outputs in time against the motion itself, by steps so small that a quotient shows them.
+/// Time derivatives of outputs against difference quotients of the motion.
 /// Fails if the velocity is missing in the rate of a force.
 #[test]
 fn output_derivatives_are_those_of_the_motion() {
@@ -325,7 +324,7 @@ fn output_derivatives_are_those_of_the_motion() {
         }
         assert_eq!(first[0], fmu.get("vY"));
         assert!((second[1] - fmu.get("aZ")).abs() <= 1e-12, "{} {}", second[1], fmu.get("aZ"));
-        // An input that is set is held from then on.
+        // From then on the inputs are held.
         fmu.set("i[1]", 1.5).ok(&fmu);
         fmu.set("u[1]", 3.0).ok(&fmu);
         if drive == 1.0 {
@@ -341,7 +340,7 @@ fn output_derivatives_are_those_of_the_motion() {
     }
 }
 
-/// Through FMI 3.0 to the last bit. Fails if a derivative is that of another variable.
+/// Fails if a derivative is that of another variable.
 #[test]
 fn derivatives_are_those_of_fmi_3_bit_for_bit() {
     for name in MODELS.into_iter().filter(|name| is_plant(name)) {

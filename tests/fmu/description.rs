@@ -1,6 +1,6 @@
 //! The model descriptions are current, valid, and agree with the interface.
 //!
-//! Those under review in `modelDescription/` are what users rely on: names, references, units, start values, capabilities.
+//! Users rely on those in `modelDescription/`: names, references, units, start values, capabilities.
 
 use std::collections::{HashMap, HashSet};
 use std::fs;
@@ -25,17 +25,16 @@ fn children<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = 
     child(node, name).children().filter(Node::is_element)
 }
 
-/// Looks at every model description.
-fn each(look: impl Fn(&str, Node<'_, '_>)) {
+/// Checks every model description.
+fn each(check: impl Fn(&str, Node<'_, '_>)) {
     for entry in fmu::catalogue().iter() {
         let document = Document::parse(entry.xml()).expect("well-formed XML");
-        look(entry.info.name, document.root_element());
+        check(entry.info.name, document.root_element());
     }
 }
 
-/// Fails if a checked-in file differs.
 #[test]
-fn the_files_under_review_are_current() {
+fn the_checked_in_files_are_current() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("modelDescription");
     let models = fmu::catalogue();
     let standards = [(Standard::Fmi2, ".xml"), (Standard::Fmi3 { arrays: false }, "_fmi3.xml")];
@@ -49,7 +48,7 @@ fn the_files_under_review_are_current() {
     assert!(file == package::variables(), "modelDescription/VARIABLES.md is stale: run `cargo run -- describe`");
 }
 
-/// Names and dependencies, limits and start values, nominal values and units for display, as they are checked when a model is packaged.
+/// Names, dependencies, limits, start values, nominal values and display units, as checked when a model is packaged.
 #[test]
 fn no_table_has_a_mistake() {
     for entry in fmu::catalogue().iter() {
@@ -57,9 +56,9 @@ fn no_table_has_a_mistake() {
     }
 }
 
-/// Fails if descriptions are left out, if a unit is declared twice, and if the unit itself is named as the unit for display.
+/// Fails if descriptions are missing, if a unit is declared twice, or if a display unit equals the unit.
 #[test]
-fn every_variable_can_be_read_by_people() {
+fn every_variable_is_described() {
     each(|model, root| {
         let names: Vec<_> = children(root, "UnitDefinitions").map(|unit| unit.attribute("name")).collect();
         let units: HashSet<_> = names.iter().copied().collect();
@@ -84,7 +83,7 @@ fn every_variable_can_be_read_by_people() {
     });
 }
 
-/// The same quantity has the same unit at both ends of what is usually connected: some tools refuse anything else.
+/// Some tools refuse connections between different units.
 #[test]
 fn equal_names_have_equal_units() {
     let mut units: HashMap<String, (&str, String)> = HashMap::new();
@@ -99,9 +98,9 @@ fn equal_names_have_equal_units() {
     }
 }
 
-/// Fails if the GUID follows from the name of the model, or from those of the variables alone.
+/// Fails if the GUID depends only on the name of the model or the names of the variables.
 #[test]
-fn the_guid_follows_the_interface() {
+fn the_guid_depends_on_the_whole_interface() {
     type Change = fn(&mut Vec<Variable>);
     let plant = model_type("MagneticBearing");
     let guid = |change: Change| {

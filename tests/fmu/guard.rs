@@ -1,4 +1,4 @@
-//! The C interface from an importer's side, misused as carefully as used.
+//! The C interface as used and misused by importers.
 
 mod errors;
 mod messages;
@@ -28,14 +28,14 @@ fn every_function_is_swept() {
     sequence::every_function_is_swept();
 }
 
-/// Fails if a call on no instance is answered with fmi2OK.
+/// Fails if a call without an instance returns fmi2OK.
 #[test]
 fn null_instances_are_refused_and_freed() {
     let c = null_mut();
     let mut value = [0.0];
     let reference = [0];
     let error = fmi2Status::fmi2Error;
-    // SAFETY: a null instance is what is tested; all arrays have the length that is said.
+    // SAFETY: the null instance is the test; all arrays have the stated length.
     unsafe {
         call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
         assert_eq!(call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2True, 0, null())), error);
@@ -71,9 +71,9 @@ fn refused(request: Request) -> String {
     text.clone()
 }
 
-/// Fails if the name, the kind of interface, or the GUID is not looked at.
+/// Fails if the name, the type of interface, or the GUID is not checked.
 #[test]
-fn instances_are_made_only_of_sound_requests() {
+fn invalid_instantiation_requests_are_refused() {
     let sound = || Request::of(PLANT);
     says(&refused(Request { name: None, ..sound() }), &["instanceName", "expected a name"]);
     says(&refused(Request { name: Some(text("")), ..sound() }), &["instanceName", "expected a name"]);
@@ -81,8 +81,8 @@ fn instances_are_made_only_of_sound_requests() {
     says(&refused(Request { kind: exchange, ..sound() }), &["fmuType = 0", "fmi2CoSimulation"]);
     says(&refused(Request { kind: fmi2Type(7), ..sound() }), &["fmuType = 7", "fmi2CoSimulation"]);
     says(&refused(Request { guid: None, ..sound() }), &["fmuGUID is null"]);
-    let said = refused(Request { guid: Some(text("{0}")), ..sound() });
-    says(&said, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
+    let refusal = refused(Request { guid: Some(text("{0}")), ..sound() });
+    says(&refusal, &["fmuGUID = {0}", &guid(PLANT), "MagneticBearing", "AlgebraicEstimator"]);
     // Not UTF-8, a format string, long, without braces, in capitals.
     let bytes = std::ffi::CString::new([0xff, 0xfe]).expect("no zero byte");
     says(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
@@ -90,16 +90,16 @@ fn instances_are_made_only_of_sound_requests() {
     for given in ["%s%n%s", &long, &own.replace(['{', '}'], ""), &own.to_uppercase()] {
         says(&refused(Request { guid: Some(text(given)), ..sound() }), &[&format!("fmuGUID = {}", &given[..6])]);
     }
-    // Without callbacks there is no way to report it, which must be harmless.
+    // Without callbacks it cannot be reported, which must be harmless.
     assert!(Request { callbacks: false, ..sound() }.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
     let silent = Request { logger: false, guid: None, ..sound() };
     assert!(silent.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
 }
 
 /// Arguments that importers pass: names with paths, no resources, no logger.
-/// Fails if a name may hold no slash, and if the location of the resources has to be of one form.
+/// Fails if a name with a slash is refused, or the location of the resources in any of its usual forms.
 #[test]
-fn instances_are_made_of_whatever_importers_say() {
+fn unusual_instantiation_requests_are_accepted() {
     let long = "a/".repeat(100_000);
     for name in ["/a folder/MagneticBearing.fmu", "loop.plant", "Läufer µ", " ", "%s%n%d", &long] {
         let fmu = Request { name: Some(text(name)), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
@@ -108,7 +108,7 @@ fn instances_are_made_of_whatever_importers_say() {
         assert_eq!(again, fmi2Status::fmi2Error);
         assert_eq!(fmu.take_messages()[0].instance, name);
     }
-    // A name in an encoding of its own comes back in messages as it was.
+    // A name in another encoding is returned unchanged in messages.
     let latin = std::ffi::CString::new(*b"L\xe4ufer").expect("no zero byte");
     let fmu = Request { name: Some(latin), ..Request::of(PLANT) }.instantiate(PLANT).expect("an instance");
     assert_eq!(fmu.step(0.0, TS), fmi2Status::fmi2Error);
@@ -124,7 +124,7 @@ fn instances_are_made_of_whatever_importers_say() {
     assert!(silent.take_messages().is_empty());
 }
 
-/// Fails if a reference beyond the table is taken for the last variable.
+/// Fails if a reference beyond the table is treated as the last variable.
 #[test]
 fn unknown_references_are_refused() {
     for model in MODELS {
@@ -144,7 +144,7 @@ fn unknown_references_are_refused() {
     }
 }
 
-/// Fails if fmi2GetReal converts what is no Real.
+/// Fails if fmi2GetReal converts other types.
 #[test]
 fn values_have_the_type_of_their_variable() {
     for model in MODELS {
@@ -152,7 +152,7 @@ fn values_have_the_type_of_their_variable() {
         fmu.enter_initialization().ok(&fmu);
         for variable in fmu.variables().to_vec() {
             let reference = [fmu.reference(&variable.name)];
-            let is = [
+            let has_type = [
                 matches!(variable.data_type, Type::Real { .. }),
                 matches!(variable.data_type, Type::Integer { .. } | Type::Enumeration { .. }),
                 matches!(variable.data_type, Type::Boolean { .. }),
@@ -162,21 +162,23 @@ fn values_have_the_type_of_their_variable() {
                 fmu.get_integers(&reference).is_ok(),
                 fmu.get_booleans(&reference).is_ok(),
             ];
-            assert_eq!(read, is, "{model}.{}", variable.name);
+            assert_eq!(read, has_type, "{model}.{}", variable.name);
             assert_eq!(fmu.take_messages().len(), 2, "{model}.{}: each refusal is reported", variable.name);
             let set: [(&str, &dyn Fn() -> fmi2Status); 3] = [
                 ("Real", &|| fmu.set_reals(&reference, &[1.0])),
                 ("Integer", &|| fmu.set_integers(&reference, &[1])),
                 ("Boolean", &|| fmu.set_booleans(&reference, &[1])),
             ];
-            for ((name, set), _) in set.iter().zip(is).filter(|(_, is)| variable.is_settable() && !is) {
-                says(&set().error(&fmu), &[&variable.name, name]);
+            for ((name, set), has_type) in set.iter().zip(has_type) {
+                if variable.is_settable() && !has_type {
+                    says(&set().error(&fmu), &[&variable.name, name]);
+                }
             }
         }
     }
 }
 
-/// Fails if whatever is not 0 is taken for true.
+/// Fails if any non-zero value is treated as true.
 #[test]
 fn booleans_are_0_or_1() {
     let fmu = Fmu::started(CONTROLLER, &[]);
@@ -189,15 +191,14 @@ fn booleans_are_0_or_1() {
     assert_eq!(fmu.get("lambdaValid"), 1.0);
 }
 
-/// Fails if null, or a length beyond memory, is believed: then this process ends.
+/// Fails, by the end of this process, if null or an impossible length is accepted.
 #[test]
-fn arrays_that_are_not_there_are_refused() {
+fn null_and_impossible_arrays_are_refused() {
     let fmu = Fmu::started(PLANT, &[]);
     let c = fmu.component();
     let reference = [fmu.reference("omega")];
     let mut value = [1.0];
-    // SAFETY: the instance is live; null pointers and lengths beyond memory are what is tested, and are looked for before
-    // anything is read.
+    // SAFETY: the instance is live; null pointers and impossible lengths are the test, and are checked before anything is read.
     unsafe {
         let get = |vr, n, to| call!(fmi2GetReal: fmi2GetRealTYPE(c, vr, n, to));
         let set = |vr, n, from| call!(fmi2SetReal: fmi2SetRealTYPE(c, vr, n, from));
@@ -215,26 +216,26 @@ fn arrays_that_are_not_there_are_refused() {
         says(&log(1, names.as_ptr()).error(&fmu), &["categories", "null"]);
 
         let kind = fmi2StatusKind::fmi2LastSuccessfulTime;
-        let told = call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, kind, null_mut()));
-        says(&told.error(&fmu), &["value is null"]);
+        let status = call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, kind, null_mut()));
+        says(&status.error(&fmu), &["value is null"]);
     }
     assert_eq!(state_of(&fmu), 's');
 }
 
-/// Fails if the values are written one by one until one is refused.
+/// Fails if values before the refused one are written.
 #[test]
 fn a_list_with_a_refused_value_writes_nothing() {
     let fmu = Fmu::started(PLANT, &[]);
     let references = ["pY", "m", "pZ"].map(|name| fmu.reference(name));
-    let said = fmu.set_reals(&references, &[1.0, 2.0, 3.0]).error(&fmu);
-    says(&said, &["m cannot be set", "fixed once the run has begun"]);
+    let text = fmu.set_reals(&references, &[1.0, 2.0, 3.0]).error(&fmu);
+    says(&text, &["m cannot be set", "fixed once the run has begun"]);
     assert_eq!((fmu.get("pY"), fmu.get("m"), fmu.get("pZ")), (0.0, 6.7, 0.0));
     says(&fmu.set("Y", 1.0).error(&fmu), &["Y cannot be set", "computed"]);
 }
 
-/// Fails if the start is not looked at, and if a stop before the start is accepted.
+/// Fails if the start time is not checked, or if a stop before the start is accepted.
 #[test]
-fn an_experiment_has_a_beginning_and_an_end() {
+fn invalid_start_and_stop_times_are_refused() {
     let fmu = Fmu::new(PLANT);
     for start in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         says(&fmu.setup(start, None).error(&fmu), &["startTime = ", "a finite number"]);
@@ -245,9 +246,9 @@ fn an_experiment_has_a_beginning_and_an_end() {
     fmu.start(1.0, Some(f64::INFINITY));
 }
 
-/// Fails if a step of no length, or of 1.1e-16 s, is refused.
+/// Fails if a step of 0 s or of 1.1e-16 s is refused.
 #[test]
-fn steps_of_any_length_are_taken() {
+fn steps_of_any_length_are_accepted() {
     for model in MODELS {
         let fmu = Fmu::started(model, &[]);
         let mut time_s = 0.0;
@@ -259,9 +260,9 @@ fn steps_of_any_length_are_taken() {
     }
 }
 
-/// Fails if fmi2GetRealStatus answers every kind of question.
+/// Fails if fmi2GetRealStatus accepts every status kind.
 #[test]
-fn questions_about_the_step_are_answered() {
+fn status_queries_are_answered() {
     let fmu = Fmu::started(PLANT, &[]);
     fmu.step(0.0, TS).ok(&fmu);
     fmu.step(TS, TS).ok(&fmu);
@@ -291,13 +292,13 @@ fn questions_about_the_step_are_answered() {
         assert_eq!(fmu.take_messages().len(), refusals, "status kind {}: each refusal is reported", kind.0);
     }
     assert_eq!((status, time, whole, flag), (fmi2Status::fmi2OK, 2.0 * TS, -1, fmi2False));
-    // SAFETY: the text was answered, and ends with a zero byte.
+    // SAFETY: the text was returned, and ends with a zero byte.
     assert_eq!(unsafe { CStr::from_ptr(word) }, c"");
 }
 
-/// Fails if instances count their steps together.
+/// Fails if instances share their step count.
 #[test]
-fn instances_do_not_see_one_another() {
+fn instances_are_independent() {
     const STEPS: u32 = 120;
     for model in MODELS {
         let alone = Fmu::started(model, &[]);

@@ -1,4 +1,4 @@
-//! Statements of model descriptions on the start: which outputs depend on which inputs then, and the limits of parameters.
+//! Initialization as declared in model descriptions: which outputs depend on which inputs, and the limits of parameters.
 
 use fmu_export::Invalid;
 use fmu_export::variable::{Causality, Type, Variable};
@@ -11,16 +11,19 @@ fn outputs(variables: &[Variable]) -> impl Iterator<Item = (usize, &Variable)> {
     variables.iter().enumerate().filter(|(_, variable)| variable.causality == Causality::Output)
 }
 
-/// Importers take an unknown without dependencies for one that depends on all inputs, and find algebraic loops that are none.
-/// Fails if an output is left without, and if an input that acts at once in the run does not at the start.
+/// Importers assume that an unknown without declared dependencies depends on all inputs, and report false algebraic loops.
+/// Fails if an output declares none, or if an input with direct feedthrough is not among them.
 #[test]
-fn no_output_depends_on_everything_at_the_start() {
+fn every_output_declares_its_dependencies_at_the_start() {
     for model in MODELS {
-        let kind = find(model).expect("a model");
+        let model_type = find(model).expect("a model");
         let is_input = |name: &str| {
-            kind.variables().iter().any(|variable| variable.name == name && variable.causality == Causality::Input)
+            model_type
+                .variables()
+                .iter()
+                .any(|variable| variable.name == name && variable.causality == Causality::Input)
         };
-        for (_, output) in outputs(kind.variables()) {
+        for (_, output) in outputs(model_type.variables()) {
             let at_start = output.starts_from.as_ref().unwrap_or_else(|| panic!("{model}.{}", output.name));
             let acting = output.depends_on.as_ref().unwrap_or_else(|| panic!("{model}.{}", output.name));
             for (name, _) in acting.iter().filter(|(name, _)| is_input(name)) {
@@ -30,19 +33,19 @@ fn no_output_depends_on_everything_at_the_start() {
     }
 }
 
-/// Fails if an output follows an input at the start although the model description says otherwise.
+/// Fails if an output follows an input at the start without declaring it.
 #[test]
-fn outputs_follow_at_the_start_what_they_declare() {
+fn outputs_depend_at_the_start_only_on_declared_inputs() {
     for model in MODELS {
-        let kind = find(model).expect("a model");
-        for (known, input) in kind.variables().iter().enumerate() {
+        let model_type = find(model).expect("a model");
+        for (known, input) in model_type.variables().iter().enumerate() {
             if input.causality != Causality::Input {
                 continue;
             }
             for drive in [1.0, 2.0] {
                 let mut instances = [0, 1].map(|_| Named::new(model));
                 for instance in &mut instances {
-                    if kind.variables().iter().any(|variable| variable.name == "drive") {
+                    if model_type.variables().iter().any(|variable| variable.name == "drive") {
                         instance.set("drive", drive);
                     }
                 }
@@ -52,7 +55,7 @@ fn outputs_follow_at_the_start_what_they_declare() {
                 for instance in &mut instances {
                     instance.start().expect("sound parameters");
                 }
-                for (index, output) in outputs(kind.variables()) {
+                for (index, output) in outputs(model_type.variables()) {
                     let [one, other] =
                         instances.each_mut().map(|instance| instance.instance.get(index).expect("a value"));
                     let declared = output.starts_from.as_ref().is_none_or(|names| names.contains(&input.name));
@@ -63,13 +66,13 @@ fn outputs_follow_at_the_start_what_they_declare() {
     }
 }
 
-/// Every parameter below the limit that is declared for it, or far below 0, and at the limit. Fails if a limit is not enforced, or
-/// enforced and not declared, and if something else is named.
+/// Every parameter below its declared limit, or far below 0, and at the limit. Fails if a limit is declared but not enforced, enforced
+/// but not declared, or if another parameter is named.
 #[test]
-fn limits_that_a_model_enforces_stand_in_its_description() {
+fn enforced_limits_are_declared() {
     for model in MODELS {
-        let kind = find(model).expect("a model");
-        let rows = kind.variables().iter().enumerate();
+        let model_type = find(model).expect("a model");
+        let rows = model_type.variables().iter().enumerate();
         for (index, variable) in rows.filter(|(_, variable)| variable.causality == Causality::Parameter) {
             let lowest = match variable.data_type {
                 Type::Real { min, .. } => min,
@@ -81,7 +84,7 @@ fn limits_that_a_model_enforces_stand_in_its_description() {
                 instance.instance.set(index, named::value(&variable.data_type, number)).expect("a parameter");
                 instance.start().err().unwrap_or_default()
             };
-            // The part that concerns the parameter itself, if that is a limit.
+            // The limit in the finding on the parameter itself.
             let limit = |findings: &[Invalid]| {
                 let limits = ["above 0", "above -1", "from 0 to", "at least"];
                 let own =

@@ -1,4 +1,4 @@
-//! Instances and their tables: access, reset, variability, outputs, and the sample instants.
+//! Instances and their tables: access, variability, outputs, and refused values.
 
 use crate::support::named::Named;
 use crate::support::{MODELS, Random, below, is_plant, says};
@@ -7,7 +7,7 @@ use magnetic_bearing::fmu::catalogue;
 
 const TS: f64 = 1e-4;
 
-/// Inputs at random, weak, so that the rotor stays in the gap for a while.
+/// Sets random inputs, weak enough for the rotor to stay in the gap for a while.
 fn excite(instance: &mut Named, random: &mut Random) {
     for index in 0..instance.variables.len() {
         let variable = instance.variables[index];
@@ -22,12 +22,12 @@ fn excite(instance: &mut Named, random: &mut Random) {
 }
 
 #[test]
-fn every_row_begins_at_its_start_keeps_what_it_is_given_and_disturbs_no_other() {
+fn every_row_has_its_start_value_and_its_own_storage() {
     for model in MODELS {
         let mut instance = Named::new(model);
         let rows = instance.variables.clone().into_iter().enumerate();
         let settable: Vec<_> = rows.filter(|(_, variable)| variable.is_settable()).collect();
-        // Every row gets its own value, so that two rows with one place are found.
+        // A different value for every row reveals rows that share storage.
         let given = |index: usize, data_type: &Type| match data_type {
             Type::Real { .. } => Value::Real(1e-7 * (index + 1) as f64),
             Type::Integer { .. } => Value::Integer(index as i32 + 1000),
@@ -40,7 +40,7 @@ fn every_row_begins_at_its_start_keeps_what_it_is_given_and_disturbs_no_other() 
             let value = given(*index, &variable.data_type);
             instance.instance.set(*index, value).expect("before the run parameters and inputs can be set");
         }
-        // Outputs are computed from a trial start; that must not leave a trace in what was set.
+        // Outputs are computed from a trial start, which must not change the values that were set.
         let _ = instance.bits();
         for (index, variable) in &settable {
             let value = given(*index, &variable.data_type);
@@ -50,7 +50,7 @@ fn every_row_begins_at_its_start_keeps_what_it_is_given_and_disturbs_no_other() 
 }
 
 #[test]
-fn what_is_computed_is_never_set_and_fixed_parameters_not_while_it_runs() {
+fn computed_variables_cannot_be_set_nor_fixed_parameters_during_a_run() {
     for (model, running) in MODELS.into_iter().flat_map(|model| [(model, false), (model, true)]) {
         let mut instance = if running { Named::started(model, &[]) } else { Named::new(model) };
         for index in 0..instance.variables.len() {
@@ -104,9 +104,9 @@ fn a_refused_change_changes_nothing() {
             excite(instance, &mut Random::new(2));
             instance.step(0.0, TS);
         }
-        for (name, value, said) in refusals {
+        for (name, value, reason) in refusals {
             let error = changed.try_set(name, *value).expect_err(name).to_string();
-            says(&error, &[name, said]);
+            says(&error, &[name, reason]);
             assert_eq!(changed.bits(), beside.bits(), "{model}.{name} = {value}");
         }
         changed.step(TS, TS);
@@ -127,7 +127,7 @@ fn tunable_parameters_act() {
     bearing.set("unbalance.magnitude", 1e-4);
     bearing.set("unbalance.phase", 0.3);
     let force = 1e-4 * omega * omega;
-    // Tuned parameters act on the motion too: without unbalance the same step ends elsewhere.
+    // Tuned parameters act on the motion too.
     let velocity = bearing.get("vY");
     bearing.step(TS, TS);
     let acceleration = (bearing.get("vY") - velocity) / TS;
@@ -170,15 +170,15 @@ fn before_the_run_outputs_follow_the_parameters() {
     {
         assert_eq!(bearing.get(name), wanted, "{name}");
     }
-    // Magnet 1 looks towards −z (α = π): its gap is s + Z, and F = λ i²/gap².
-    /// Part of the value: sin π and cos π are rounded.
+    // Magnet 1 pulls towards −z (α = π): its gap is s + Z, and F = λ i²/gap².
+    /// Relative: sin π and cos π are rounded.
     const ROUNDING: f64 = 1e-14;
     let gap = 5e-4 + 2e-5;
     below("gap[1]", (bearing.get("gap[1]") / gap - 1.0).abs(), ROUNDING);
     below("F[1]", (bearing.get("F[1]") / (1.8e-6 * 4.0 / (gap * gap)) - 1.0).abs(), ROUNDING);
-    // No current is held before the start, so the sensor reads 0, whatever the input.
+    // No current flows before the start, so the sensor reads 0, whatever the input.
     assert_eq!(bearing.get("im[1]"), 0.0);
-    // An invalid parameter is reported by the start: until then the last valid outputs remain.
+    // An invalid parameter is reported at the start; until then the last valid outputs remain.
     bearing.set("m", 0.0);
     assert_eq!(bearing.get("Y"), -1e-5);
     assert!(bearing.start().is_err());
@@ -199,7 +199,7 @@ fn before_the_run_outputs_follow_the_parameters() {
 }
 
 #[test]
-fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
+fn outputs_follow_an_input_at_once_only_where_declared() {
     for model in MODELS {
         let mut instance = Named::started(model, &[]);
         let mut random = Random::new(11);
@@ -231,7 +231,7 @@ fn outputs_follow_an_input_at_once_only_where_the_table_says_so() {
 
 #[test]
 fn refused_parameters_are_all_named_at_once() {
-    // Name, value, and what is said of it; the rest of the parameters as they are. Limits of the description are another test's.
+    // Model, parameter, value, and words of the message. Another test covers the declared limits.
     const BAD: &[(&str, &str, f64, &[&str])] = &[
         ("MagneticBearing", "Y0", 6e-4, &["0.0006 m", "inside the gap"]),
         ("MagneticBearing", "Z0", -5e-4, &["-0.0005 m", "inside the gap"]),
@@ -263,7 +263,7 @@ fn refused_parameters_are_all_named_at_once() {
         ("SpindleEstimator", "unbalance[1].position", 3.0, &["3 m", "on the shaft"]),
         ("SpindleEstimator", "unbalance[2].position", -0.08, &["-0.08 m", "unbalance[1].position"]),
     ];
-    // Items that there are not, which are refused at once.
+    // Items that do not exist are refused at once.
     const CHOICES: &[(&str, &str, f64, &[&str])] = &[
         ("FlatnessController", "update.mode", 4.0, &["4", "never (1), atTime (2), whenValid (3)"]),
         ("FlatnessController", "update.mode", i32::MIN as f64, &["never (1)"]),
@@ -276,12 +276,12 @@ fn refused_parameters_are_all_named_at_once() {
         let mut instance = Named::new(model);
         instance.set(name, *value);
         let findings = instance.start().expect_err(name);
-        let said: Vec<_> = findings.iter().map(|finding| finding.to_string()).collect();
-        assert!(findings.iter().all(|finding| finding.name == *name), "{model}.{name} = {value}: {said:?}");
-        says(&said[0], words);
-        says(&said[0], &["is refused", "expected"]);
+        let messages: Vec<_> = findings.iter().map(|finding| finding.to_string()).collect();
+        assert!(findings.iter().all(|finding| finding.name == *name), "{model}.{name} = {value}: {messages:?}");
+        says(&messages[0], words);
+        says(&messages[0], &["is refused", "expected"]);
     }
-    // Of three magnets: more may stand beside each other, and along the axis there are no angles.
+    // With three magnets: of more, two may be close together, and axial magnets have no angles.
     for model in &MODELS[..6] {
         let mut instance = Named::new(model);
         let angle = if model.contains("Spindle") { "B.alpha[2]" } else { "alpha[2]" };

@@ -3,7 +3,7 @@
 use fmu_export::log::Digits;
 
 #[test]
-fn digits_that_rounding_made_are_not_shown() {
+fn rounding_errors_are_not_shown() {
     assert_eq!(Digits::<9>(0.036_000_000_000_000_004).to_string(), "0.036");
     assert_eq!(Digits::<9>(0.3).to_string(), "0.3");
     assert_eq!(Digits::<9>(0.0).to_string(), "0.0");

@@ -1,4 +1,4 @@
-//! The three models as FMUs: their variables and steps, and the C interface that importers call.
+//! The models as FMUs: their variables and steps, and the C interface that importers call.
 
 #[path = "../support/mod.rs"]
 mod support;
@@ -6,7 +6,7 @@ mod support;
 mod abuse;
 mod bindings;
 mod derivatives;
-// The documentation page is made by the program.
+// The program writes the documentation page.
 #[cfg(feature = "app")]
 mod description;
 mod guard;
@@ -21,12 +21,12 @@ mod time;
 use fmu_export::variable::{Causality, Type};
 use support::ffi::{Expect, Fmu};
 
-/// Steps of 0.1 ms from one number on to another, with continuous inputs that depend on the number of the step.
+/// Does steps of 0.1 ms with these numbers, with continuous inputs that depend on the number.
 fn drive(fmu: &Fmu, steps: std::ops::Range<u32>) {
     for step in steps {
         for input in inputs(fmu) {
             let Type::Real { start, nominal, .. } = fmu.variables()[input as usize].data_type else { unreachable!() };
-            // Strong enough for every part of a state to move, and too weak for a rotor to reach a magnet.
+            // Strong enough to move every part of a state, too weak for a rotor to reach a magnet.
             let wave = f64::sin(0.7 * f64::from(step) + f64::from(input));
             fmu.set_reals(&[input], &[start + 0.1 * nominal * wave]).ok(fmu);
         }

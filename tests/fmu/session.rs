@@ -1,5 +1,5 @@
-//! A session of an importer in a few calls, short enough for Miri, which looks at every access to memory that the C interface
-//! makes: `cargo +nightly miri test --no-default-features --test fmu session::`. There is no logger, because Miri makes no variadic
+//! A session of an importer, short enough for Miri, which checks every memory access of the C interface:
+//! `cargo +nightly miri test --no-default-features --test fmu session::`. There is no logger, because Miri supports no variadic
 //! calls.
 
 use std::ptr::null_mut;
@@ -11,9 +11,9 @@ use fmu_export::fmi2::bindings::{fmi2Status, fmi2StatusKind};
 
 const TS: f64 = 1e-4;
 
-/// Everything with a pointer in it, once, after some steps. Fails if an existing snapshot is left as it was, or replaced by a new one that
-/// nobody frees, and, under Miri, if a snapshot is read after it was freed, if an instance is
-/// accessed by two references at once, or if an array is taken to be longer than it is.
+/// Every function with a pointer argument, once, after some steps. Fails if an existing snapshot is not overwritten, or is leaked; under
+/// Miri also if a snapshot is read after it was freed, if an instance is accessed through two references at once, or if
+/// an array is read beyond its end.
 pub fn session(model: &str, steps: u32) {
     let make = || Request { logger: false, ..Request::of(model) }.instantiate(model).expect("an instance");
     let (fmu, other) = (make(), make());
@@ -46,7 +46,7 @@ pub fn session(model: &str, steps: u32) {
     assert_eq!(other.deserialize(&bytes[1..], &mut read), fmi2Status::fmi2Error);
     other.step(now, 2.5 * TS).ok(&other);
     assert_eq!(other.get_reals(input), wanted);
-    // A snapshot is taken into an existing one.
+    // An existing snapshot is overwritten.
     fmu.get_state(&mut state).ok(&fmu);
     assert_eq!(state, address);
     fmu.step(now + 2.5 * TS, TS).ok(&fmu);

@@ -1,4 +1,4 @@
-//! Snapshots: what they restore, across instances and processes, and what they refuse.
+//! Snapshots: restored across instances and processes, and refused if damaged.
 
 use std::path::Path;
 use std::process::Command;
@@ -11,8 +11,8 @@ use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
 use fmu_export::variable::Type;
 use sha2::{Digest, Sha256};
 
-/// Parameters with which every part of a state moves: noise, delay, both drives' coils, unbalance, a short window.
-fn lively(model: &str) -> Vec<(&'static str, f64)> {
+/// Settings that make every part of a state change: noise, delay, voltage drive, unbalance, a short window.
+fn active_settings(model: &str) -> Vec<(&'static str, f64)> {
     let of_sensors =
         [("sensor.positionNoise", 1e-7), ("sensor.currentNoise", 1e-2), ("sensor.delay", 1.5e-4), ("drive", 2.0)];
     let planes = [("unbalance[1].magnitude", 1e-4), ("unbalance[2].magnitude", 5e-5)];
@@ -32,33 +32,33 @@ fn lively(model: &str) -> Vec<(&'static str, f64)> {
 }
 
 fn running(model: &str, steps: u32) -> Fmu {
-    let fmu = Fmu::started(model, &lively(model));
+    let fmu = Fmu::started(model, &active_settings(model));
     drive(&fmu, 0..steps);
     fmu
 }
 
-fn saved(fmu: &Fmu) -> fmi2FMUstate {
+fn snapshot(fmu: &Fmu) -> fmi2FMUstate {
     let mut state = null_mut();
     fmu.get_state(&mut state).ok(fmu);
     assert!(!state.is_null());
     state
 }
 
-fn freed(fmu: &Fmu, mut state: fmi2FMUstate) {
+fn free(fmu: &Fmu, mut state: fmi2FMUstate) {
     fmu.free_state(&mut state).ok(fmu);
     assert!(state.is_null());
     fmu.free_state(&mut state).ok(fmu);
 }
 
 fn bytes(fmu: &Fmu) -> Vec<u8> {
-    let state = saved(fmu);
+    let state = snapshot(fmu);
     let bytes = fmu.serialize(state).expect("bytes");
-    freed(fmu, state);
+    free(fmu, state);
     bytes
 }
 
 /// Importers restore although they have declared, as the harness does with every step, that they would not.
-/// Fails if only the values are restored and not the run: with different noise, or a different window.
+/// Fails if only the values are restored, but not, for instance, the noise or the window.
 #[test]
 fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
     for model in MODELS {
@@ -66,7 +66,7 @@ fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
         let mut snapshots = Vec::new();
         let mut traces = Vec::new();
         for step in 35..75 {
-            snapshots.push(saved(&fmu));
+            snapshots.push(snapshot(&fmu));
             drive(&fmu, step..step + 1);
             traces.push(fmu.all_bits());
         }
@@ -81,7 +81,7 @@ fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
                 }
             }
         }
-        // A snapshot outlives its instance. Snapshots of one instance can be freed by another, also after a run has ended.
+        // A snapshot outlives its instance. Another instance can free it, even after its run has ended.
         drop(fmu);
         let another = Fmu::new(model);
         for fmu in [&other, &another] {
@@ -90,13 +90,13 @@ fn a_run_replays_bit_for_bit_from_any_snapshot_in_any_order() {
             assert_eq!(fmu.all_bits(), traces[39], "{model}: after the end of the first instance");
         }
         other.terminate().ok(&other);
-        snapshots.into_iter().for_each(|state| freed(&other, state));
+        snapshots.into_iter().for_each(|state| free(&other, state));
     }
 }
 
 /// Parameters may be outside their limits until they are used.
 #[test]
-fn a_state_before_the_run_comes_back_with_all_its_parameters() {
+fn a_snapshot_before_the_run_restores_all_parameters() {
     let fmu = Fmu::new("MagneticBearing");
     fmu.set("m", -1.0).ok(&fmu);
     let written = bytes(&fmu);
@@ -109,23 +109,23 @@ fn a_state_before_the_run_comes_back_with_all_its_parameters() {
     other.enter_initialization().ok(&other);
     let text = other.exit_initialization().error(&other);
     assert!(text.contains("m = -1 kg is refused"), "{text}");
-    freed(&fmu, state);
+    free(&fmu, state);
 }
 
 /// Fails if the state in the sequence of calls is not part of the snapshot.
 #[test]
-fn the_state_in_the_sequence_of_calls_comes_back() {
+fn the_state_in_the_sequence_of_calls_is_restored() {
     let fmu = Fmu::new("MagneticBearing");
     fmu.set("Y0", 1e-5).ok(&fmu);
-    let instantiated = saved(&fmu);
+    let instantiated = snapshot(&fmu);
     fmu.setup(0.5, Some(1.0)).ok(&fmu);
     fmu.enter_initialization().ok(&fmu);
-    let initializing = saved(&fmu);
+    let initializing = snapshot(&fmu);
     fmu.exit_initialization().ok(&fmu);
     fmu.step(0.5, 1e-3).ok(&fmu);
-    let stepped = saved(&fmu);
+    let stepped = snapshot(&fmu);
     fmu.terminate().ok(&fmu);
-    let terminated = saved(&fmu);
+    let terminated = snapshot(&fmu);
 
     fmu.set_state(stepped).ok(&fmu);
     assert!(fmu.step(0.5, 1e-3).error(&fmu).contains("0.501"));
@@ -143,28 +143,28 @@ fn the_state_in_the_sequence_of_calls_comes_back() {
     fmu.enter_initialization().ok(&fmu);
     assert_eq!(fmu.get("Y"), 1e-5);
     for state in [instantiated, initializing, stepped, terminated] {
-        freed(&fmu, state);
+        free(&fmu, state);
     }
 }
 
-/// A failed run continues from before the failure. Fails if the state `error` outlasts fmi2SetFMUstate.
+/// A failed run continues from before the failure. Fails if the state `error` survives fmi2SetFMUstate.
 #[test]
 fn a_snapshot_from_before_an_error_recovers() {
     let fmu = Fmu::started("MagneticBearing", &[]);
     fmu.step(0.0, 1e-4).ok(&fmu);
-    let state = saved(&fmu);
+    let state = snapshot(&fmu);
     fmu.set("pZ", 1e9).ok(&fmu);
     assert_eq!(fmu.step(1e-4, 1.0), fmi2Status::fmi2Error);
     fmu.take_messages();
     assert!(fmu.step(1e-4, 1e-4).error(&fmu).contains("state `error`"));
-    // A snapshot of the failed instance is possible, and no good.
-    let failed = saved(&fmu);
+    // A snapshot of the failed instance restores the failure.
+    let failed = snapshot(&fmu);
     fmu.set_state(failed).ok(&fmu);
     assert!(fmu.step(1e-4, 1e-4).error(&fmu).contains("state `error`"));
     fmu.set_state(state).ok(&fmu);
     fmu.step(1e-4, 1e-4).ok(&fmu);
-    freed(&fmu, state);
-    freed(&fmu, failed);
+    free(&fmu, state);
+    free(&fmu, failed);
 }
 
 #[test]
@@ -173,19 +173,19 @@ fn null_and_foreign_snapshots_are_refused() {
     assert!(plant.set_state(null_mut()).error(&plant).contains("fmi2SetFMUstate: FMUstate is null"));
     assert!(plant.serialize(null_mut()).expect_err("an error").error(&plant).contains("FMUstate is null"));
     let controller = Fmu::started("FlatnessController", &[]);
-    let mut state = saved(&controller);
+    let mut state = snapshot(&controller);
     let text = plant.set_state(state).error(&plant);
     assert!(text.contains("a snapshot of FlatnessController: expected one of MagneticBearing"), "{text}");
     assert_eq!(plant.get_state(&mut state), fmi2Status::fmi2Error);
     plant.take_messages();
     controller.set_state(state).ok(&controller);
-    freed(&plant, state);
+    free(&plant, state);
 }
 
-/// Derivatives of inputs that were given for the next step are part of the snapshot as well, and so are those at the end of the
-/// last one, from which derivatives of outputs follow. Fails if either are not.
+/// Fails if a snapshot lacks the input derivatives set for the next step, or those at the end of the last one, on which the
+/// derivatives of outputs depend.
 #[test]
-fn derivatives_given_for_the_next_step_are_saved() {
+fn input_derivatives_are_saved() {
     let fmu = Fmu::started("MagneticBearing", &[]);
     fmu.set_input_derivatives(&[fmu.reference("pZ")], &[1], &[5e3]).ok(&fmu);
     let written = bytes(&fmu);
@@ -203,13 +203,13 @@ fn derivatives_given_for_the_next_step_are_saved() {
     other.deserialize(&bytes(&fmu), &mut after).ok(&other);
     other.set_state(after).ok(&other);
     assert_eq!(rate(&other), [5e3], "the load moves on as it did");
-    freed(&other, state);
-    freed(&other, after);
+    free(&other, state);
+    free(&other, after);
 }
 
 const CHILD: &str = "MAGNETIC_BEARING_STATE_TEST";
 
-/// The other process of the test below: goes on from the files in the folder named by the environment and prints what comes out.
+/// The other process of the test below: continues from the files in the folder named by the environment and prints the results.
 #[test]
 fn another_process() {
     let Ok(folder) = std::env::var(CHILD) else { return };
@@ -222,11 +222,11 @@ fn another_process() {
         assert_eq!(bytes(&fmu), written, "{model}");
         drive(&fmu, 33..60);
         println!("{:?}", fmu.all_bits());
-        freed(&fmu, state);
+        free(&fmu, state);
     }
 }
 
-/// Fails if anything that a run needs is not serialized, and if the bytes hold anything of the process, such as an address.
+/// Fails if anything that a run needs is not serialized, or if the bytes depend on the process, such as an address.
 #[test]
 fn bytes_restore_the_run_in_another_process() {
     let folder = std::env::temp_dir().join(format!("magnetic-bearing-state-{}", std::process::id()));
@@ -259,7 +259,7 @@ fn refused(fmu: &Fmu, bytes: &[u8]) -> String {
     text
 }
 
-/// Fails if the hash is not looked at, or what is left over.
+/// Fails if the hash or the length is not checked.
 #[test]
 fn damaged_bytes_are_refused_with_a_reason() {
     let fmu = running("MagneticBearing", 5);
@@ -291,26 +291,26 @@ fn damaged_bytes_are_refused_with_a_reason() {
 }
 
 /// The bytes before the length of the content, and the content.
-fn opened<'w>(model: &str, written: &'w [u8]) -> (&'w [u8], &'w [u8]) {
+fn split<'w>(model: &str, written: &'w [u8]) -> (&'w [u8], &'w [u8]) {
     let head = 8 + 2 + 1 + model.len() + 1 + 38;
     (&written[..head], &written[head + 8..written.len() - 32])
 }
 
-/// A content in a sound frame.
+/// A content in a valid frame.
 fn sealed(head: &[u8], content: &[u8]) -> Vec<u8> {
     let framed = [head, &(content.len() as u64).to_le_bytes(), content].concat();
     [&framed[..], &Sha256::digest(&framed)].concat()
 }
 
-/// Bytes whose frame is sound, and whose content is not: whoever made them, nothing panics, hangs, or takes much memory.
-/// Fails if the window, the samples that were taken, the state of the rotor, or the derivatives of inputs are accepted unchecked.
+/// An invalid content in a valid frame must not cause panics, hangs, or excessive memory.
+/// Fails if the window, the sample count, the state of the rotor, or the derivatives of inputs are accepted unchecked.
 #[test]
-fn a_hostile_content_in_a_sound_frame_does_no_harm() {
+fn a_hostile_content_in_a_valid_frame_does_no_harm() {
     for model in MODELS {
         let fmu = running(model, 25);
         fmu.set_input_derivatives(&inputs(&fmu)[..1], &[1], &[1e-3]).ok(&fmu);
         let written = bytes(&fmu);
-        let (head, content) = opened(model, &written);
+        let (head, content) = split(model, &written);
         assert_eq!(sealed(head, content), written);
         let mut accepted = 0;
         let mut attack = |changed: &[u8]| {
@@ -332,7 +332,7 @@ fn a_hostile_content_in_a_sound_frame_does_no_harm() {
                 fmu.free_state(&mut state).ok(&fmu);
             }
         };
-        // The beginning holds the times and the parameters, the end the run: every byte of those, some of what is between.
+        // Times and parameters come first, the run last: every byte of these, and some of those between.
         let every = 1 + content.len() / 500;
         for at in (0..content.len()).filter(|at| at % every == 0 || *at < 600 || *at + 600 > content.len()) {
             for value in [0, 1, 0x7f, 0x80, 0xff] {
@@ -340,7 +340,7 @@ fn a_hostile_content_in_a_sound_frame_does_no_harm() {
                 changed[at] = value;
                 attack(&changed);
             }
-            // A number of ten bytes of seven bits: the greatest length there is.
+            // The largest length: ten bytes of seven bits each.
             let mut changed = content.to_vec();
             let end = (at + 10).min(content.len());
             changed[at..end].copy_from_slice(&[0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x01][..end - at]);
@@ -351,14 +351,14 @@ fn a_hostile_content_in_a_sound_frame_does_no_harm() {
     }
 }
 
-/// Bytes in a sound frame that name a state in which there is no such run. Fails if the state is accepted unchecked.
+/// A valid frame whose state contradicts the run. Fails if the state is accepted unchecked.
 #[test]
-fn a_state_that_does_not_belong_to_the_run_is_refused() {
+fn a_state_that_contradicts_the_run_is_refused() {
     for (model, begun) in MODELS.into_iter().flat_map(|model| [(model, false), (model, true)]) {
         let fmu = if begun { running(model, 5) } else { Fmu::new(model) };
         let written = bytes(&fmu);
-        let (head, content) = opened(model, &written);
-        // The content begins with the state, a bit of five: instantiated, initialization, step complete, terminated, error.
+        let (head, content) = split(model, &written);
+        // The content begins with the state, one of five bits: instantiated, initialization, step complete, terminated, error.
         assert_eq!(content[0], if begun { 0b100 } else { 1 }, "{model}");
         for (state, wants) in [(1, Some(false)), (2, Some(false)), (4, Some(true)), (8, None), (16, None)] {
             let changed = sealed(head, &[&[state], &content[1..]].concat());
@@ -368,16 +368,16 @@ fn a_state_that_does_not_belong_to_the_run_is_refused() {
                 assert!(status.error(&fmu).contains("does not belong to the state"), "{model}: {begun}, {state}");
             } else {
                 status.ok(&fmu);
-                freed(&fmu, found);
+                free(&fmu, found);
             }
         }
         assert!(fmu.take_messages().is_empty());
     }
 }
 
-/// Fails if a reset forgets anything: a value, the flag that outputs are stale, the derivatives of inputs, the stop time.
+/// Fails if a reset misses anything: a value, the flag for stale outputs, the derivatives of inputs, the stop time.
 #[test]
-fn a_reset_instance_is_a_fresh_one_to_the_last_byte() {
+fn a_reset_instance_equals_a_fresh_one_to_the_last_byte() {
     for model in MODELS {
         let fresh = bytes(&Fmu::new(model));
         let fmu = Fmu::new(model);

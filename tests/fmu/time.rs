@@ -1,4 +1,4 @@
-//! Communication steps: any length and begin, tolerances, refusals. Sampled outputs do not depend on them.
+//! Communication steps: any start and length, tolerances, refusals. Sampled outputs do not depend on them.
 
 use crate::support::ffi::{Expect, Fmu};
 use crate::support::{Random, says};
@@ -13,9 +13,9 @@ fn wave(sample: i64) -> f64 {
     3e-5 * (sample as f64 * 0.3).sin()
 }
 
-/// The sampled outputs after `samples` samples, the input set anew at every sample, time cut by `cut`, which gives the
-/// lengths of the steps in units of the sample time.
-fn sampled(model: &str, start_s: f64, samples: u32, mut cut: impl FnMut() -> f64) -> Vec<u64> {
+/// The outputs after `samples` samples with a new input at every sample; `next_length` returns the length of the next step in
+/// units of the sample time.
+fn sampled(model: &str, start_s: f64, samples: u32, mut next_length: impl FnMut() -> f64) -> Vec<u64> {
     let fmu = Fmu::new(model);
     for (name, value) in [("Tf", 2e-3), ("epsilon", 2e-3)] {
         if model == ESTIMATOR {
@@ -26,13 +26,13 @@ fn sampled(model: &str, start_s: f64, samples: u32, mut cut: impl FnMut() -> f64
     fmu.start(start_s, None);
     let mut time = start_s;
     for sample in 0..samples {
-        // The input is valid at the sample and held, however many steps there are up to the next one.
+        // The input is valid at the sample and held up to the next one.
         fmu.set("Zm", wave(sample.into())).ok(&fmu);
         let end = start_s + f64::from(sample + 1) * TS;
         while time < end - 1e-3 * TS {
-            // Rounding adds up; what goes beyond the sample by more than that is cut off.
-            let (wanted, rest) = (cut() * TS, end - time);
-            let length = if wanted > 1.000_1 * rest { rest } else { wanted };
+            // A step ends at the sample at the latest, up to rounding.
+            let (wanted, remaining) = (next_length() * TS, end - time);
+            let length = if wanted > 1.000_1 * remaining { remaining } else { wanted };
             fmu.step(time, length).ok(&fmu);
             time += length;
         }
@@ -40,9 +40,9 @@ fn sampled(model: &str, start_s: f64, samples: u32, mut cut: impl FnMut() -> f64
     fmu.all_bits()
 }
 
-/// The last step of a run is often 1.1e-16 s long. Fails if a sample is lost or doubled: when the clock compares without a tolerance.
+/// The last step of a run is often 1.1e-16 s long. Fails if a sample is lost or doubled because the clock has no tolerance.
 #[test]
-fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
+fn sampled_outputs_do_not_depend_on_the_steps() {
     for model in [CONTROLLER, ESTIMATOR] {
         for start_s in [0.0, 0.1, 12.345, 1e4] {
             let wanted = sampled(model, start_s, 60, || 1.0);
@@ -61,7 +61,7 @@ fn sampled_outputs_do_not_depend_on_how_time_is_cut() {
     }
 }
 
-/// With constant inputs many samples in one step give the same outputs. Fails if a long step takes one sample.
+/// With constant inputs. Fails if a long step takes one sample.
 #[test]
 fn a_long_step_takes_all_its_samples() {
     for model in [CONTROLLER, ESTIMATOR] {
@@ -76,7 +76,7 @@ fn a_long_step_takes_all_its_samples() {
 
 /// Fails if the end of a step is compared with stopTime exactly, or not at all.
 #[test]
-fn stop_time_has_a_tolerance_and_an_end() {
+fn stop_time_is_enforced_with_a_tolerance() {
     for model in [PLANT, CONTROLLER, ESTIMATOR] {
         let fmu = Fmu::new(model);
         fmu.start(0.0, Some(0.01));
@@ -95,7 +95,7 @@ fn stop_time_has_a_tolerance_and_an_end() {
     }
 }
 
-/// Fails if the begin of a step is not checked, or compared exactly.
+/// Fails if the start of a step is not checked, or compared exactly.
 #[test]
 fn a_step_begins_where_the_last_one_ended() {
     for (start, model) in [(0.0, PLANT), (0.0, ESTIMATOR), (100.0, PLANT), (-3.0, CONTROLLER)] {
@@ -120,7 +120,7 @@ fn a_step_begins_where_the_last_one_ended() {
 }
 
 /// A controller acts one sample later, and the sample at the end of a step belongs to the next one, whose inputs it sees. Fails if the clock
-/// takes it before, or if a shorter step makes the controller act sooner.
+/// takes it too early, or if a shorter step makes the controller act earlier.
 #[test]
 fn a_controller_acts_one_sample_later_whatever_the_steps() {
     let [start, halves, whole] = [0, 2, 1].map(|steps| {
@@ -138,9 +138,9 @@ fn a_controller_acts_one_sample_later_whatever_the_steps() {
     assert_ne!(halves.all_bits(), whole.all_bits(), "the second sample shows");
 }
 
-/// Fails if a step of any length is begun: with a sample time of 0.1 ms this one would take hours.
+/// Fails if steps of any length are accepted: with a sample time of 0.1 ms this one would take hours.
 #[test]
-fn a_step_that_would_not_end_is_refused() {
+fn an_excessively_long_step_is_refused() {
     for model in [PLANT, CONTROLLER, ESTIMATOR] {
         let fmu = Fmu::started(model, &[]);
         let text = fmu.step(0.0, 1e9).error(&fmu);
@@ -149,8 +149,8 @@ fn a_step_that_would_not_end_is_refused() {
     }
 }
 
-/// Parameters that name a time, such as that of an update, mean the time of the simulation.
-/// Fails if the start time is left out of the samples, which then does not end, or of the time of the update.
+/// Parameters such as the time of an update refer to simulation time.
+/// Fails if the update ignores the start time; never ends if the samples do.
 #[test]
 fn a_start_time_shifts_samples_and_nothing_else() {
     for model in [CONTROLLER, ESTIMATOR] {

@@ -1,4 +1,4 @@
-//! The FMUs of FMI 3.0 in fmi-rs: valid, and to the last bit the runs of the FMUs of FMI 2.0, with and without arrays.
+//! The FMUs of FMI 3.0 in fmi-rs: valid, and bit for bit equal to the FMUs of FMI 2.0, with and without arrays.
 //!
 //! The program and the examples package them. Nothing of this project is linked in.
 
@@ -25,8 +25,7 @@ const STEPS: u32 = 200;
 /// Serializes validation: fmi-rs checks names with a scanner that keeps its buffers in global variables, so that two threads crash it.
 static VALIDATION: Mutex<()> = Mutex::new(());
 
-/// All FMUs of the project and of the examples, packaged with or without arrays into a folder; the places of those of FMI 2.0 and
-/// FMI 3.0.
+/// Packages all FMUs of the project and of the examples, with or without arrays; returns the paths for FMI 2.0 and FMI 3.0.
 fn packaged(arrays: bool) -> Vec<[PathBuf; 2]> {
     let folder = folder(if arrays { "arrays" } else { "scalars" });
     let switch: &[&str] = if arrays { &["--arrays"] } else { &[] };
@@ -44,12 +43,12 @@ fn packaged(arrays: bool) -> Vec<[PathBuf; 2]> {
     fmus(&folder.join("target/fmu")).into_iter().map(both).collect()
 }
 
-/// The value of an input at a step: different for each, and near its start.
+/// The value of an input at a step: near its start, different for each.
 fn excitation(start: f64, nominal: f64, reference: u32, step: u32) -> f64 {
     start + 1e-3 * nominal * (f64::from(step * (reference + 1) % 17) - 8.0)
 }
 
-/// The step that the model description proposes, in seconds.
+/// The step of the default experiment, in seconds.
 fn step_s(experiment: Option<&DefaultExperiment>) -> f64 {
     let text = experiment.and_then(|experiment| experiment.stepSize.as_ref()).expect("a step");
     text.parse().expect("a number")
@@ -111,7 +110,7 @@ fn run_of_fmi3(builder: &FMU3Builder, inputs: &Inputs) -> Vec<HashMap<u32, u64>>
     assert_eq!(fmu.exitInitializationMode(), fmi3Status::Ok);
     let mut rows = Vec::new();
     for step in 0..STEPS {
-        // The builder asks for event mode, so inputs are set in it.
+        // The builder requests event mode, so inputs are set in it.
         if step > 0 {
             assert_eq!(fmu.enterEventMode(), fmi3Status::Ok);
         }

@@ -105,7 +105,7 @@ fn the_importer_s_validation_finds_nothing() {
     }
 }
 
-/// The closed loop of a system in the SSP: its elements, started, and what is connected to what.
+/// The closed loop of a system in the SSP: its started elements and their connections.
 struct Loop<'a> {
     instances: HashMap<String, Instance<'a>>,
     /// Element and output, element and input.
@@ -113,7 +113,7 @@ struct Loop<'a> {
 }
 
 impl<'a> Loop<'a> {
-    /// The system that a file in the folder of the unpacked SSP describes, with or without the parameters that are choices.
+    /// The system described by a file of the unpacked SSP, with or without enumeration parameters.
     fn new(folder: &Path, file: &str, builders: &'a HashMap<&'static str, FMU2Builder>, choices: bool) -> Self {
         let text = fs::read_to_string(folder.join(file)).expect("the structure");
         let structure = roxmltree::Document::parse(&text).expect("well-formed XML");
@@ -157,7 +157,7 @@ impl<'a> Loop<'a> {
         Self { instances, connections }
     }
 
-    /// Outputs are read, inputs are set, all step.
+    /// Reads outputs, sets inputs, steps all.
     fn step(&self, time_s: f64, length_s: f64) {
         let read = |[from, output, ..]: &[String; 4]| self.instances[from].get(output);
         let values: Vec<f64> = self.connections.iter().map(read).collect();
@@ -179,10 +179,10 @@ fn unpacked(name: &str) -> PathBuf {
 
 const STEP_S: f64 = 1e-4;
 
-/// The closed loop of the FMUs: every output at every step is that of the direct run.
+/// Every output at every step equals that of the direct run.
 ///
-/// Elements, connections and parameters are those of the system in the SSP, which the program made as well.
-/// Fails if an instance gets a parameter of another.
+/// Elements, connections and parameters are those of the SSP, which the program writes too.
+/// Fails if an instance gets a parameter of another one.
 #[test]
 fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
     const DURATION: &str = "0.1 s";
@@ -222,10 +222,10 @@ fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
     }
 }
 
-/// Writes the final outputs of the loop that all tools run alike, for scripts/conformance.py to compare: 0.4 s, and without the
-/// choices that some tools cannot set. They go to `final.csv` in the temporary folder of this package's build.
+/// Writes the final outputs of the loop that all tools run, for scripts/conformance.py to compare: 0.4 s, without the
+/// enumerations that some tools cannot set. They go to `final.csv` in the temporary folder of this package's build.
 #[test]
-fn final_values_are_written_down_for_comparison() {
+fn final_values_are_written_for_comparison() {
     const STEPS: u32 = 4000;
     let builders = packaged(&PLANAR);
     let whole = Loop::new(&unpacked("final-system"), "SystemStructure.ssd", &builders, false);
@@ -245,7 +245,7 @@ fn final_values_are_written_down_for_comparison() {
     fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("final.csv"), lines.concat()).expect("a file");
 }
 
-/// Runs a scenario of the program for a time of our own, into `direct.csv`.
+/// Runs a scenario of the program for this duration, into `direct.csv`.
 fn direct(folder: &Path, name: &str, duration: &str) {
     let text = fs::read_to_string(root().join(format!("src/simulation/scenarios/{name}.toml"))).expect("a scenario");
     let mut scenario: toml::Table = text.parse().expect("a TOML file");
@@ -256,7 +256,7 @@ fn direct(folder: &Path, name: &str, duration: &str) {
 
 /// Messages pass through the importer's variadic logger.
 #[test]
-fn the_importer_is_told_why() {
+fn the_importer_logs_the_reason_of_a_refusal() {
     let log = folder("messages").join("log.txt");
     let builder = FMU2Builder { logFile: Some(log.clone()), ..builder(&ARCHIVES.join("MagneticBearing.fmu")) };
     let plant = Instance::new("plant", &builder);
@@ -265,8 +265,8 @@ fn the_importer_is_told_why() {
     ok("enterInitializationMode", plant.fmu.enterInitializationMode());
     assert_eq!(plant.fmu.exitInitializationMode(), fmi2Status::Error);
     drop(plant);
-    let told = fs::read_to_string(&log).expect("the log");
+    let logged = fs::read_to_string(&log).expect("the log");
     for words in ["fmi2ExitInitializationMode", "m = -6.7 kg is refused", "above 0"] {
-        assert!(told.contains(words), "`{words}` is not said in: {told}");
+        assert!(logged.contains(words), "`{words}` is not said in: {logged}");
     }
 }

@@ -17,7 +17,7 @@ pub fn folder(name: &str) -> PathBuf {
     folder
 }
 
-/// The program, which was built before, in a folder.
+/// The program, already built, run in a folder.
 pub fn program(folder: &Path) -> Command {
     let path = root().join("target/release").join(format!("magnetic-bearing{}", std::env::consts::EXE_SUFFIX));
     let mut command = Command::new(path);
@@ -25,7 +25,7 @@ pub fn program(folder: &Path) -> Command {
     command
 }
 
-/// Runs a command, which has to succeed.
+/// Runs a command that must succeed.
 pub fn run(command: &mut Command) {
     let output = command.output().unwrap_or_else(|error| panic!("{command:?}: {error}"));
     assert!(output.status.success(), "{command:?}: {}", String::from_utf8_lossy(&output.stderr));

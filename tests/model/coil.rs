@@ -21,8 +21,8 @@ fn voltage(coil: CoilConfig) -> CoilConfig {
     CoilConfig { drive: Drive::Voltage, ..coil }
 }
 
-/// Coils of every kind: the paper's, with leakage, with saturation, with both.
-fn kinds() -> [CoilConfig; 4] {
+/// The paper's coil; with leakage, with saturation, and with both.
+fn coils() -> [CoilConfig; 4] {
     let plain = CoilConfig::default();
     [
         plain.clone(),
@@ -36,7 +36,7 @@ fn kinds() -> [CoilConfig; 4] {
 fn current_and_force_are_the_derivatives_of_one_energy() {
     /// Relative error of central differences with increments of 1e-5.
     const DIFFERENCES: f64 = 1e-8;
-    for config in kinds() {
+    for config in coils() {
         let coil = config.of(2e-6, GAP_M);
         for linkage in [-0.03, 1e-3, 0.01, 0.03, 0.06] {
             for gap in [1e-4, 3e-4, 7e-4] {
@@ -50,12 +50,12 @@ fn current_and_force_are_the_derivatives_of_one_energy() {
                 let energy = |psi, gap| coil.at_linkage(psi, gap).energy_j;
                 let current = |psi, gap| coil.at_linkage(psi, gap).current_a;
                 let force = |psi, gap| coil.at_linkage(psi, gap).force_n;
-                let same = |what: &str, is: f64, ought: f64, scale: f64| {
+                let same = |what: &str, got: f64, wanted: f64, scale: f64| {
                     let what = format!("{config:?}, ψ = {linkage} Wb, gap = {gap} m, {what}");
-                    below(&what, (is - ought).abs() / scale, DIFFERENCES);
+                    below(&what, (got - wanted).abs() / scale, DIFFERENCES);
                 };
                 same("i = ∂W/∂ψ", at.current_a, slope(&energy, false), at.current_a.abs());
-                // In saturated iron most of the energy is not in the gap, and its rounding is not that of the force.
+                // Saturated iron stores most of the energy, whose rounding errors exceed those of the force.
                 same("F = ∂W/∂gap", at.force_n, slope(&energy, true), at.energy_j / gap);
                 same("∂i/∂ψ", at.current_by_linkage, slope(&current, false), at.current_by_linkage);
                 // Both are second derivatives of the energy.
@@ -90,7 +90,7 @@ fn saturation_takes_current_and_gives_less_force() {
     }
 }
 
-/// Voltages that bring currents of some amperes and change from sample to sample.
+/// Voltages that change from sample to sample and drive currents of some amperes.
 fn voltages(sample: usize) -> PlantInput {
     let at = |k: usize| 1.5 + 6.0 * ((sample * (7 + 4 * k)) % 13) as f64 / 13.0 - 3.0;
     PlantInput { voltage_v: [at(0), at(1), at(2)], omega_rad_s: 314.0, ..PlantInput::default() }
@@ -98,10 +98,9 @@ fn voltages(sample: usize) -> PlantInput {
 
 #[test]
 fn the_energy_of_coils_and_rotor_balances() {
-    /// Energy that is missing or too much, of all that went in, over 0.1 s; what the issue asks for. The energies that went
-    /// in and were lost are integrated here by Simpson's rule over steps of 20 µs.
+    /// Balance error over 0.1 s, relative to the energy transferred. Input and loss are integrated by Simpson's rule with steps of 20 µs.
     const BALANCE: f64 = 1e-6;
-    for coil in kinds() {
+    for coil in coils() {
         let config = PlantConfig {
             coil: voltage(coil.clone()),
             // A rotor heavy enough to be still clear of the backup bearing after 0.1 s without a controller.
@@ -135,9 +134,9 @@ fn the_energy_of_coils_and_rotor_balances() {
             }
         }
         let [input, transferred, loss, work] = sums;
-        let rest = input - loss - work - field;
+        let residual = input - loss - work - field;
         assert!(field > 1e-4 && loss > 1e-3, "{coil:?}: field {field} J, loss {loss} J: the test shows nothing");
-        below(&format!("{coil:?}: electric balance"), rest.abs() / transferred, BALANCE);
+        below(&format!("{coil:?}: electric balance"), residual.abs() / transferred, BALANCE);
         let gained = kinetic(&state) - kinetic_at_start;
         assert!(gained.abs() > 1e-5, "{coil:?}: kinetic energy gained {gained} J: the test shows nothing");
         below(&format!("{coil:?}: mechanical balance"), (gained - work).abs() / gained.abs(), BALANCE);
@@ -145,9 +144,9 @@ fn the_energy_of_coils_and_rotor_balances() {
 }
 
 #[test]
-fn stiff_coils_and_small_gaps_keep_to_a_reference_solution() {
-    /// Error of the position after 2 ms against sub-steps of at most 50 ns, in m; measured 1.2e-13 with the coils of 5 µs, which
-    /// are integrated in steps of a tenth of their time constant.
+fn stiff_coils_and_small_gaps_agree_with_a_reference_solution() {
+    /// Error of the position after 2 ms against sub-steps of at most 50 ns, in m; measured 1.2e-13 for the coils with a time constant of
+    /// 5 µs, which are integrated in steps of a tenth of it.
     const POSITION_M: f64 = 1e-12;
     /// Error of the fluxes, in Wb; they are of the order of 1e-3.
     const LINKAGE_WB: f64 = 1e-9;
@@ -169,7 +168,7 @@ fn stiff_coils_and_small_gaps_keep_to_a_reference_solution() {
             for sample in 0..20 {
                 let mut input = voltages(sample);
                 input.voltage_v = input.voltage_v.map(|u| u * scale);
-                // The magnet at the small gap gets no current: the rotor is not to be drawn to it.
+                // No current in the magnet at the small gap, which would attract the rotor.
                 if position_m[1] < -400e-6 {
                     input.voltage_v[0] = 0.0;
                 }
@@ -177,17 +176,17 @@ fn stiff_coils_and_small_gaps_keep_to_a_reference_solution() {
             }
             state
         };
-        let (is, ought) = (run(5e-5), run(5e-8));
+        let (got, wanted) = (run(5e-5), run(5e-8));
         for a in 0..2 {
-            below(&format!("{name}: position, m"), (is.position_m[a] - ought.position_m[a]).abs(), POSITION_M);
+            below(&format!("{name}: position, m"), (got.position_m[a] - wanted.position_m[a]).abs(), POSITION_M);
         }
         for k in 0..3 {
-            below(&format!("{name}: flux, Wb"), (is.linkage_wb[k] - ought.linkage_wb[k]).abs(), LINKAGE_WB);
+            below(&format!("{name}: flux, Wb"), (got.linkage_wb[k] - wanted.linkage_wb[k]).abs(), LINKAGE_WB);
         }
     }
 }
 
-/// A rotor so heavy that it stays: `i = u/R (1 − e^(−Rt/L))`.
+/// A rotor too heavy to move: `i = u/R (1 − e^(−Rt/L))`.
 #[test]
 fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
     /// Relative error of the current.
@@ -201,15 +200,15 @@ fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
     };
     let plant = Plant::new(config).expect("plant");
     let mut state = plant.start(0.0);
-    // The amplifier gives 100 V of the 250 V asked for.
+    // The amplifier limits the commanded 250 V to 100 V.
     let input = PlantInput { voltage_v: [2.0, -50.0, 250.0], ..PlantInput::default() };
     for sample in 0..100 {
         plant.advance(&mut state, &input, sample as f64 * STEP_S, STEP_S).expect("advance");
     }
     for (k, (u, lambda)) in [2.0, -50.0, 100.0].into_iter().zip([1.8e-6, 2.0e-6, 2.2e-6]).enumerate() {
         let time_constant_s: f64 = 1e-3 + 2.0 * lambda / GAP_M;
-        let ought = u * -(-0.01 / time_constant_s).exp_m1();
-        below("current", (state.measured.current_a[k] / ought - 1.0).abs(), CURRENT);
+        let wanted = u * -(-0.01 / time_constant_s).exp_m1();
+        below("current", (state.measured.current_a[k] / wanted - 1.0).abs(), CURRENT);
     }
 }
 
@@ -228,8 +227,8 @@ fn an_open_circuit_carries_no_current() {
     assert!(state.measured.current_a[0] > 0.1);
 }
 
-/// So deep in saturation that Newton's iterations start at the solution: `i = i_s (φ/φ_s)⁷`, and the force goes with `i^(2/7)`.
-/// Fails if they end with the value, before its derivatives have converged.
+/// In deep saturation Newton's iteration starts at the solution: `i = i_s (φ/φ_s)⁷`, and the force is proportional to `i^(2/7)`.
+/// Fails if the iteration stops when the value has converged but its derivatives have not.
 #[test]
 fn derivatives_converge_where_the_value_starts_at_the_solution() {
     let constant = Taylor::<4>::constant;
@@ -251,7 +250,7 @@ fn derivatives_converge_where_the_value_starts_at_the_solution() {
 
 #[test]
 fn a_coil_too_fast_to_integrate_is_refused() {
-    // A time constant of 0.4 µs; current drive does not mind.
+    // A time constant of 0.4 µs, irrelevant with current drive.
     for (drive, refused) in [(Drive::Voltage, true), (Drive::Current, false)] {
         let coil = CoilConfig { drive, resistance_ohm: 1e4, ..CoilConfig::default() };
         let made = Plant::new(PlantConfig { coil, ..PlantConfig::default() });

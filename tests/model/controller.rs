@@ -18,18 +18,18 @@ use magnetic_bearing::invalid::NotFinite;
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
-/// How much larger the worst tracking error is at 6000 rpm if gyroscopic moments are not compensated, at least; measured are 49
+/// Least factor by which the worst tracking error at 6000 rpm grows without compensation of gyroscopic moments; measured 49
 /// and 87 with current and voltage drive.
 const GYROSCOPIC: f64 = 20.0;
 
 type SpindleController = ControllerConfigOf<5, 8, 3, 3>;
 
-/// The plant and the controller, one sample of delay between measurement and current. The rotor starts on its reference.
+/// Plant and controller, with a delay of one sample between measurement and current. The rotor starts on its reference.
 #[derive(Clone)]
 struct Loop<const N: usize, const K: usize, const B: usize, const G: usize> {
     plant: PlantConfigOf<f64, N, K, B>,
     controller: ControllerConfigOf<N, K, B, G>,
-    /// Speed of the rotor, on the reference trajectory too.
+    /// Speed of the rotor and of the reference trajectory.
     omega_rad_s: f64,
     /// Constant load, in N and N·m.
     load_n: [f64; N],
@@ -38,7 +38,7 @@ struct Loop<const N: usize, const K: usize, const B: usize, const G: usize> {
     /// The estimate at a sample.
     lambda_at: fn([f64; K], usize) -> [f64; K],
     valid_s: f64,
-    /// Reference from outside at a time.
+    /// External reference at a time.
     reference_m: fn(f64) -> [f64; N],
 }
 
@@ -77,7 +77,7 @@ impl Loop<2, 3, 1, 1> {
         case
     }
 
-    /// A rotor at rest in the centre under a load of 60 N, λ known, the smallest force modulated by half at 110 Hz.
+    /// A centred rotor at rest under a load of 60 N, with known λ and the smallest force modulated by 50 % at 110 Hz.
     fn at_rest() -> Self {
         let mut case = Self::paper().knowing_lambda();
         case.controller.law.modulation = 0.5;
@@ -101,7 +101,7 @@ impl Loop<2, 3, 1, 1> {
 }
 
 impl Loop<5, 8, 3, 3> {
-    /// Mixed ellipses, axial motion, noise of 0.1 µm and 10 mA, unbalance in two planes, a load, F_0 modulated by half; λ known
+    /// Mixed ellipses, axial motion, noise of 0.1 µm and 10 mA, unbalance in two planes, a load, F_0 modulated by 50 %; λ known
     /// from the start.
     fn study(rpm: f64) -> Self {
         let plant = PlantConfigOf {
@@ -133,10 +133,10 @@ impl Loop<5, 8, 3, 3> {
         self
     }
 
-    /// Guesses wrong by up to two.
-    fn wrong(mut self) -> Self {
-        let by = [1.5, 1.0 / 1.5, 2.0, 1.0 / 1.7, 1.6, 1.5, 0.5, 1.6];
-        self.controller.law.lambda0_nm2_a2 = std::array::from_fn(|k| self.plant.lambda_nm2_a2[k] * by[k]);
+    /// First guesses wrong by a factor of up to two.
+    fn with_wrong_guesses(mut self) -> Self {
+        let factor = [1.5, 1.0 / 1.5, 2.0, 1.0 / 1.7, 1.6, 1.5, 0.5, 1.6];
+        self.controller.law.lambda0_nm2_a2 = std::array::from_fn(|k| self.plant.lambda_nm2_a2[k] * factor[k]);
         self
     }
 }
@@ -162,12 +162,12 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
         self
     }
 
-    /// With current and with voltage drive.
+    /// Both drives.
     fn drives(&self) -> [(&'static str, Self); 2] {
         [("current", self.clone()), ("voltage", self.clone().with_voltage())]
     }
 
-    /// The samples of 0.4 s.
+    /// Runs 0.4 s.
     fn run(&self) -> Vec<Record<N, K>> {
         let ControllerConfigOf { rotor, law, reference, .. } = &self.controller;
         let (step_s, omega_rad_s) = (law.step_s, self.omega_rad_s);
@@ -228,14 +228,14 @@ fn tracked<const N: usize, const K: usize>(what: &str, records: &[Record<N, K>],
     }
 }
 
-/// Figures of a tenth of a second: (y, z).
+/// Figures over a tenth of a second: (y, z).
 struct Figures {
     error_m: [f64; 2],
     /// Peak to peak.
     perturbation_n: [f64; 2],
 }
 
-/// Before the update at 0.2 s, and after it.
+/// Before and after the update at 0.2 s.
 fn figures(records: &[Record<2, 3>]) -> [Figures; 2] {
     [(0.1, 0.2), (0.3, 0.4)].map(|(from, to)| {
         let peak = |a: usize, sign: f64| {
@@ -250,9 +250,10 @@ fn figures(records: &[Record<2, 3>]) -> [Figures; 2] {
     })
 }
 
-/// In units of the step. The acceleration is held over a step with current drive, and a polygon with voltage drive, which adds a pole at 0.
+/// In units of the step. The acceleration is held over a step with current drive; with voltage drive it is piecewise linear, which adds
+/// a pole at 0.
 #[test]
-fn the_gains_have_their_poles_where_they_are_wanted() {
+fn the_gains_place_the_poles() {
     for (bandwidth, step) in
         [(1000.0, 1e-4), (1000.0, 2e-4), (30.0, 1e-4), (100.0, 1e-4), (5000.0, 1e-4), (5000.0, 1e-3)]
     {
@@ -274,7 +275,7 @@ fn the_gains_have_their_poles_where_they_are_wanted() {
     }
 }
 
-/// The figures of method section 7: 1.5 µm and 3.4 µm before the update, 0.2 µm after it, p̂_z from 107 N to
+/// Method section 7: 1.5 µm and 3.4 µm before the update, 0.2 µm after it, p̂_z from 107 N to
 /// 4 N peak to peak. The limits leave 20 % for the load, which that section does not state.
 #[test]
 fn the_loop_reproduces_the_figures_of_the_method() {
@@ -296,10 +297,10 @@ fn the_loop_reproduces_the_figures_of_the_method() {
     between("peak-to-peak p̂_z before, load down, N", before.perturbation_n[1], 104.0, 110.0);
 }
 
-/// Other sample times, and a bearing that shares no number with the paper's.
+/// Other sample times, and a bearing with none of the paper's parameters.
 #[test]
-fn the_loop_holds_at_other_steps_and_for_another_bearing() {
-    // Limits of the error before and after in µm, (y, z): measured values and a quarter more.
+fn the_loop_works_at_other_steps_and_for_another_bearing() {
+    // Limits of the error before and after in µm, (y, z): 1.25 times the measured values.
     let cases = [
         ("50 µs", Loop::paper().at_step(5e-5), [1.5, 4.5], [0.15, 0.15]),
         ("200 µs", Loop::paper().at_step(2e-4), [2.2, 6.6], [0.21, 0.19]),
@@ -318,7 +319,7 @@ fn the_loop_holds_at_other_steps_and_for_another_bearing() {
     }
 }
 
-/// Of a reference from outside the acceleration has to be found, which takes time.
+/// The acceleration of an external reference is estimated, which takes time.
 #[test]
 fn with_true_lambda_only_the_hold_remains() {
     let known = Loop::paper().knowing_lambda();
@@ -326,7 +327,7 @@ fn with_true_lambda_only_the_hold_remains() {
     (lobes.controller.reference.shape, lobes.controller.reference.lobe_amplitude_m) = (Shape::Lobes, 5e-6);
     let mut external = Loop { reference_m: ellipse_from_outside, ..known.clone() };
     (external.controller.reference.shape, external.controller.reference.bandwidth_rad_s) = (Shape::External, 4000.0);
-    // Measured with the reference from outside is 0.45 µm.
+    // With the external reference 0.45 µm were measured.
     for (name, case, from, limit_m) in
         [("ellipse", known, 0.05, 4e-9), ("lobes", lobes, 0.05, 30e-9), ("ellipse from outside", external, 0.1, 0.6e-6)]
     {
@@ -371,9 +372,9 @@ fn still() -> ControllerInput {
 }
 
 #[test]
-fn before_the_first_command_no_force_is_under_way() {
+fn before_the_first_command_no_force_is_applied() {
     // A rotor that falls freely under 67 N from t = 0: without current in the first interval, the observer must
-    // see half of g·T² at sample 1 as perturbation, not as answer to its own force.
+    // attribute the g·T²/2 of sample 1 to a perturbation, not to the commanded force.
     let config = ControllerConfig {
         reference: ReferenceConfig { paths: [PathConfig::default()], ..ReferenceConfig::of(&PLANAR) },
         ..ControllerConfig::default()
@@ -389,18 +390,18 @@ fn before_the_first_command_no_force_is_under_way() {
     for current in first.current_a {
         below("current for 20 N, A", (current - 5e-4 * (20.0f64 / 4e-6).sqrt()).abs(), 1e-12);
     }
-    // With no force expected, a rotor that has not moved shows no perturbation either.
+    // No force is expected and the rotor has not moved: no perturbation.
     let second = controller.sample(&mut state, &at(0.0)).expect("sample");
     assert_eq!(second.perturbation_n, [0.0; 2]);
     let third = controller.sample(&mut state, &at(-10.0 / 2.0 * 1e-8)).expect("sample");
     assert!(third.perturbation_n[1] < 0.0 && third.force_n[1] > 0.0, "{third:?}");
 }
 
-/// Opposite phases: the shaft tilts, its middle rests.
+/// Opposite phases: the shaft tilts about its centre.
 #[test]
 fn conical_motion_is_tracked() {
     for (name, mut case) in Loop::study(3000.0).drives() {
-        // The semi-axes are as the distances of the bearings from the centre of gravity.
+        // The semi-axes are proportional to the distances of the bearings from the centre of gravity.
         let path = |r_y_m, r_z_m, phase_rad| PathConfig { r_y_m, r_z_m, phase_rad, ..PathConfig::default() };
         case.controller.reference.paths[0] = path(48e-6, 20e-6, PI);
         case.controller.reference.paths[1] = path(60e-6, 25e-6, 0.0);
@@ -412,7 +413,7 @@ fn conical_motion_is_tracked() {
     }
 }
 
-/// Without the compensation, the moments are for the observers to find, and they find them late.
+/// Without compensation the observers estimate the moments, with a lag.
 #[test]
 fn gyroscopic_moments_are_compensated() {
     for (name, case) in Loop::ideal(6000.0).drives() {
@@ -427,7 +428,7 @@ fn gyroscopic_moments_are_compensated() {
     }
 }
 
-/// For every machine. Fails if the pairs are 1 and 2, 3 and 4.
+/// For every machine. Fails if magnets 1 and 2, 3 and 4 are taken as the pairs.
 #[test]
 fn no_magnet_pulls_with_less_than_the_smallest_force_of_its_group() {
     fn holds<const N: usize, const K: usize, const B: usize, const G: usize>() {
@@ -461,9 +462,9 @@ fn no_magnet_pulls_with_less_than_the_smallest_force_of_its_group() {
     holds::<5, 10, 3, 5>();
 }
 
-/// Each reading, each current with voltage drive, and the speed of the reference, of every machine.
+/// For every machine: each reading, each current with voltage drive, and the speed of the reference.
 #[test]
-fn what_is_not_finite_is_refused_and_changes_nothing() {
+fn non_finite_inputs_are_refused_and_change_nothing() {
     fn holds<const N: usize, const K: usize, const B: usize, const G: usize>(drive: Drive) {
         let mut config = ControllerConfigOf::<N, K, B, G>::default();
         config.law.coil.drive = drive;
@@ -488,7 +489,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
             refused(reading.name, &|input, bad| input.position_m[n] = bad);
         }
         refused("reference.omega", &|input, bad| input.omega_rad_s = bad);
-        // A reference that is not used may be NaN, and a current with current drive.
+        // An unused reference may be NaN, and so may a current with current drive.
         let mut unused = ControllerInput { reference_m: [f64::NAN; N], ..still.clone() };
         if drive == Drive::Voltage {
             for (k, name) in machine.of_magnets("im").iter().enumerate() {
@@ -520,7 +521,7 @@ fn what_is_not_finite_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn a_rotor_beyond_the_magnets_saturates_and_says_so() {
+fn a_rotor_beyond_the_magnets_is_reported_as_saturation() {
     let controller = Controller::new(ControllerConfig::default()).expect("controller");
     let mut state = controller.start(0.0);
     let input = ControllerInput { position_m: [0.0, -6e-4], ..still() };

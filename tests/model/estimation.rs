@@ -12,13 +12,13 @@ use magnetic_bearing::estimation::{
     STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,
 };
 
-/// Standard deviations of the sensors of an ordinary bearing, m and A.
+/// Standard deviations of typical sensors, m and A.
 const NOISE: (f64, f64) = (1e-7, 1e-2);
 
-/// While an estimate is valid its error is to stay below so many of its standard deviations.
+/// Limit of the error of a valid estimate, in standard deviations.
 const CONFIDENT: f64 = 5.0;
 
-/// The rotor with unbalance, load and noise.
+/// A rotor with unbalance, load and noise.
 fn noisy(seed: u64, samples: usize) -> Rotor {
     Rotor { noise: NOISE, seed, samples, ..unbalanced() }
 }
@@ -28,11 +28,11 @@ fn config(rotor: &Rotor) -> EstimatorConfig {
     rotor.config(Method::PredictionError, hold)
 }
 
-fn told(config: EstimatorConfig, (position_noise_m, current_noise_a): (f64, f64)) -> EstimatorConfig {
+fn with_noise(config: EstimatorConfig, (position_noise_m, current_noise_a): (f64, f64)) -> EstimatorConfig {
     EstimatorConfig { position_noise_m, current_noise_a, ..config }
 }
 
-/// Greatest |error|/standard deviation of the valid estimates from a sample on, where, and how many are valid.
+/// Largest |error|/standard deviation of the valid estimates from a sample on, its sample, and the number of valid samples.
 fn confidence(rotor: &Rotor, outputs: &[EstimatorOutput], from: usize) -> (f64, usize, usize) {
     let (mut worst, mut at, mut valid) = (0.0, 0, 0);
     for (j, output) in outputs.iter().enumerate().skip(from).filter(|(_, output)| output.valid) {
@@ -49,7 +49,7 @@ fn confidence(rotor: &Rotor, outputs: &[EstimatorOutput], from: usize) -> (f64, 
     (worst, at, valid)
 }
 
-/// Never beyond [`CONFIDENT`] standard deviations; how many samples are valid.
+/// Asserts that no valid estimate is off by [`CONFIDENT`] standard deviations; returns the number of valid samples.
 #[track_caller]
 fn assert_never_wrong(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput]) -> usize {
     let (worst, at, valid) = confidence(rotor, outputs, 0);
@@ -58,7 +58,7 @@ fn assert_never_wrong(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput]) ->
     valid
 }
 
-/// All outputs for these inputs, and the state after them.
+/// Outputs for these inputs, and the final state.
 fn run(estimator: &Estimator, inputs: &[EstimatorInput]) -> (Vec<EstimatorOutput>, EstimatorState) {
     let mut state = estimator.start();
     let outputs = inputs.iter().map(|input| estimator.sample(&mut state, input)).collect();
@@ -69,7 +69,7 @@ fn estimator(config: EstimatorConfig) -> Estimator {
     Estimator::new(config).expect("a good configuration")
 }
 
-/// The last output is valid, and within a limit in per cent.
+/// Asserts that the last output is valid and within a limit in per cent.
 #[track_caller]
 fn assert_right(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput], limit_percent: f64) {
     let last = outputs.last().expect("samples");
@@ -79,7 +79,8 @@ fn assert_right(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput], limit_pe
     assert!(largest(errors) < limit_percent, "{what}: errors {errors:?} %, limit {limit_percent} %");
 }
 
-/// Per cent, at 35 ms and at 0.2 s; twice as much where the search for the noise comes down from 0.5 µm to rounding errors first. σ_i² that is told, and subtracted from i², but not there is 10⁻⁵ of λ by itself.
+/// Per cent, at 35 ms and at 0.2 s; twice as much where the noise estimate must first fall from 0.5 µm to rounding errors. Subtracting a
+/// stated σ_i² from i² without noise changes λ by 10⁻⁵.
 const EXACT_EARLY_PERCENT: f64 = 1e-2;
 const EXACT_PERCENT: f64 = 1e-3;
 
@@ -89,7 +90,7 @@ fn exact_data_give_exact_constants() {
         for currents in [Currents::Held, Currents::Ramping] {
             let rotor = Rotor { currents, samples: 2001, ..rotor.clone() };
             for (noise, at) in [((0.0, 0.0), None), (NOISE, Some(350)), ((1e-9, 1e-3), Some(350))] {
-                let outputs = rotor.identify(told(config(&rotor), noise));
+                let outputs = rotor.identify(with_noise(config(&rotor), noise));
                 let what = format!("{name}, {currents:?}, noise told {noise:?}");
                 if let Some(at) = at {
                     assert_right(&format!("{what} at 35 ms"), &rotor, &outputs[..=at], EXACT_EARLY_PERCENT);
@@ -109,8 +110,8 @@ fn exact_data_give_exact_constants() {
     }
 }
 
-/// The field is linearised with first guesses wrong by two while the rotor moves the most; another bearing has another gap, other angles
-/// and magnets, and another speed.
+/// The field is linearised with first guesses wrong by a factor of two while the rotor moves the most; the other bearing has another gap,
+/// other angles, magnets and speed.
 #[test]
 fn neither_start_nor_bearing_nor_sense_of_rotation_matter() {
     let off = |start_off| Rotor { start_off, samples: 2001, ..unbalanced() };
@@ -133,28 +134,28 @@ fn neither_start_nor_bearing_nor_sense_of_rotation_matter() {
     }
 }
 
-/// Values held over an interval may come with the sample at its end or at its start: the estimates are the same.
+/// Values held over an interval may belong to the sample at its end or at its start.
 #[test]
-fn both_holds_tell_the_same() {
+fn both_holds_give_the_same_estimate() {
     let rotor = noisy(3, 2001);
     let [before, after] = [Hold::HeldBefore, Hold::HeldAfter]
         .map(|hold| rotor.identify(rotor.config(Method::PredictionError, hold)).pop().expect("samples"));
     assert!(before.valid && after.valid);
     for k in 0..3 {
         let off = (before.lambda_hat[k] / after.lambda_hat[k] - 1.0).abs();
-        // The first interval is known to one of them alone.
+        // Only one of them knows the first interval.
         assert!(off < 0.1 * before.lambda_std[k] / before.lambda_hat[k], "lambda[{}] is off by {off}", k + 1);
     }
 }
 
-/// A sample late is more than a per cent of λ: within 0.2 s it is seen.
+/// A delay of one sample changes λ by more than 1 %; it is detected within 0.2 s.
 #[test]
-fn a_wrong_hold_is_seen() {
+fn a_wrong_hold_is_detected() {
     let rotor = noisy(3, 5001);
     let inputs = rotor.inputs(Hold::HeldBefore);
     for noise in [NOISE, (0.0, 0.0)] {
         let [right, half, full] = [Hold::HeldBefore, Hold::Linear, Hold::HeldAfter].map(|hold| {
-            let config = told(rotor.config(Method::PredictionError, hold), noise);
+            let config = with_noise(rotor.config(Method::PredictionError, hold), noise);
             run(&estimator(config), &inputs).0
         });
         assert_never_wrong("right hold", &rotor, &right);
@@ -166,7 +167,7 @@ fn a_wrong_hold_is_seen() {
     }
 }
 
-/// Continuous currents with noise: the mean over the seeds is within three of its standard deviations.
+/// Continuous currents with noise: the mean error over the seeds is within three of its standard deviations.
 #[test]
 fn continuous_currents_leave_no_bias() {
     const SEEDS: u64 = 40;
@@ -174,7 +175,7 @@ fn continuous_currents_leave_no_bias() {
         let (mut sum, mut square, mut normalised) = ([0.0; 3], [0.0; 3], [0.0; 3]);
         for seed in 1..=SEEDS {
             let rotor = Rotor { currents: Currents::Ramping, ..noisy(1000 + 31 * seed, 2001) };
-            let outputs = rotor.identify(told(config(&rotor), noise));
+            let outputs = rotor.identify(with_noise(config(&rotor), noise));
             assert_never_wrong(&format!("seed {seed}"), &rotor, &outputs);
             let last = outputs.last().expect("samples");
             assert!(last.valid, "{:?}", last.verdict);
@@ -191,15 +192,15 @@ fn continuous_currents_leave_no_bias() {
             let std = (rms * rms - mean * mean).max(0.0).sqrt() / (n - 1.0).sqrt();
             let ratio = (normalised[k] / n).sqrt();
             assert!(mean.abs() < 3.0 * std, "lambda[{}]: mean {mean}, standard deviation of it {std}", k + 1);
-            // Forty runs know it within a ninth; three of these.
+            // Three standard deviations of this ratio, each 1/9 with forty runs.
             assert!((0.67..1.4).contains(&ratio), "lambda[{}]: error/std {ratio}", k + 1);
         }
     }
 }
 
-/// Limits of the issue: found within two revolutions, error/std below 4 from then on.
+/// Detected within two revolutions, error/std below 4 from then on.
 #[test]
-fn a_step_of_lambda_is_found() {
+fn a_step_of_lambda_is_detected() {
     const FROM_S: f64 = 0.3;
     const FOUND: usize = 3400;
     const AFTERWARDS: f64 = 4.0;
@@ -210,14 +211,14 @@ fn a_step_of_lambda_is_found() {
             let mut changed = Rotor::default().lambda;
             changed[seed as usize % 3] *= if seed % 2 == 0 { 1.05 } else { 0.95 };
             let rotor = Rotor { change: Some((FROM_S, changed)), ..noisy(7000 + 13 * seed, 6001) };
-            let outputs = rotor.identify(told(config(&rotor), noise));
+            let outputs = rotor.identify(with_noise(config(&rotor), noise));
             let found = outputs[3000..].iter().position(|output| !output.valid).map(|n| 3000 + n);
             assert!(found.is_some_and(|at| at <= FOUND), "{what}: found at {found:?}");
             let (worst, at, valid) = confidence(&rotor, &outputs, FOUND);
             assert!(worst < AFTERWARDS, "{what}: {worst:.2} standard deviations at sample {at}");
             all_valid += valid;
         }
-        // Where the change itself was explained by a shorter memory, that has to end first: single seeds take a quarter of a second.
+        // Where a shorter memory absorbed the change, it must expire first, which takes a quarter of a second with some seeds.
         let mean = all_valid / 20;
         assert!(mean >= 1200, "told {noise:?}: valid in {mean} of 2600 samples after it, in the mean");
     }
@@ -235,7 +236,7 @@ fn two_circles(rotor: &Rotor, t: f64) -> [[f64; 2]; 3] {
     ]
 }
 
-/// Twelve sines of either axis that share no period.
+/// Twelve incommensurate sines on each axis.
 fn wander(_: &Rotor, t: f64) -> [[f64; 2]; 3] {
     let mut out = [[0.0; 2]; 3];
     for n in 0..12 {
@@ -255,21 +256,21 @@ fn wander(_: &Rotor, t: f64) -> [[f64; 2]; 3] {
 fn orbits_without_a_period() {
     const LIMIT: f64 = 4.0;
     for (name, path) in [("two circles", two_circles as Path), ("wander", wander)] {
-        for (noise, is_told) in [(NOISE, true), (NOISE, false), ((1e-6, 1e-2), true), ((1e-6, 1e-2), false)] {
+        for (noise, known) in [(NOISE, true), (NOISE, false), ((1e-6, 1e-2), true), ((1e-6, 1e-2), false)] {
             for seed in 1..=4 {
                 let rotor = Rotor { path, noise, ..noisy(600 + seed, 10_001) };
-                let outputs = rotor.identify(if is_told { told(config(&rotor), noise) } else { config(&rotor) });
+                let outputs = rotor.identify(if known { with_noise(config(&rotor), noise) } else { config(&rotor) });
                 let (worst, at, valid) = confidence(&rotor, &outputs, 0);
-                assert!(worst < LIMIT, "{name}, {noise:?}, told {is_told}, seed {seed}: {worst:.2} at {at}");
-                assert!(valid > 7000, "{name}, {noise:?}, told {is_told}: valid {valid} of 10001");
+                assert!(worst < LIMIT, "{name}, {noise:?}, told {known}, seed {seed}: {worst:.2} at {at}");
+                assert!(valid > 7000, "{name}, {noise:?}, told {known}: valid {valid} of 10001");
             }
         }
     }
 }
 
-/// Noise not told: found between 20 nm and 5 µm, 1 mA and 0.1 A; beyond, the estimate is right or not valid.
+/// Unknown noise is estimated between 20 nm and 5 µm, 1 mA and 0.1 A; beyond, the estimate is right or not valid.
 #[test]
-fn noise_is_found_or_the_estimate_refused() {
+fn noise_is_estimated_or_the_estimate_refused() {
     for (noise, in_range) in [
         ((2e-8, 1e-3), true),
         ((2e-8, 1e-1), true),
@@ -296,30 +297,30 @@ fn noise_is_found_or_the_estimate_refused() {
     }
 }
 
-/// A force of 2 N that turns against the rotor is none of the model's. It shows in the harmonics of the motion, which a controller
-/// with wrong λ makes; on an ellipse that is tracked perfectly all λ, load and unbalance times a factor explain it as well.
+/// The model has no force of 2 N that turns against the rotor. It shows in the harmonics of the motion, which a controller
+/// with wrong λ causes; on a perfectly tracked ellipse, scaling all λ, load and unbalance explains it equally well.
 #[test]
 fn a_backward_force_is_never_valid_and_wrong() {
     for noise in [NOISE, (0.0, 0.0)] {
         for seed in 1..=3 {
             let rotor = Rotor { backward_n: 2.0, lambda_controller: [4e-6; 3], ..noisy(40 + seed, 10_001) };
-            let outputs = rotor.identify(told(config(&rotor), noise));
-            // The tests need time; after a second they must have seen it.
+            let outputs = rotor.identify(with_noise(config(&rotor), noise));
+            // The tests must detect it within a second.
             let (worst, ..) = confidence(&rotor, &outputs, 10_000);
             assert!(worst < CONFIDENT, "told {noise:?}, seed {seed}: {worst:.1} standard deviations after 1 s");
         }
     }
 }
 
-/// On a circle the curvature of the gaps alone tells an unbalance from the magnets: valid if and only if the standard deviation is small.
+/// On a circle only the curvature of the gaps separates the unbalance from the magnets: valid only with a small standard deviation.
 #[test]
 fn a_circle_with_unbalance_is_valid_only_when_it_is_known() {
     for unbalance in [(0.0, 0.0), unbalanced().unbalance] {
-        for (noise, is_told) in [(NOISE, true), (NOISE, false), ((2e-8, 1e-3), true), ((2e-8, 1e-3), false)] {
+        for (noise, known) in [(NOISE, true), (NOISE, false), ((2e-8, 1e-3), true), ((2e-8, 1e-3), false)] {
             for seed in 1..=3 {
                 let rotor = Rotor { radius_m: [50e-6; 2], unbalance, noise, ..noisy(70 + seed, 10_001) };
-                let outputs = rotor.identify(if is_told { told(config(&rotor), noise) } else { config(&rotor) });
-                assert_never_wrong(&format!("{noise:?}, told {is_told}"), &rotor, &outputs);
+                let outputs = rotor.identify(if known { with_noise(config(&rotor), noise) } else { config(&rotor) });
+                assert_never_wrong(&format!("{noise:?}, told {known}"), &rotor, &outputs);
                 for output in outputs.iter().filter(|output| output.valid) {
                     let std = (0..3).map(|k| output.lambda_std[k] / output.lambda_hat[k]).fold(0.0, f64::max);
                     assert!(std < 2.0 * STD_LIMIT, "valid with a standard deviation of {std}");
@@ -332,12 +333,12 @@ fn a_circle_with_unbalance_is_valid_only_when_it_is_known() {
     }
 }
 
-/// ki, ks, noise, condition and residual are what the documentation says.
+/// ki, ks, noise, condition and residual are as documented.
 #[test]
-fn the_other_outputs_mean_what_they_say() {
+fn the_other_outputs_are_as_documented() {
     let rotor = Rotor { samples: 2001, ..unbalanced() };
     let data = rotor.run();
-    let outputs = rotor.identify(told(config(&rotor), NOISE));
+    let outputs = rotor.identify(with_noise(config(&rotor), NOISE));
     let last = outputs.last().expect("samples");
     let (mut ki, mut ks) = ([0.0; 3], [0.0; 3]);
     for sample in &data[data.len() - 200..] {
@@ -359,7 +360,7 @@ fn the_other_outputs_mean_what_they_say() {
 
     let rotor = noisy(21, 5001);
     let nis = |factor: f64| {
-        let outputs = rotor.identify(told(config(&rotor), (factor * NOISE.0, factor * NOISE.1)));
+        let outputs = rotor.identify(with_noise(config(&rotor), (factor * NOISE.0, factor * NOISE.1)));
         outputs.last().expect("samples").clone()
     };
     let right = nis(1.0);
@@ -367,30 +368,30 @@ fn the_other_outputs_mean_what_they_say() {
     for (noise, known) in [(right.position_noise_m[0], NOISE.0), (right.current_noise_a[0], NOISE.1)] {
         assert!((noise / known - 1.0).abs() < 0.05, "{noise}, {known} is known");
     }
-    // Known noise is a strong prior: where half of it is stated, the data correct it.
+    // Stated noise is a strong prior; the data correct a value that is half of the true one.
     let half = nis(0.5);
     assert!((half.position_noise_m[0] / NOISE.0 - 1.0).abs() < 0.2, "{}", half.position_noise_m[0]);
     assert!((0.8..1.5).contains(&half.residual), "{}", half.residual);
-    // The condition number of an unknown less is smaller, and no scale of the units enters.
+    // One unknown less lowers the condition number, which does not depend on units.
     let rotor = Rotor { noise: NOISE, seed: 21, samples: 5001, ..Rotor::default() };
-    let right = rotor.identify(told(config(&rotor), NOISE)).pop().expect("samples");
-    let balanced = EstimatorConfig { identify_unbalance: false, ..told(config(&rotor), NOISE) };
+    let right = rotor.identify(with_noise(config(&rotor), NOISE)).pop().expect("samples");
+    let balanced = EstimatorConfig { identify_unbalance: false, ..with_noise(config(&rotor), NOISE) };
     let balanced = rotor.identify(balanced).pop().expect("samples");
     assert!(1.0 <= balanced.condition && balanced.condition < 0.5 * right.condition && right.condition < 1e4);
 }
 
-/// With a tolerance the standard deviation by noise stays, and the total has the part of the tolerance in quadrature.
+/// A tolerance leaves the standard deviation due to noise as it is and enters the total in quadrature.
 #[test]
 fn tolerances_enter_the_total_alone() {
     let rotor = noisy(22, 3001);
-    let plain = rotor.identify(told(config(&rotor), NOISE)).pop().expect("samples");
-    // Uncertainty that the other models of memory add.
+    let plain = rotor.identify(with_noise(config(&rotor), NOISE)).pop().expect("samples");
+    // Includes the uncertainty from the other forgetting factors.
     let models: [f64; 3] = std::array::from_fn(|k| plain.lambda_std_total[k] / plain.lambda_hat[k]);
     for (total, noise) in plain.lambda_std_total.iter().zip(plain.lambda_std) {
         assert!((1.0..1.6).contains(&(total / noise)), "{plain:?}");
     }
     let with = |tolerance: Tolerance| {
-        let outputs = rotor.identify(EstimatorConfig { tolerance, ..told(config(&rotor), NOISE) });
+        let outputs = rotor.identify(EstimatorConfig { tolerance, ..with_noise(config(&rotor), NOISE) });
         assert_never_wrong("tolerance", &rotor, &outputs);
         let last = outputs.last().expect("samples").clone();
         let total = [0, 1, 2].map(|k| last.lambda_std_total[k] / last.lambda_hat[k]);
@@ -409,7 +410,7 @@ fn tolerances_enter_the_total_alone() {
         assert!((gap[k] - 0.017).abs() < 0.004, "1 % of the gap is 1.7 % of lambda: {gap:?}");
         assert!((0.005..0.06).contains(&offset[k]), "{offset:?}");
     }
-    // A total beyond the limit is not valid.
+    // A total beyond the limit invalidates the estimate.
     let (_, wide) = with(Tolerance { m_kg: 0.06 * 6.7, ..none() });
     assert_eq!(wide.verdict, Verdict::Uncertain);
     assert!(!wide.valid);

@@ -1,4 +1,4 @@
-//! A shaft without an axial bearing, N = 4: two radial bearings with three magnets each. No machine of the project has these sizes.
+//! A shaft without an axial bearing, N = 4, in two radial bearings with three magnets each. No machine of the project has these sizes.
 
 use crate::support::below;
 use fmu_export::variable::Row;
@@ -16,9 +16,9 @@ fn names<D>(rows: Vec<Row<D>>) -> Vec<String> {
     rows.iter().map(|row| row.variable.name.to_string()).collect()
 }
 
-/// Fails if a variable of the axial bearing or of the axial motion is left, or another one is not there.
+/// Fails if a variable of the axial bearing or the axial motion remains, or if another one is missing.
 #[test]
-fn variables_are_those_with_an_axial_bearing_but_for_the_axial_ones() {
+fn variables_are_those_of_the_spindle_without_the_axial_ones() {
     let of_all = [
         (names(plant::PlantModel::<5, 8, 3>::table()), names(plant::PlantModel::<4, 6, 2>::table())),
         (names(ControllerModel::<5, 8, 3, 3>::table()), names(ControllerModel::<4, 6, 2, 2>::table())),
@@ -30,8 +30,8 @@ fn variables_are_those_with_an_axial_bearing_but_for_the_axial_ones() {
     }
 }
 
-/// From a first guess wrong by a factor of about two, with noise, unbalance, weight and load. Beside it a shaft with an axial bearing moves
-/// across itself as this one, to the bit.
+/// From a first guess wrong by a factor of about two, with noise, unbalance, weight and load. The radial motion of a shaft with an axial
+/// bearing is identical to the bit.
 #[test]
 fn all_six_force_constants_are_found_in_closed_loop() {
     let (mut config, mut beside) = (PlantConfigOf::<f64, 4, 6, 2>::default(), PlantConfigOf::<f64, 5, 8, 3>::default());

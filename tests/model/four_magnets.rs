@@ -1,4 +1,4 @@
-//! Four magnets in opposed pairs: how a force is shared, and the textbook's linear law (Schweitzer and Maslen, section 4.2).
+//! Four magnets in opposed pairs: force allocation, and the linear law of the textbook (Schweitzer and Maslen, section 4.2).
 
 use crate::support::{Random, below};
 use magnetic_bearing::bearing::magnet::{currents, forces};
@@ -11,7 +11,7 @@ const GAP_M: f64 = 5e-4;
 /// Rounding of forces of some 100 N, in N.
 const ROUNDING_N: f64 = 1e-11;
 
-/// Fails if the bias is that of one magnet of a pair, or if unequal gaps or force constants are not compensated.
+/// Fails if the bias is applied to one magnet of a pair only, or if unequal gaps or force constants are not compensated.
 #[test]
 fn currents_about_a_bias_give_the_force_at_any_place() {
     let rotor = Rotor::<2, 4, 1>::new(RotorConfig::of(&PLANAR4)).expect("magnets in opposed pairs");
@@ -41,7 +41,7 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
     assert!((100..1900).contains(&alone), "{alone} pairs of 2000 at their ends");
 }
 
-/// `k_i = 4 λ i_0/s²` and `k_s = 4 λ i_0²/s³` of a pair, by the plant's exact derivatives. Fails if a magnet of a pair pulls elsewhere.
+/// `k_i = 4 λ i_0/s²` and `k_s = 4 λ i_0²/s³` of a pair, from the plant's exact derivatives. Fails if its magnets are not opposed.
 #[test]
 fn stiffness_and_gain_of_a_pair_are_those_of_the_textbook() {
     let (lambda, bias_a) = (2.2e-6, 1.5);

@@ -1,4 +1,4 @@
-//! The weights against the kernels that the paper prints, and their exact discrete identities.
+//! The weights against the printed kernels of the paper, and their exact discrete identities.
 
 use magnetic_bearing::estimation::paper::kernel::{ROWS_PER_AXIS, Weights};
 
@@ -38,11 +38,10 @@ fn constants_and_slopes_are_annihilated() {
     }
 }
 
-/// Every inner weight approaches h times the paper's kernel with the square of h. The two end weights approach half of
-/// that, as in the trapezoidal rule of the paper, with the first power: they carry the end corrections with which
-/// slopes drop out.
+/// Every inner weight converges to h times the paper's kernel with order 2 in h. The two end weights converge to half of
+/// that, as in the paper's trapezoidal rule, with order 1: they contain the end corrections that cancel slopes.
 #[test]
-fn weights_converge_to_the_kernels_that_the_paper_prints() {
+fn weights_converge_to_the_printed_kernels_of_the_paper() {
     let errors = |intervals: usize| {
         let h = 1.0 / intervals as f64;
         let [mut position, mut ends, mut current] = [0.0_f64; 3];
@@ -68,8 +67,8 @@ fn weights_converge_to_the_kernels_that_the_paper_prints() {
     }
 }
 
-/// `Σ w_j Z_j = T_f² ∫ φ_h Z̈` for a held force: Z̈ piecewise constant, Z by exact integration. Neither side has an
-/// error but rounding, on any number of intervals.
+/// `Σ w_j Z_j = T_f² ∫ φ_h Z̈` for a held force: Z̈ piecewise constant, Z by exact integration. Both sides are exact up to
+/// rounding, for any number of intervals.
 #[test]
 fn weak_form_is_exact_for_held_forces() {
     for intervals in [8, 20, 200] {

@@ -1,4 +1,4 @@
-//! Exact derivatives of the plant against difference quotients of the same equations, at points all over its space.
+//! Exact derivatives of the plant against difference quotients of the same equations, at random points of its state space.
 
 use std::f64::consts::PI;
 
@@ -8,10 +8,10 @@ use magnetic_bearing::bearing::scalar::Scalar;
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
 use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
-/// Error of a difference quotient of fourth order, in parts of the largest value of its kind.
+/// Error of a fourth-order difference quotient, relative to the largest value of its kind.
 const QUOTIENT: f64 = 1e-7;
 
-/// Everything on, with every drive and kind of coil.
+/// All effects on, with every drive and coil model.
 fn all_configs<const N: usize, const K: usize, const B: usize>() -> Vec<PlantConfigOf<f64, N, K, B>> {
     let mut configs = Vec::new();
     for drive in [Drive::Current, Drive::Voltage] {
@@ -28,8 +28,8 @@ fn all_configs<const N: usize, const K: usize, const B: usize>() -> Vec<PlantCon
     configs
 }
 
-/// A state and an input; in contact with the first backup bearing if asked for.
-fn somewhere<const N: usize, const K: usize, const B: usize>(
+/// A random state and input; with `contact` the rotor touches the first backup bearing.
+fn random_point<const N: usize, const K: usize, const B: usize>(
     plant: &Plant<N, K, B>,
     numbers: &mut Random,
     contact: bool,
@@ -56,8 +56,8 @@ fn somewhere<const N: usize, const K: usize, const B: usize>(
     (state, input)
 }
 
-/// Smallest values that count as the size of a kind of output, in its unit, in the order of [`values`]; with what the
-/// derivatives are taken by, a part of each number, they are about the same for derivatives.
+/// Smallest scale of each kind of output, in its unit, in the order of [`values`]. It serves derivatives too, since each number is
+/// varied by a fraction of itself.
 const FLOOR: [f64; 10] = [1e-5, 0.1, 1e-3, 1e-2, 0.1, 0.1, 0.1, 0.1, 1.0, 0.1];
 
 fn values<const N: usize, const K: usize>(output: PlantOutput<f64, N, K>) -> Vec<Vec<f64>> {
@@ -83,7 +83,7 @@ fn of_order<const O: usize, const N: usize, const K: usize>(
     values(output.clone().map(|series| series.0[order]))
 }
 
-/// Each value from those in its place.
+/// Combines values element by element.
 fn combined<const S: usize>(of: &[Vec<Vec<f64>>; S], value: impl Fn([f64; S]) -> f64) -> Vec<Vec<f64>> {
     let at = |row: usize, column: usize| value(of.each_ref().map(|of| of[row][column]));
     (0..of[0].len()).map(|row| (0..of[0][row].len()).map(|column| at(row, column)).collect()).collect()
@@ -100,7 +100,7 @@ fn agree(what: &str, got: &[Vec<f64>], wanted: &[Vec<f64>], tolerance: f64, floo
     }
 }
 
-/// Fails if the arithmetic of series differs in an operation or a branch from that of numbers.
+/// Fails if series arithmetic differs in an operation or a branch from that of numbers.
 #[test]
 fn the_values_are_those_of_the_plant() {
     fn holds<const N: usize, const K: usize, const B: usize>() {
@@ -108,7 +108,7 @@ fn the_values_are_those_of_the_plant() {
         for config in all_configs::<N, K, B>() {
             let plant = Plant::new(config).expect("a plant");
             for round in 0..40 {
-                let (mut state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
+                let (mut state, input) = random_point(&plant, &mut numbers, round % 4 == 0);
                 state.open[1] = round % 8 == 1;
                 let point = Point::of(&plant, &state, &input, 0.3);
                 let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs();
@@ -122,18 +122,18 @@ fn the_values_are_those_of_the_plant() {
     holds::<5, 8, 3>();
 }
 
-/// Fails if a derivative is left out anywhere, for instance that of the sine of `alpha`.
+/// Fails if any derivative is missing, for instance that of the sine of `alpha`.
 #[test]
 fn directional_derivatives_are_limits_of_difference_quotients() {
     fn holds<const N: usize, const K: usize, const B: usize>() {
-        // Of these points none is so near the limit of an amplifier that a difference goes beyond it.
+        // With this seed no difference crosses the limit of an amplifier.
         let mut numbers = Random::new(5);
         for config in all_configs::<N, K, B>() {
             let plant = Plant::new(config).expect("a plant");
             for round in 0..40 {
-                let (state, input) = somewhere(&plant, &mut numbers, round % 4 == 0);
+                let (state, input) = random_point(&plant, &mut numbers, round % 4 == 0);
                 let point = Point::of(&plant, &state, &input, 0.3);
-                // Each number in units of its own size, the velocity of the rotor's surface in those of the friction.
+                // A direction relative to the size of each number.
                 let direction = point.with(&point, |value: f64, _: f64| 0.3 * value);
                 let weights: Vec<f64> = (0..60).map(|_| numbers.between(-1.0, 1.0)).collect();
                 let at = std::cell::Cell::new(0);
@@ -146,7 +146,7 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
                 let quotient = combined(&sides, |[a, b, c, d]| (a - 8.0 * b + 8.0 * c - d) / (12.0 * h));
-                // Friction bends within millimetres per second: the quotient is coarser there.
+                // The friction curve bends within millimetres per second, so the quotient is less accurate.
                 let tolerance = if state.contact[0] { 1e-3 } else { QUOTIENT };
                 agree("directional", &got, &quotient, tolerance, &FLOOR);
             }
@@ -157,7 +157,7 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
     holds::<5, 8, 3>();
 }
 
-/// Fails if a derivative with respect to time forgets a state or an input that moves.
+/// Fails if a time derivative ignores a state or an input that changes.
 #[test]
 fn derivatives_in_time_are_those_of_the_motion() {
     fn holds<const N: usize, const K: usize, const B: usize>() {
@@ -165,7 +165,7 @@ fn derivatives_in_time_are_those_of_the_motion() {
         for config in all_configs::<N, K, B>() {
             let plant = Plant::new(config).expect("a plant");
             for _ in 0..20 {
-                let (mut state, input) = somewhere(&plant, &mut numbers, false);
+                let (mut state, input) = random_point(&plant, &mut numbers, false);
                 state.linkage_wb = state.linkage_wb.map(|psi| 0.3 * psi);
                 let slopes = [1.0, 100.0].map(|size| PlantInput {
                     current_a: std::array::from_fn(|_| size * numbers.between(-1.0, 1.0)),
@@ -175,15 +175,14 @@ fn derivatives_in_time_are_those_of_the_motion() {
                 });
                 let point = Point::of(&plant, &state, &input, 0.3);
                 let short = point.in_time::<3>(&slopes);
-                // The Taylor polynomial of the motion must satisfy the equations of motion: positions and outputs at τ, from
-                // five coefficients, against the sum of the first three.
+                // The Taylor polynomial of the motion must satisfy the equations of motion: the outputs at τ against their series.
                 let long = point.in_time::<7>(&slopes);
                 let (rate, exact) = (short.outputs(), long.outputs());
                 let pull_n = exact.force_n.iter().fold(0.0, |most: f64, force| most.max(force.0[0]));
                 for (a, inertia) in plant.config().rotor.shaft.inertia::<N>().into_iter().enumerate() {
                     assert_eq!(short.motion.velocity_m_s[a].0[0], state.velocity_m_s[a]);
                     let [short, long] = [short.motion.position_m[a].0[2], long.motion.position_m[a].0[2]];
-                    // Newton's iterations for the flux end a rounding apart; opposed magnets nearly cancel.
+                    // Newton's iterations for the flux may differ by a rounding error; forces of opposed magnets nearly cancel.
                     let size = if N == 2 { long.abs() } else { long.abs().max(pull_n / inertia) };
                     assert!((short - long).abs() <= 1e-14 * size, "{short:e} against {long:e}");
                 }

@@ -1,4 +1,4 @@
-//! Magnets: forces, their allocation, and the geometries that cannot carry a rotor.
+//! Magnets: forces, allocation, and geometries that cannot carry a rotor.
 
 use std::f64::consts::PI;
 
@@ -51,8 +51,9 @@ fn gaps_and_forces_are_those_of_the_paper() {
     below("F_z in N", (f_z - (-7.0 + (3.0 + 5.0) / 2.0)).abs(), 7.0 * ROUNDING);
 }
 
-/// Of any number of magnets. Forces of three with that resultant, the least of which is `F0`, can only be those of the closed form. A quarter of all random
-/// triples surrounds the rotor; near the limit of parallel magnets the inverse loses a square of the sine. Fails with `c` from the mean instead of the largest need.
+/// For any number of magnets. With three, the forces with a given resultant and the smallest force `F0` are unique. A quarter of all random
+/// triples surrounds the rotor; near the limit of parallel magnets the inverse loses a square of the sine. Fails if `c` is the mean
+/// instead of the largest need.
 #[test]
 fn the_allocation_is_exact_for_any_admissible_angles() {
     fn holds<const K: usize>(alpha_rad: [f64; K], random: &mut Noise, parts: [f64; 2]) -> bool {
@@ -95,7 +96,7 @@ fn impossible_geometry_is_refused_by_name() {
         (GAP_M, &[0.7, 0.7, 0.7], &["alpha[2]", "alpha[3]", "alpha[3]"]),
         // Degrees.
         (GAP_M, &[45.0, 135.0, 225.0, 0.1], &["alpha[1]", "alpha[2]", "alpha[3]"]),
-        // All above the rotor; the one in the middle is named.
+        // All above the rotor; the middle one is named.
         (GAP_M, &[0.1, -1.0, 1.0], &["alpha[1]"]),
         (GAP_M, &[-1.0, 0.4, 1.0], &["alpha[2]"]),
         (GAP_M, &[0.0, 0.5, 1.0, 1.5], &["alpha[2]"]),

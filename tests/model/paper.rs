@@ -3,21 +3,20 @@
 use crate::rotor::{Currents, Rotor, largest};
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, Hold, Method, Verdict};
 
-/// Error of λ̂ at 0.1 s without perturbation and with the right hold, %: what is left is the parabola through
-/// 1/gap² within a hold interval.
+/// Error of λ̂ at 0.1 s without perturbation and with the right hold, %: that of the parabola through 1/gap² within a hold interval.
 const EXACT_DATA_PERCENT: f64 = 0.001;
 
 /// Error of λ̂ at 0.1 s in the paper's scenario, %: the paper shows 3.6 with another perturbation of this kind.
 const PAPER_SCENARIO_PERCENT: f64 = 5.0;
 
-/// Least error, %, that a wrong hold must cause with the paper's method to show that the hold matters.
+/// Smallest error, %, by which a wrong hold must show in the paper's method.
 const WRONG_HOLD_PERCENT: f64 = 5.0;
 
 fn assert_below(what: &str, errors: [f64; 3], limit: f64) {
     assert!(largest(errors) < limit, "{what}: errors {errors:?} %, limit {limit} %");
 }
 
-/// Another rotor has another gap, other angles, magnets and speed; its revolution is 158.7 samples, the window 159.
+/// The other rotor has another gap, other angles, magnets and speed; its revolution is 158.7 samples, the window 159.
 #[test]
 fn every_method_is_exact_without_perturbation_and_with_a_constant_load() {
     let quiet = Rotor::default();
@@ -48,7 +47,7 @@ fn every_method_is_exact_without_perturbation_and_with_a_constant_load() {
 fn wrong_hold_costs_and_the_residual_shows_it() {
     let quiet = Rotor::default();
     let continuous = quiet.identify(quiet.config(Method::Paper, Hold::Linear)).pop().expect("samples");
-    // The samples are those of `HeldBefore`, whatever the estimator believes.
+    // The samples are those of `HeldBefore`, whatever the estimator assumes.
     let inputs = quiet.inputs(Hold::HeldBefore);
     let [right, half, full] = [Hold::HeldBefore, Hold::Linear, Hold::HeldAfter].map(|hold| {
         let estimator = Estimator::new(quiet.config(Method::Paper, hold)).expect("a good configuration");
@@ -63,7 +62,7 @@ fn wrong_hold_costs_and_the_residual_shows_it() {
     assert!(right < 1e-5 && half > 1e-2 && full > 1.5 * half, "{right:e}, {half:e}, {full:e}");
 }
 
-/// Method section 5, the loop of section 7 without sensor noise.
+/// Method section 5: the loop of section 7 without sensor noise.
 #[test]
 fn paper_scenario() {
     let paper = Rotor { load_n: [0.0, 10.0], sine_n: 2.0, lambda_controller: [4e-6; 3], ..Rotor::default() };
@@ -106,7 +105,7 @@ fn impossible_windows_are_named() {
         let names: Vec<_> = found.iter().map(|invalid| &*invalid.name).collect();
         assert_eq!(names, [name], "{window_s} s, {epsilon_s} s");
     }
-    // Decimal fractions are not binary ones: 0.0003/0.0001 is not 3.
+    // In floating point 0.0003/0.0001 is not 3.
     for intervals in 8..200 {
         let window_s = f64::from(intervals) * 1e-4;
         assert!(Estimator::new(EstimatorConfig { window_s, ..good.clone() }).is_ok(), "{window_s} s");

@@ -39,7 +39,7 @@ fn all_on() -> PlantConfig {
 }
 
 #[test]
-fn substeps_take_up_the_rounding_of_the_division() {
+fn substeps_tolerate_the_rounding_of_the_division() {
     assert_eq!(substeps(1e-4, 5e-5), 2);
     assert_eq!(substeps(3.0 * 0.1, 0.1), 3);
     assert_eq!(substeps(1.01e-4, 5e-5), 3);
@@ -48,7 +48,7 @@ fn substeps_take_up_the_rounding_of_the_division() {
     assert_eq!(substeps(f64::NAN, 5e-5), 1);
 }
 
-/// Unbalance alone, no current: `m Ẅ = U ω² e^{j(ωt+φ)}`, so `W = −(U/m) e^{j(ωt+φ)}` from the right start.
+/// Unbalance alone, no current: `m Ẅ = U ω² e^{j(ωt+φ)}`, so `W = −(U/m) e^{j(ωt+φ)}` from a matching start.
 #[test]
 fn a_free_rotor_with_unbalance_follows_the_closed_form() {
     let (m_kg, phase) = (6.7, 0.4);
@@ -71,7 +71,7 @@ fn a_free_rotor_with_unbalance_follows_the_closed_form() {
         let plant = plant(config);
         let mut state = plant.start(0.0);
         let input = PlantInput { omega_rad_s: OMEGA_RAD_S, ..PlantInput::default() };
-        // Three quarters of the revolution and no whole one, in which errors would cancel.
+        // Three quarters of a revolution: over a whole one errors would cancel.
         plant.advance(&mut state, &input, 0.0, 0.75 * duration).expect("advance");
         let wanted = on_circle(0.75 * duration);
         (state.position_m[0] - wanted[0]).hypot(state.position_m[1] - wanted[1])
@@ -83,8 +83,8 @@ fn a_free_rotor_with_unbalance_follows_the_closed_form() {
     below("error at the default sub-step, m", error(400.0), 1e-13);
 }
 
-/// With constant currents the field is a potential, and gyroscopic moments do no work: kinetic energy less `Σ λ i²/gap` stays what it is.
-/// Drift relative to the kinetic energy at the start.
+/// With constant currents the force has a potential, and gyroscopic moments do no work: kinetic energy less `Σ λ i²/gap` is conserved.
+/// Returns its drift relative to the initial kinetic energy.
 fn drift<const N: usize, const K: usize, const B: usize>(
     config: PlantConfigOf<f64, N, K, B>,
     current_a: [f64; K],
@@ -110,7 +110,7 @@ fn drift<const N: usize, const K: usize, const B: usize>(
     (energy(&state) - energy(&start)).abs() / kinetic(&start)
 }
 
-/// Fails if `G` is not skew, or if a moment does not belong to its force.
+/// Fails if `G` is not skew-symmetric, or if a moment does not match its force.
 #[test]
 fn energy_is_conserved() {
     let planar = |max_step_s| {
@@ -122,7 +122,7 @@ fn energy_is_conserved() {
         let config = SpindleConfig { velocity_m_s, max_step_s, ..SpindleConfig::default() };
         drift(config, [1.6, 1.5, -1.4, 1.3, 1.7, 1.2, 2.0, 1.8], 80)
     };
-    // Measured 2.7e-10 after 12 ms, in which the gap of magnet 1 goes from 0.50 mm to 0.37 mm; it grows without bound towards contact.
+    // Measured 2.7e-10 after 12 ms, in which the gap of magnet 1 falls from 0.50 mm to 0.37 mm; it grows without bound towards contact.
     below("drift of the planar rotor", planar(5e-5), 4e-10);
     below("drift of the spindle", spindle(5e-5), 1e-8);
     between("order, planar", (planar(5e-5) / planar(2.5e-5)).log2(), 3.8, 4.2);
@@ -179,7 +179,7 @@ fn a_sample_of_the_current_is_the_one_held_before() {
     below("θ in rad", (state.measured.theta_rad - OMEGA_RAD_S * STEP_S).abs(), 1e-12);
 }
 
-/// The samples met when stepping as `steps` say, from `start_s`.
+/// The samples taken during these steps from `start_s`.
 fn samples_of(config: PlantConfig, start_s: f64, steps: impl Iterator<Item = (f64, f64)>) -> Vec<Measured> {
     let plant = plant(config);
     let mut state = plant.start(start_s);
@@ -187,7 +187,7 @@ fn samples_of(config: PlantConfig, start_s: f64, steps: impl Iterator<Item = (f6
     for (t_s, h_s) in steps {
         let before = state.samples;
         plant.advance(&mut state, &held(), t_s, h_s).expect("advance");
-        // Of the samples inside a long step only the last is seen.
+        // Of the samples within a long step only the last is visible.
         for _ in before..state.samples {
             samples.push(state.measured.clone());
         }
@@ -204,7 +204,7 @@ fn worst_position(a: &[Measured], b: &[Measured]) -> f64 {
 }
 
 #[test]
-fn the_same_samples_to_the_bit_however_time_is_counted() {
+fn samples_are_identical_however_time_is_counted() {
     let noisy = SensorConfig { position_noise_m: 1e-7, current_noise_a: 0.01, seed: 9, ..SensorConfig::default() };
     for start_s in [0.0, 0.3] {
         let config = PlantConfig { sensor: noisy.clone(), ..all_on() };
@@ -220,7 +220,7 @@ fn the_same_samples_to_the_bit_however_time_is_counted() {
             now += STEP_S;
         }
         let differences = (0..number).map(|k| (instant(k), instant(k + 1) - instant(k))).collect();
-        // In the last bits of both.
+        // In the last bits of time and length.
         let jitter = |k: i32| if k == 0 { 0.0 } else { f64::from(k * 7919 % 13 - 6) * 1e-17 };
         let length = |k: i32| STEP_S * (1.0 + f64::from(k * 31 % 7 - 3) * 1e-15);
         let jittered = (0..number).map(|k| (instant(k) + jitter(k), length(k))).collect();
@@ -230,7 +230,7 @@ fn the_same_samples_to_the_bit_however_time_is_counted() {
             assert_eq!(samples_of(config.clone(), start_s, steps.into_iter()), plain, "{what}, from {start_s} s");
         }
 
-        // Seven samples in one step: the last of each seven.
+        // Seven samples per step: the last of each seven agrees.
         let long = samples_of(config, start_s, (0..number / 7).map(|k| (instant(7 * k), 7.0 * STEP_S)));
         assert_eq!(long.len(), plain.len());
         for k in (0..long.len()).step_by(7) {
@@ -271,7 +271,7 @@ fn no_step_loses_or_doubles_a_sample() {
         vec![STEP_S - 1e-8, 1e-16, 1e-8],
     ] {
         let walked = samples_of(all_on(), 0.0, walk(lengths.clone()).into_iter());
-        // A sample read up to a thousandth of a sample time early is where the rotor was then.
+        // A sample taken up to a thousandth of a sample time early shows the rotor at that time.
         let early = if lengths[0] == STEP_S - 1e-8 { 1e-8 * 0.02 } else { 0.0 };
         below(&format!("steps of {lengths:?} s, position in m"), worst_position(&walked, &plain), DIVISION_M + early);
     }
@@ -311,7 +311,7 @@ fn noise_is_normal_seeded_and_separate_for_each_channel() {
     let other = draws(4);
     let crossed = drawn.iter().zip(&other).map(|(a, b)| a.0 * b.0).sum::<f64>() / f64::from(number);
     below("correlation of seeds", crossed.abs(), sigma);
-    // The first numbers of a seed, as this code gave them: another platform must give the same bits.
+    // Recorded first numbers: every platform must give the same bits.
     let [mut first] = Noise::channels::<1>(0);
     assert_eq!([first.standard_normal(), first.standard_normal()], FIRST_OF_SEED_0);
 }
@@ -346,7 +346,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
     fn holds<const N: usize, const K: usize, const B: usize>(push: [f64; N]) {
         let mut config =
             PlantConfigOf::<f64, N, K, B> { position_m: [0.0; N], velocity_m_s: [0.0; N], ..Default::default() };
-        // With no backup bearing to catch it.
+        // No backup bearing catches it.
         config.touchdown.iter_mut().for_each(|ring| ring.clearance_m = 1.0);
         let plant = Plant::new(config).expect("plant");
         let machine = Rotor::<N, K, B>::MACHINE;
@@ -376,7 +376,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
             assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
             let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
             assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
-            // It can continue with other currents, until the rotor reaches the magnet.
+            // It can continue with other currents until the rotor reaches the magnet.
             if B == 1 {
                 let t_s = state.time_s;
                 plant.advance(&mut state, &PlantInput::default(), t_s, 1e-12).expect("advance");
@@ -390,7 +390,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
 
 /// All inputs of every machine by name, and times.
 #[test]
-fn inputs_and_times_that_are_none_are_refused_and_change_nothing() {
+fn invalid_inputs_and_times_are_refused_and_change_nothing() {
     fn holds<const N: usize, const K: usize, const B: usize>() {
         let plant = Plant::<N, K, B>::new(PlantConfigOf::default()).expect("plant");
         let mut state = plant.start(0.0);

@@ -14,7 +14,7 @@ use magnetic_bearing::machine::{PLANAR, SPINDLE};
 const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
 
-/// Error of a central difference of sixth order relative to the derivative, at the step used here.
+/// Relative error of a sixth-order central difference at the step used here.
 const DIFFERENCE: f64 = 1e-8;
 
 fn rotor() -> Rotor {
@@ -37,7 +37,7 @@ fn lobes() -> ReferenceConfig {
     ReferenceConfig { shape: Shape::Lobes, lobes: 5, lobe_amplitude_m: 8e-6, ..default() }
 }
 
-/// Names of what is refused.
+/// Names of the refused parameters.
 fn refused(config: ReferenceConfig) -> Vec<String> {
     let found = Reference::new(config.clone(), STEP_S, &rotor()).expect_err(&format!("{config:?}"));
     found.into_iter().map(|finding| finding.name.into_owned()).collect()
@@ -67,7 +67,7 @@ fn derivatives_agree_with_differences() {
             let theta = 0.0631 * f64::from(i);
             for a in 0..2 {
                 let at = |t: f64| config.point(theta + OMEGA_RAD_S * t, OMEGA_RAD_S)[a];
-                // The scale of a derivative is that of the lobes' own.
+                // The lobes set the scale of the derivatives.
                 let scale = 1e-4 * 5.0 * OMEGA_RAD_S;
                 let v = difference(2e-5, |t| at(t).position_m);
                 below("velocity", (v - at(0.0).velocity_m_s).abs(), DIFFERENCE * scale);
@@ -92,7 +92,7 @@ fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
     let theta = reference.theta_rad(&state);
     below("θ in rad", (theta - OMEGA_RAD_S * (f64::from(last) * STEP_S)).abs(), ANGLE_RAD);
 
-    // A speed given at a sample holds from this sample on; the angle does not jump.
+    // A new speed applies from its sample on; the angle does not jump.
     reference.sample(&mut state, 2.0 * OMEGA_RAD_S, [0.0; 2], [0.0; 2]);
     let at_change = reference.theta_rad(&state);
     below("θ at the change", (at_change - theta - OMEGA_RAD_S * STEP_S).abs(), ANGLE_RAD);
@@ -105,8 +105,8 @@ fn the_angle_does_not_drift_and_follows_a_change_of_speed() {
 }
 
 #[test]
-fn a_cubic_from_outside_is_followed_without_lag() {
-    /// Rounding of derivatives found by differencing positions of 50 µm every 0.1 ms, in m, m/s and m/s².
+fn an_external_cubic_is_followed_without_lag() {
+    /// Rounding of derivatives obtained by differencing positions of 50 µm every 0.1 ms, in m, m/s and m/s².
     const LIMITS: [f64; 3] = [1e-16, 1e-13, 1e-9];
     let reference = reference(ReferenceConfig { shape: Shape::External, ..default() });
     let cubic = |t: f64| {
@@ -132,7 +132,7 @@ fn a_cubic_from_outside_is_followed_without_lag() {
 }
 
 #[test]
-fn a_reference_from_outside_starts_at_its_first_sample_at_rest() {
+fn an_external_reference_starts_at_its_first_sample_at_rest() {
     let reference = reference(ReferenceConfig { shape: Shape::External, ..default() });
     let mut state = reference.start();
     reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2], [20e-6, -10e-6]);
@@ -142,8 +142,8 @@ fn a_reference_from_outside_starts_at_its_first_sample_at_rest() {
 }
 
 #[test]
-fn the_observers_have_their_poles_where_they_are_wanted() {
-    // A step of 1 s keeps the numbers near 1; the gains depend on the step by their units alone, see below.
+fn the_gains_place_the_poles_of_the_observers() {
+    // A step of 1 s keeps the numbers near 1; the step enters the gains only through their units, see below.
     for bandwidth in [0.05f64, 0.4, 2.0] {
         let rho = (-bandwidth).exp();
         // The map of the error: predict, then update against a measurement of 0.
@@ -163,7 +163,7 @@ fn the_observers_have_their_poles_where_they_are_wanted() {
 
 /// A trajectory with lobes as a Fourier series: `cos 3θ cos θ = (cos 2θ + cos 4θ)/2`, `cos 3θ sin θ = (sin 4θ − sin 2θ)/2`.
 #[test]
-fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
+fn a_fourier_series_reproduces_the_lobes() {
     let (r, a) = (50e-6, 20e-6);
     let mut contour = Contour::default();
     contour.cos_y_m[0] = r;
@@ -175,7 +175,7 @@ fn a_fourier_series_is_the_lobes_it_is_the_series_of() {
     for k in 0..50 {
         let theta = 0.13 * f64::from(k);
         for (one, other) in lobes.point(theta, 314.0).into_iter().zip(series.point(theta, 314.0)) {
-            // Roundings of sums of a few terms, relative to r, r ω, 10 r ω².
+            // Rounding of sums of a few terms, relative to r, r ω, 10 r ω².
             assert!((one.position_m - other.position_m).abs() < 1e-18);
             assert!((one.velocity_m_s - other.velocity_m_s).abs() < 1e-15);
             assert!((one.acceleration_m_s2 - other.acceleration_m_s2).abs() < 1e-12);
@@ -201,7 +201,7 @@ fn assert_derivatives<const N: usize, const B: usize>(
     }
 }
 
-/// A lift and a ramp: begin and end, and derivatives that are those of the positions.
+/// A lift and a ramp: start, end, and consistent derivatives.
 #[test]
 fn a_smooth_start_is_smooth() {
     let config = ReferenceConfig { transition: Transition { lift_s: 0.02, start_s: 0.01, ramp_s: 0.03 }, ..default() };
@@ -215,7 +215,7 @@ fn a_smooth_start_is_smooth() {
         if k == 0 {
             assert_eq!(here.map(|point| (point.position_m, point.velocity_m_s)), first.map(|first_m| (first_m, 0.0)));
         } else {
-            // Third derivatives of up to 2e3 m/s³ times h²/6, and rounding of 1e-19/h; at the seams they jump over h.
+            // Third derivatives of up to 2e3 m/s³ times h²/6, and rounding of 1e-19/h; at the seams they jump.
             assert_derivatives(&reference, &state, 0.0, [1e-9, 2e-3]);
         }
         if k > 400 {

@@ -1,4 +1,4 @@
-//! The sensitivity function: against a sine in time, Bode's integral, and at both ends of the frequencies.
+//! The sensitivity function: against a sine in time, against Bode's integral, and at low and high frequencies.
 
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
@@ -10,7 +10,7 @@ use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::sensitivity::{Sensitivity, peak, table, zone};
 use nalgebra::{Complex, ComplexField};
 
-/// A rotor at rest in the centre, under a load large enough for the same magnets always to pull with the least force: where another takes
+/// A centred rotor at rest, under a load large enough for the same magnets always to have the smallest force: where another one takes
 /// over, the gain has a kink while λ is wrong.
 fn open(machine: &str, changes: &[(&str, &str)]) -> Scenario {
     let (zeros, load): (&str, &[(&str, &str)]) = match machine {
@@ -39,10 +39,9 @@ fn lambda(scenario: &Scenario, element: &str, name: &str) -> Vec<f64> {
     scenario.machine.of_magnets(name).iter().map(of).collect()
 }
 
-/// S at a frequency in rad/s from a sine that is added to a reading, after transients have decayed for half of the run.
+/// S at a frequency in rad/s from a sine added to a reading, over the second half of the run, after transients.
 fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f64> {
-    /// It moves the gap by 4·10⁻⁵ of itself, which leaves a curvature of that order; ten times the amplitude brings the amplifiers to their
-    /// limit at 2 kHz.
+    /// 4·10⁻⁵ of the gap, with nonlinear effects of that order; ten times the amplitude saturates the amplifiers at 2 kHz.
     const AMPLITUDE_M: f64 = 0.02e-6;
     let to = ["controller".to_owned(), scenario.machine.readings[reading].name.to_owned()];
     let place = scenario.connections().iter().position(|connection| connection.to == to).expect("the reading is used");
@@ -65,7 +64,7 @@ fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f6
 
 #[test]
 fn a_sine_in_time_confirms_the_response() {
-    /// Difference of the two as complex numbers.
+    /// Complex difference between the two.
     const DIFFERENCE: f64 = 1e-4;
     let voltage = [("drive", "voltage"), ("hold", "linear")];
     let cases = [
@@ -85,7 +84,7 @@ fn a_sine_in_time_confirms_the_response() {
             }
             for reading in readings {
                 for periods in [4, 20, 120, 400] {
-                    // Whole periods of half of the run.
+                    // Whole periods in half of the run.
                     let omega = TAU * f64::from(periods) / (0.5 * scenario.duration_s);
                     let difference = (injected(&used, *reading, omega) - found.at(*reading, omega)).modulus();
                     assert!(difference < DIFFERENCE, "{machine} {drive:?} {from:?}: {difference:e} at {omega} rad/s");
@@ -95,8 +94,8 @@ fn a_sine_in_time_confirms_the_response() {
     }
 }
 
-/// Bode: the mean of ln|S| over all frequencies of a sampled loop is the sum of the logarithms of its unstable open poles. The rotor has
-/// one, `exp(√(k/m) T_s)`, and the negative stiffness of two magnets with the forces F_1 and F_2 is `k = 2 (F_1 + F_2)/s`.
+/// Bode: the mean of ln|S| over all frequencies of a sampled loop is the sum of the logarithms of its unstable open-loop poles. The rotor
+/// has one, `exp(√(k/m) T_s)`, and the negative stiffness of two magnets with forces F_1 and F_2 is `k = 2 (F_1 + F_2)/s`.
 #[test]
 fn the_mean_of_the_logarithm_is_that_of_the_unstable_pole() {
     const FREQUENCIES: usize = 4000;
@@ -109,7 +108,7 @@ fn the_mean_of_the_logarithm_is_that_of_the_unstable_pole() {
         let least = value("controller", "F0");
         let stiffness = 2.0 * (2.0 * least + f64::abs(load)) / value("plant", "s");
         let pole = (stiffness / value("plant", "m")).sqrt() * scenario.step_s;
-        // The logarithm has no bound at frequency 0, which so many frequencies sum to 1 %.
+        // The logarithm diverges at frequency 0; the sum over these frequencies is accurate to 1 %.
         assert!((mean / pole - 1.0).abs() < 0.02, "load {load} N: {mean} for {pole}");
     }
 }
@@ -119,9 +118,9 @@ fn slow_errors_are_followed_and_fast_ones_pass() {
     for drive in [&[][..], &[("drive", "voltage"), ("hold", "linear")]] {
         let scenario = open("planar", drive);
         let found = Sensitivity::new(&scenario, &lambda(&scenario, "plant", "lambda")).expect("settled");
-        // The observer of the perturbation integrates: the rotor follows a constant sensor error, so that
-        // the reading does not move. With one integrator what is left at 1 rad/s is at most of the order of 1 rad/s over the
-        // poles of the tracking, 1000 rad/s; measured 5e-5.
+        // The perturbation observer integrates: the rotor follows a constant sensor error, and the reading does not
+        // move. With one integrator |S| at 1 rad/s is at most of the order of 1 rad/s over the
+        // tracking poles, 1000 rad/s; measured 5e-5.
         let slow = found.at(0, 1.0).modulus();
         assert!(slow < 1e-3, "{drive:?}: |S| = {slow:e} at 1 rad/s");
         let fast = found.at(0, 0.99 * PI / scenario.step_s).modulus();
@@ -142,7 +141,7 @@ fn every_sensor_of_every_machine_has_a_peak_and_a_zone() {
         for (n, (row, reading)) in table.rows.iter().zip(machine.readings).enumerate() {
             let [_, highest] = peak(&found.curve(n)).expect("a curve");
             assert_eq!((row[0].as_str(), row[4].clone()), (reading.name, format!("{highest:.2}")), "{}", machine.name);
-            // The unstable rotor amplifies some errors; with the true λ the loop is well damped.
+            // An unstable rotor amplifies some errors; with the true λ the loop is well damped.
             assert!(highest > 1.0 && row[6] == zone(highest).to_string(), "{}: {row:?}", machine.name);
         }
     }
@@ -155,7 +154,7 @@ fn zones_are_those_of_the_standard() {
 }
 
 #[test]
-fn a_loop_that_does_not_settle_says_so() {
+fn a_loop_that_does_not_settle_is_reported() {
     let scenario = open("planar", &[]);
     // Twenty times too large: the forces are a twentieth of those commanded, and the rotor falls.
     let error = Sensitivity::new(&scenario, &[4e-5; 3]).expect_err("no operating point");

@@ -1,4 +1,4 @@
-//! Sensor errors: each alone, and none at all.
+//! Sensor errors, one at a time.
 
 use crate::support::below;
 use magnetic_bearing::plant::{Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
@@ -23,9 +23,9 @@ fn readings(sensor: SensorConfig, step_s: f64, steps: usize) -> Vec<([f64; 2], [
     all
 }
 
-/// Each sensor has its own gain, offset and noise, and reads at its own place.
+/// Each sensor has its own gain, offset, noise and position.
 #[test]
-fn gain_and_offset_of_every_sensor_are_what_they_say() {
+fn gain_and_offset_of_every_sensor_are_applied() {
     fn holds<const N: usize, const K: usize, const B: usize>(position_m: [f64; N], velocity_m_s: [f64; N]) {
         let part = |of: f64, n: usize| of * (n + 1) as f64;
         let sensor = SensorConfig {
@@ -89,7 +89,7 @@ fn a_resolution_rounds() {
 }
 
 #[test]
-fn a_delay_shows_what_was_there_before() {
+fn a_delay_shows_earlier_positions() {
     let exact = readings(SensorConfig::default(), STEP_S, 40);
     for late in [1, 3, 16] {
         let sensor = SensorConfig { delay_s: late as f64 * STEP_S, ..SensorConfig::default() };
@@ -102,19 +102,11 @@ fn a_delay_shows_what_was_there_before() {
             assert_eq!(delayed[k].1, current, "delay of {late} samples, sample {k}");
         }
     }
-    // A fraction of a sample: the positions that finer sampling finds there.
+    // A fraction of a sample: the positions of a run with finer sampling.
     let fine = readings(SensorConfig { step_s: STEP_S / 4.0, ..SensorConfig::default() }, STEP_S / 4.0, 8);
     let sensor = SensorConfig { delay_s: 0.75 * STEP_S, ..SensorConfig::default() };
-    // The same current over both samples of the fine run.
-    let plant = Plant::new(PlantConfig { sensor, ..PlantConfig::default() }).expect("plant");
-    let mut state = plant.start(0.0);
-    for k in 0..8 {
-        let input = PlantInput { current_a: [1.0 + 0.01 * f64::from(k); 3], ..PlantInput::default() };
-        plant.advance(&mut state, &input, f64::from(k) * STEP_S / 4.0, STEP_S / 4.0).expect("advance");
-        if k == 3 {
-            assert!((state.measured.position_m[1] - fine[1].0[1]).abs() < 1e-15);
-        }
-    }
-    assert!((state.measured.position_m[1] - fine[5].0[1]).abs() < 1e-15);
-    assert!((state.measured.position_m[1] - fine[8].0[1]).abs() > 1e-8, "the delay is seen");
+    let delayed = readings(sensor, STEP_S / 4.0, 8);
+    assert!((delayed[1].0[1] - fine[1].0[1]).abs() < 1e-15);
+    assert!((delayed[2].0[1] - fine[5].0[1]).abs() < 1e-15);
+    assert!((delayed[2].0[1] - fine[8].0[1]).abs() > 1e-8, "the delay is seen");
 }

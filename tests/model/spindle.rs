@@ -22,7 +22,7 @@ fn plant(config: SpindleConfig) -> SpindlePlant {
     Plant::new(config).expect("a plant")
 }
 
-/// A rotor on two linear bearings, without currents; `docs/spindle.md` names its parameters.
+/// A rotor on two linear bearings, without currents; parameters as in `docs/spindle.md`.
 fn unbalanced() -> SpindleConfig {
     SpindleConfig {
         unbalance_kgm: [8e-5, 5e-5],
@@ -35,8 +35,8 @@ fn unbalanced() -> SpindleConfig {
 type Vector4 = SVector<Complex<f64>, 4>;
 type Matrix4 = SMatrix<Complex<f64>, 4, 4>;
 
-/// The rotor on isotropic springs and dampers at its bearings, in `(u, ψ, u', ψ')` with `u = y + i z`, `ψ = γ − i β`: the matrix
-/// of its motion, and the acceleration by unbalance at the angle 0.
+/// The rotor on isotropic springs and dampers at its bearings, in `(u, ψ, u', ψ')` with `u = y + i z`, `ψ = γ − i β`: the system
+/// matrix, and the acceleration due to unbalance at angle 0.
 fn on_springs(config: &SpindleConfig, omega_rad_s: f64, stiffness_n_m: f64, damping_ns_m: f64) -> (Matrix4, Vector4) {
     let plant = plant(config.clone());
     let bearings = [config.rotor.bearings[0].position_m, config.rotor.bearings[1].position_m];
@@ -65,7 +65,7 @@ fn on_springs(config: &SpindleConfig, omega_rad_s: f64, stiffness_n_m: f64, damp
     let unbalance = slope(Vector4::zeros());
     let mut matrix = Matrix4::zeros();
     for column in 0..4 {
-        // Small enough for the gaps, as the equations ask; they are linear without currents.
+        // Small enough for the gaps; without currents the equations are linear.
         let small = |unit: Complex<f64>| {
             let mut x = Vector4::zeros();
             x[column] = unit * 1e-5;
@@ -79,10 +79,10 @@ fn on_springs(config: &SpindleConfig, omega_rad_s: f64, stiffness_n_m: f64, damp
     (matrix, unbalance)
 }
 
-/// Fails if a gyroscopic term has the other sign: forward and backward whirl are then exchanged.
+/// Fails if a gyroscopic term has the wrong sign, which exchanges forward and backward whirl.
 #[test]
 fn whirl_and_unbalance_response_are_those_of_the_table() {
-    /// Of the table's digits, relative.
+    /// Relative accuracy of the table's digits.
     const TOLERANCE: f64 = 1e-5;
     let config = unbalanced();
     for (rpm, frequencies, response) in TABLE {
@@ -132,7 +132,7 @@ fn a_free_rotor_precesses() {
             let turned = Complex::new(rates[4], -rates[3])
                 * (I * (shaft.polar_kgm2 / shaft.transverse_kgm2 * omega * state.time_s)).exp();
             let rate = Complex::new(state.velocity_m_s[4], -state.velocity_m_s[3]);
-            // Sub-steps of 50 µs, a twentieth of a radian at the fastest.
+            // Sub-steps of 50 µs, at most a twentieth of a radian.
             below("precession", (rate - turned).modulus() / turned.modulus(), 1e-4);
             for a in 0..2 {
                 below("angular momentum", (momentum(&state)[a] - start[a]).abs() / start[1], 1e-12);
@@ -144,7 +144,7 @@ fn a_free_rotor_precesses() {
     }
 }
 
-/// Against the formulas, written out: a point ξ of the axis is at `y + ξγ`, `z − ξβ`.
+/// Against the explicit formulas: a point ξ of the axis is at `y + ξγ`, `z − ξβ`.
 #[test]
 fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     let config = SpindleConfig::default();
@@ -166,7 +166,7 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
         below("reading, m", (readings[n] - wanted[n]).abs(), 1e-19);
         below("H⁻¹ r", (spindle.coordinates(readings)[n] - q[n]).abs(), 1e-18);
     }
-    // Magnet 1 of B alone pulls down, which turns the rotor about +y; magnet 2 of X pulls towards −x.
+    // Magnet 1 of B pulls down, which turns the rotor about +y; magnet 2 of X pulls towards −x.
     let mut input = SpindleInput::default();
     (input.current_a[3], input.current_a[7]) = (2.0, 1.0);
     let output = plant.outputs(&plant.start(0.0), &input, 0.0);
@@ -179,7 +179,7 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     below("axial force, N", (x.y_n + x_2).abs(), 1e-12);
 }
 
-/// The weight of a horizontal shaft comes to rest in the rings, that of a vertical one on the axial stop.
+/// A horizontal shaft comes to rest in the rings, a vertical one on the axial stop.
 #[test]
 fn backup_bearings_carry_the_rotor() {
     for gravity_m_s2 in [[0.0, 0.0, -9.81, 0.0, 0.0], [9.81, 0.0, 0.0, 0.0, 0.0]] {
@@ -194,7 +194,7 @@ fn backup_bearings_carry_the_rotor() {
         let [a, b, x] = plant.equations().at_bearings(&state.motion(), 0.0, state.contact, output.force_n);
         if gravity_m_s2[0] == 0.0 {
             assert_eq!(state.contact, [true, true, false]);
-            // The weight by the levers of the bearings, 0.12 and 0.15 m.
+            // The weight shared by the lever arms of the bearings, 0.12 and 0.15 m.
             below("A, N", (a.touchdown_z_n - 12.0 * 9.81 * 0.15 / 0.27).abs(), 1e-3);
             below("B, N", (b.touchdown_z_n - 12.0 * 9.81 * 0.12 / 0.27).abs(), 1e-3);
         } else {

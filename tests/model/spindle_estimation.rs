@@ -12,8 +12,8 @@ type Config = EstimatorConfigOf<RotorConfig<f64, 3>, 8>;
 type Input = EstimatorInputOf<5, 8>;
 type State = StateOf<RotorConfig<f64, 3>, 5, 8, 2>;
 
-fn config(shaft: &FiveAxes, told: bool) -> Config {
-    let [position_noise_m, current_noise_a] = if told { [1e-7, 1e-2] } else { [0.0; 2] };
+fn config(shaft: &FiveAxes, noise_known: bool) -> Config {
+    let [position_noise_m, current_noise_a] = if noise_known { [1e-7, 1e-2] } else { [0.0; 2] };
     Config { lambda0_nm2_a2: shaft.guess, position_noise_m, current_noise_a, ..Default::default() }
 }
 
@@ -36,7 +36,7 @@ fn run(config: Config, inputs: &[Input]) -> (Vec<EstimatorOutputOf<5, 8, 2>>, St
     (outputs, state)
 }
 
-/// Root mean squares over the seeds: error of each λ in per cent, error/bound and error/std of all λ, of the unbalance in per cent and rad.
+/// RMS over the seeds: error of each λ in per cent, error/bound and error/std of all λ, error of the unbalance in per cent and rad.
 struct Figures {
     percent: [f64; 8],
     bound: f64,
@@ -45,13 +45,13 @@ struct Figures {
     valid: usize,
 }
 
-/// At the last sample, from first guesses wrong by two; no valid sample is off by more than five deviations.
-fn study(seeds: std::ops::Range<u64>, told: bool, change: impl Fn(FiveAxes) -> FiveAxes) -> Figures {
+/// At the last sample, from first guesses wrong by a factor of two; asserts that no valid sample is off by five standard deviations.
+fn study(seeds: std::ops::Range<u64>, noise_known: bool, change: impl Fn(FiveAxes) -> FiveAxes) -> Figures {
     let count = (seeds.end - seeds.start) as f64;
     let mut sum = Figures { percent: [0.0; 8], bound: 0.0, std: 0.0, unbalance: [0.0; 2], valid: 0 };
     for seed in seeds {
         let shaft = change(FiveAxes::guessing(seed));
-        let (outputs, _) = run(config(&shaft, told), &inputs(&shaft));
+        let (outputs, _) = run(config(&shaft, noise_known), &inputs(&shaft));
         let bound = shaft.bound(&shaft.run());
         for (at, output) in outputs.iter().enumerate().filter(|(_, output)| output.valid) {
             for k in 0..8 {
@@ -88,7 +88,7 @@ fn assert_efficient(what: &str, figures: &Figures, seeds: usize, limit_percent: 
     println!("{what}: {percent:.2?} %, error/bound {bound:.2}, error/std {std:.2}, valid {valid} of {seeds}");
     assert_eq!(*valid, seeds, "{what}");
     assert!(percent.iter().all(|percent| *percent < limit_percent), "{what}: {percent:?} %, limit {limit_percent} %");
-    // Over 40 seeds these are 0.93 to 1.2 and 0.86 to 1.08; eight seeds with eight magnets know them within a tenth.
+    // Over 40 seeds these are 0.93 to 1.2 and 0.86 to 1.08; eight seeds with eight magnets determine them within a tenth.
     assert!(*bound < 1.4, "{what}: error/bound {bound}");
     assert!((0.7..1.3).contains(std), "{what}: error/std {std}");
 }
@@ -96,12 +96,12 @@ fn assert_efficient(what: &str, figures: &Figures, seeds: usize, limit_percent: 
 #[test]
 fn eight_magnets_and_two_planes_are_found_at_the_bound() {
     let speeds = [(true, 3000.0, 0.5), (false, 3000.0, 0.5), (true, 1500.0, 1.0)];
-    for (told, rpm, limit) in speeds.into_iter().chain([true, false].map(|told| (told, 0.0, 2.5))) {
-        // At rest the modulation and the axial motion excite.
+    for (noise_known, rpm, limit) in speeds.into_iter().chain([true, false].map(|known| (known, 0.0, 2.5))) {
+        // At rest the modulation and the axial motion provide the excitation.
         let paths = if rpm == 0.0 { [(0.0, 0.0, 0.0); 2] } else { FiveAxes::default().paths };
         let seeds = if rpm == 0.0 { 2101..2109 } else { 2001..2009 };
-        let figures = study(seeds, told, |shaft| FiveAxes { rpm, paths, ..shaft });
-        assert_efficient(&format!("{rpm} rpm, told {told}, 0.1 s"), &figures, 8, limit);
+        let figures = study(seeds, noise_known, |shaft| FiveAxes { rpm, paths, ..shaft });
+        assert_efficient(&format!("{rpm} rpm, told {noise_known}, 0.1 s"), &figures, 8, limit);
         let [percent, rad] = figures.unbalance;
         if rpm > 2000.0 {
             assert!(percent < 1.5 && rad < 0.015, "unbalance off by {percent} %, {rad} rad");
@@ -109,11 +109,11 @@ fn eight_magnets_and_two_planes_are_found_at_the_bound() {
     }
 }
 
-/// Also where the gyroscope turns the most within a sample.
+/// Up to the speed at which gyroscopic motion is fastest relative to a sample.
 #[test]
 fn exact_data_give_exact_constants() {
     for rpm in [1500.0, 3000.0, 12_000.0] {
-        // At 12,000 rpm a sample is 7 degrees of a revolution, and forces are integrated less exactly: by 0.07 N, which no model explains without any noise.
+        // At 12,000 rpm a sample is 7 degrees of a revolution, and the integration error of forces is 0.07 N, which needs some noise.
         let noise = if rpm > 6000.0 { (1e-7, 1e-2) } else { (0.0, 0.0) };
         let shaft = FiveAxes { rpm, noise, samples: 2001, ..FiveAxes::guessing(1) };
         let (outputs, _) = run(config(&shaft, false), &inputs(&shaft));
@@ -132,7 +132,7 @@ fn exact_data_give_exact_constants() {
     }
 }
 
-/// The true gap is one tolerance wider: the error is of that size, and within the total deviation alone.
+/// The true gap is one tolerance wider: only the total standard deviation covers the error.
 #[test]
 fn tolerances_enter_the_total_alone() {
     let wide = 2e-6;
@@ -148,9 +148,9 @@ fn tolerances_enter_the_total_alone() {
     }
 }
 
-/// Without a load that starts a motion, without modulation and axial motion the axial currents are constant.
+/// Without axial load, modulation and axial motion the axial currents are constant.
 #[test]
-fn without_axial_motion_the_verdict_says_so() {
+fn without_axial_motion_the_axial_verdict_is_uncertain() {
     let shaft = FiveAxes {
         axial: (0.0, 60.0),
         modulation: (0.0, [110.0, 130.0, 90.0]),
@@ -165,12 +165,12 @@ fn without_axial_motion_the_verdict_says_so() {
 }
 
 #[test]
-fn samples_that_cannot_be_used_are_named() {
+fn unusable_samples_are_named() {
     let shaft = FiveAxes { samples: 900, ..FiveAxes::guessing(4) };
     let mut inputs = inputs(&shaft);
     inputs[700].enable = false;
     inputs[710].contact = true;
-    // Single missing samples are bridged; many are named.
+    // A few missing samples are bridged; many are named.
     inputs[712].position_m[4] = 7e-4;
     (712..750).for_each(|at| inputs[at].current_a[7] = f64::NAN);
     (760..800).for_each(|at| inputs[at].position_m[2] = 1e-5);
@@ -187,7 +187,7 @@ fn samples_that_cannot_be_used_are_named() {
         Verdict::Collecting,
     ];
     assert_eq!(verdicts, wanted);
-    // An estimate from before a gap stays, and a reset forgets it.
+    // The estimate survives a gap, but not a reset.
     assert_eq!(outputs[740].lambda_hat, outputs[711].lambda_hat);
     assert_eq!(outputs[850].lambda_hat, shaft.guess);
 

@@ -1,4 +1,4 @@
-//! The backup bearing: no force without contact, then a push, never a pull, and the rotor stays inside.
+//! The backup bearing: no force without contact, only pushes, and a rotor that stays inside.
 
 use crate::support::below;
 use magnetic_bearing::bearing::touchdown::TouchdownConfig;
@@ -18,7 +18,7 @@ fn falling(touchdown: TouchdownConfig) -> PlantConfig {
     }
 }
 
-/// The states after each of the steps, without currents.
+/// The states after each step, without currents.
 fn run(config: &PlantConfig, omega_rad_s: f64, duration_s: f64, steps: i32) -> Vec<PlantState> {
     let plant = Plant::new(config.clone()).expect("plant");
     let mut state = plant.start(0.0);
@@ -31,11 +31,11 @@ fn run(config: &PlantConfig, omega_rad_s: f64, duration_s: f64, steps: i32) -> V
     (0..steps).map(step).collect()
 }
 
-/// Free fall, half an oscillation on the spring, and the way back: all in closed form.
+/// Free fall, half an oscillation on the spring, and the rebound.
 #[test]
 fn a_bounce_without_damping_follows_the_closed_form() {
-    /// Error of the position, in m: the spring deflects by 26 µm in steps of a tenth of a radian, whose error is about 1e-7 each,
-    /// and three bounces add up; measured 4.1e-11.
+    /// Error of the position, in m: the spring deflects by 26 µm in steps of a tenth of a radian with relative errors of about 1e-7,
+    /// over three bounces; measured 4.1e-11.
     const POSITION_M: f64 = 1e-10;
     let ring = TouchdownConfig { damping_ns_m: 0.0, ..TouchdownConfig::default() };
     let config = falling(ring.clone());
@@ -44,7 +44,7 @@ fn a_bounce_without_damping_follows_the_closed_form() {
     let v = g * fall_s;
     // On the spring: δ = g/ω² (1 − cos) + v/ω sin, back at 0 with −v.
     let contact_s = 2.0 / omega * (std::f64::consts::PI - (v * omega / g).atan());
-    let ought = |t: f64| {
+    let wanted = |t: f64| {
         let period = 2.0 * fall_s + contact_s;
         let t = t % period;
         let height = |t: f64| -0.5 * g * t * t;
@@ -63,7 +63,7 @@ fn a_bounce_without_damping_follows_the_closed_form() {
     let mut touched = 0;
     for (k, state) in run(&config, 0.0, duration_s, steps).iter().enumerate() {
         let t = duration_s * (k + 1) as f64 / f64::from(steps);
-        largest = largest.max((state.position_m[1] - ought(t)).abs());
+        largest = largest.max((state.position_m[1] - wanted(t)).abs());
         touched += usize::from(state.contact[0]);
     }
     assert!(touched > 3, "touched at {touched} instants only: the test shows nothing");
@@ -71,14 +71,14 @@ fn a_bounce_without_damping_follows_the_closed_form() {
 }
 
 #[test]
-fn the_rotor_comes_to_rest_where_its_weight_presses_it() {
+fn the_rotor_comes_to_rest_at_its_static_deflection() {
     let config = falling(TouchdownConfig::default());
     let states = run(&config, 0.0, 2.0, 2000);
     let last = &states[states.len() - 1];
     let depth = config.rotor.shaft.m_kg * 9.81 / config.touchdown[0].stiffness_n_m;
     below("depth, m", (last.position_m[1] + CLEARANCE_M + depth).abs(), 1e-9);
     assert!(last.contact[0]);
-    // Energy is only lost: no bounce goes higher than the one before.
+    // Energy only decreases: no bounce is higher than the one before.
     let tops: Vec<f64> = states
         .windows(3)
         .filter(|w| !w[1].contact[0] && w[1].position_m[1] >= w[0].position_m[1].max(w[2].position_m[1]))
@@ -91,7 +91,7 @@ fn the_rotor_comes_to_rest_where_its_weight_presses_it() {
 }
 
 #[test]
-fn until_it_is_touched_the_ring_changes_no_bit() {
+fn before_contact_the_ring_changes_no_bit() {
     let none = TouchdownConfig { clearance_m: 1.0, ..TouchdownConfig::default() };
     let hard = TouchdownConfig { stiffness_n_m: 1e9, friction: 0.3, ..TouchdownConfig::default() };
     // 7 ms of free fall: 240 µm.
@@ -103,9 +103,9 @@ fn until_it_is_touched_the_ring_changes_no_bit() {
 }
 
 #[test]
-fn it_never_pulls_and_its_damping_takes_what_it_should() {
+fn it_never_pulls_and_damps() {
     let ring = TouchdownConfig::default();
-    // Deep inside but leaving fast: the spring's push is less than what the damper would hold back.
+    // In contact but leaving fast: the damping force would exceed that of the spring.
     assert!(!ring.touches([0.0, -CLEARANCE_M - 1e-6], [0.0, 0.5]));
     assert!(ring.touches([0.0, -CLEARANCE_M - 1e-6], [0.0, 0.0]));
     assert!(!ring.touches([0.0, -CLEARANCE_M + 1e-9], [0.0, -0.5]), "not yet there");
@@ -114,14 +114,14 @@ fn it_never_pulls_and_its_damping_takes_what_it_should() {
     below("push, N", (z - (ring.stiffness_n_m * 1e-6 + ring.damping_ns_m * 0.01)).abs(), 1e-6);
 }
 
-/// Friction of a rotor that turns from y towards z drags it backwards where it touches: at the bottom, towards −y.
+/// Friction drags a rotor that turns from y towards z backwards at the contact: at the bottom, towards −y.
 #[test]
 fn friction_drags_against_the_surface() {
     let ring = TouchdownConfig { friction: 0.2, ..TouchdownConfig::default() };
     let at = [0.0, -CLEARANCE_M - 1e-5];
     let [y, z] = ring.force_n(at, [0.0; 2], 300.0);
     below("friction over push", (y.abs() / z - 0.2).abs(), 1e-5);
-    // At the bottom, the direction of turning from y towards z is +y.
+    // At the bottom the surface moves towards +y.
     assert!(y < 0.0, "{y}");
     let [back, _] = ring.force_n(at, [0.0; 2], -300.0);
     assert_eq!(back, -y);
@@ -129,9 +129,9 @@ fn friction_drags_against_the_surface() {
     assert_eq!(rest, 0.0);
 }
 
-/// Friction of a turning rotor drives it backwards around the ring; the damper of the ring's mount ends that.
+/// Friction drives a turning rotor into backward whirl around the ring; the damper of the ring's mount stops it.
 ///
-/// Fails if the damper acts along the radius only: the whirl then grows until the rotor is at a magnet.
+/// Fails if the damper acts along the radius only: the whirl then grows until the rotor reaches a magnet.
 #[test]
 fn a_rotor_thrown_at_the_ring_stays_inside_whatever_the_ring() {
     // Stiffness, damping and friction of the ring, the rotor's speed in rad/s, and the samples.

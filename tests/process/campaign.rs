@@ -1,4 +1,4 @@
-//! Long campaigns: the library loaded and unloaded over and over, and random calls without end.
+//! Long campaigns: the library is loaded and unloaded many times, and receives many random calls.
 
 use std::ffi::{CStr, c_void};
 use std::path::{Path, PathBuf};
@@ -15,13 +15,13 @@ use magnetic_bearing::package;
 
 /// Number of loads of the library, unless set by the environment.
 const ROUNDS: u32 = 500;
-/// How much more memory the process may have at the end than after the first tenth, in bytes: what an allocator keeps
-/// back, and far less than one instance per round.
+/// Permitted growth of memory after the first tenth, in bytes: enough for what an allocator retains, far less than one instance per
+/// round.
 const GROWTH_BYTES: u64 = 2 << 20;
-/// A round is there for the loading; other tests step for longer.
+/// Few steps per round: the test is about loading.
 const STEPS: u32 = 20;
 
-/// Runs the tests of this process one at a time, so that memory is not counted in another test.
+/// Serializes the tests of this process, which measure its memory.
 static ALONE: Mutex<()> = Mutex::new(());
 
 /// The status of this process, as the system reports it.
@@ -50,8 +50,8 @@ fn round(library: &Path) -> Vec<u64> {
         componentEnvironment: null_mut(),
     };
     let mut bits = Vec::new();
-    // SAFETY: the library is the one that was built with this test; what its start-up does is nothing. Every symbol has the
-    // type of the header, and everything that came from it is given back before it is closed.
+    // SAFETY: the library was built with this test, and loading runs no code of it. Every symbol has the
+    // type of the header, and everything obtained from it is released before it is closed.
     unsafe {
         let loaded = libloading::Library::new(library).expect("the library");
         macro_rules! symbol {
@@ -97,8 +97,8 @@ fn round(library: &Path) -> Vec<u64> {
     bits
 }
 
-/// Fails if fmi2FreeInstance forgets the instance, fmi2FreeFMUstate the snapshot, or the library its tables: these rounds then leave many
-/// megabytes. Whether the library leaves at all is seen as well: one with thread-local destructors stays mapped.
+/// Fails if fmi2FreeInstance leaks the instance, fmi2FreeFMUstate the snapshot, or the library its tables: many megabytes in these
+/// rounds. Also prints whether the library stays mapped, as one with thread-local destructors does.
 #[test]
 fn loading_and_unloading_leaves_nothing_behind() {
     let _alone = ALONE.lock();
@@ -120,7 +120,7 @@ fn loading_and_unloading_leaves_nothing_behind() {
     assert!(grown <= GROWTH_BYTES, "{grown} bytes more after {rounds} rounds");
 }
 
-/// The texts of the library itself are there for the length of its load. Fails if a function of a header is missing.
+/// Fails if a function of a header is missing.
 #[test]
 fn the_library_exports_every_function_of_the_headers() {
     let _alone = ALONE.lock();
@@ -132,7 +132,7 @@ fn the_library_exports_every_function_of_the_headers() {
     unsafe {
         let loaded = libloading::Library::new(library()).expect("the library");
         for (header, count) in headers {
-            // Declarations stand there as `fmi2DoStepTYPE fmi2DoStep;`.
+            // Declarations look like `fmi2DoStepTYPE fmi2DoStep;`.
             let words = |line: &'static str| line.strip_suffix(';').and_then(|line| line.split_once("TYPE "));
             let declared: Vec<_> = header.lines().filter_map(words).collect();
             let names: Vec<_> = declared.iter().filter(|(kind, name)| kind == name).map(|(_, name)| *name).collect();
@@ -141,7 +141,7 @@ fn the_library_exports_every_function_of_the_headers() {
                 loaded.get::<*const c_void>(format!("{name}\0").as_bytes()).expect("a symbol");
             }
         }
-        // They are all functions without arguments that return a text.
+        // Functions without arguments that return a text.
         for (name, wanted) in
             [("fmi2GetVersion\0", c"2.0"), ("fmi2GetTypesPlatform\0", c"default"), ("fmi3GetVersion\0", c"3.0")]
         {
@@ -151,8 +151,7 @@ fn the_library_exports_every_function_of_the_headers() {
     }
 }
 
-/// Fails if fmi3FreeInstance forgets the instance, fmi3FreeFMUState the snapshot, or a call the memory that it needs: each leaves
-/// many megabytes.
+/// Fails if fmi3FreeInstance leaks the instance, fmi3FreeFMUState the snapshot, or a call its own memory: many megabytes each.
 #[test]
 fn random_calls_of_fmi_3_leave_nothing_behind() {
     let _alone = ALONE.lock();

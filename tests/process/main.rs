@@ -1,4 +1,4 @@
-//! Effects on the process as a whole: the memory it holds when the library comes and goes, and its end.
+//! Effects on the whole process: memory while the library is loaded and unloaded, and process exit.
 
 #[path = "../support/mod.rs"]
 mod support;

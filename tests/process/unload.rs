@@ -1,4 +1,4 @@
-//! The end of the process: existing instances can still be used, and new ones can be made.
+//! At process exit existing instances can still be used, and new ones can be made.
 
 use std::process::Command;
 use std::sync::Mutex;
@@ -9,9 +9,9 @@ use fmu_export::fmi2::bindings::fmi2Status;
 
 const CHILD: &str = "MAGNETIC_BEARING_UNLOAD_TEST";
 
-/// Instances that a static object of an importer still holds when the process ends.
+/// Instances held by a static object of an importer until the process ends.
 static HELD: Mutex<Vec<(Fmu, Vec<u64>)>> = Mutex::new(Vec::new());
-/// A request prepared before.
+/// A request for an instance at exit.
 static LATE: Mutex<Option<Request>> = Mutex::new(None);
 
 /// Uses the instances, ends and frees them.
@@ -40,8 +40,8 @@ extern "C" fn at_the_end() {
     }
 }
 
-/// The functions in this table are called from the last to the first, and those of the program stand before those of the
-/// libraries in it: the library has had its turn.
+/// The functions in this table are called from last to first, and those of the program precede those of its
+/// libraries: the library's handler has run.
 #[used]
 // SAFETY: the section holds pointers to functions without arguments, which are called once, at the end of the process.
 #[unsafe(link_section = ".fini_array")]
@@ -75,14 +75,14 @@ fn printed(what: &str) -> String {
     printed
 }
 
-/// Fails if the handler drops the tables whatever there is: the instances then look for their variables in freed memory.
+/// Fails if the handler drops tables in use: the instances then look for their variables in freed memory.
 #[test]
 fn instances_can_be_used_after_the_handler_has_run() {
     let printed = printed("held");
     assert_eq!(printed.matches("held and sound").count(), MODELS.len(), "{printed}");
 }
 
-/// Fails if an instance is made of tables that are gone: they are made anew.
+/// Fails if the instance uses tables that were dropped instead of creating new ones.
 #[test]
 fn an_instance_can_still_be_made_after_the_handler_has_run() {
     assert!(printed("late").contains("made late"));

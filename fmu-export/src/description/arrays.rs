@@ -1,4 +1,4 @@
-//! Rows that are the elements of one array in FMI 3.0.
+//! Rows that form one array in FMI 3.0.
 
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
@@ -20,21 +20,20 @@ pub(crate) struct Group<'v> {
 }
 
 impl<'v> Group<'v> {
-    /// The first row, whose attributes are those of all.
+    /// The first row; all have its attributes.
     pub fn first(&self) -> &'v Variable {
         &self.rows[0]
     }
 
-    /// Description; `k` stands for the number of an element where the descriptions of the rows have it.
+    /// Description, with `k` in place of element numbers in the descriptions of the rows.
     pub fn description(&self) -> Cow<'v, str> {
         let first = &self.first().description;
         if self.rows.iter().all(|row| row.description == *first) {
             return Cow::Borrowed(first);
         }
         let mut general = (1..).zip(self.rows).map(|(number, row)| without_number(&row.description, number));
-        let one: String = general.next().unwrap_or_default();
-        let same = general.all(|other| other == one);
-        if same { Cow::Owned(one) } else { Cow::Borrowed(first) }
+        let one = general.next().unwrap_or_default();
+        if general.all(|other| other == one) { Cow::Owned(one) } else { Cow::Borrowed(first) }
     }
 }
 
@@ -53,10 +52,10 @@ fn without_number(text: &str, number: usize) -> String {
     general + rest
 }
 
-/// All variables in order. With `arrays`, consecutive rows `x[1]`, `x[2]`, … with the same attributes are one variable `x`. States and their
-/// derivatives are arrays of the same length, or none.
+/// All variables in order. With `arrays`, consecutive rows `x[1]`, `x[2]`, … with the same attributes are one variable `x`. States and
+/// their derivatives are arrays of the same length, or none.
 pub(crate) fn groups(variables: &[Variable], arrays: bool) -> Vec<Group<'_>> {
-    // Names that an array cannot have.
+    // Names not available for arrays.
     let mut taken: HashSet<&str> = variables.iter().map(|variable| variable.name.as_ref()).chain(["time"]).collect();
     loop {
         let groups = grouped(variables, |name| arrays && !taken.contains(name));
@@ -74,12 +73,12 @@ pub(crate) fn groups(variables: &[Variable], arrays: bool) -> Vec<Group<'_>> {
     }
 }
 
-fn grouped<'v>(variables: &'v [Variable], may_be: impl Fn(&str) -> bool) -> Vec<Group<'v>> {
+fn grouped<'v>(variables: &'v [Variable], may_be_array: impl Fn(&str) -> bool) -> Vec<Group<'v>> {
     let mut groups = Vec::new();
     let mut at = 0;
     while at < variables.len() {
         let rest = &variables[at..];
-        let array = array(rest).filter(|(name, _)| may_be(name));
+        let array = array(rest).filter(|(name, _)| may_be_array(name));
         let (name, count) = array.unwrap_or((rest[0].name.as_ref(), 1));
         groups.push(Group { reference: at, name, rows: &rest[..count], is_array: array.is_some() });
         at += count;
@@ -87,7 +86,7 @@ fn grouped<'v>(variables: &'v [Variable], may_be: impl Fn(&str) -> bool) -> Vec<
     groups
 }
 
-/// The number of elements that each value reference stands for; 0 for an element within an array.
+/// The number of elements of each value reference; 0 for an element within an array.
 #[cfg(feature = "fmi3")]
 pub(crate) fn elements(variables: &[Variable]) -> Arc<[u32]> {
     let mut elements = vec![0; variables.len()];
@@ -97,7 +96,7 @@ pub(crate) fn elements(variables: &[Variable]) -> Arc<[u32]> {
     elements.into()
 }
 
-/// Name and length of the array with which the rows begin, if they do.
+/// Name and length of the array at the start of the rows, if any.
 fn array(rows: &[Variable]) -> Option<(&str, usize)> {
     let name = rows[0].name.strip_suffix("[1]")?;
     let belongs =
@@ -111,7 +110,7 @@ fn is_element(name: &str, array: &str, number: usize) -> bool {
     index.is_some_and(|index| index == number.to_string())
 }
 
-/// Whether two rows can be elements of one array, the first and that of the given number.
+/// Whether the first row and that of the given number can be elements of one array.
 fn alike(first: &Variable, other: &Variable, number: usize) -> bool {
     let attributes = |row: &Variable| (row.causality, row.variability, row.state, row.exact);
     let derivatives = match (&first.derivative_of, &other.derivative_of) {

@@ -2,29 +2,19 @@
 
 use std::collections::HashMap;
 
-use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
-use crate::interface::logger::Category;
+use super::{
+    causality, default_experiment, enumerations, initial, is_initial_unknown, kind_of, root, variability,
+    write_log_categories, write_unit,
+};
 use crate::model::{Capabilities, Info};
-use crate::unit::Unit;
 use crate::variable::{Causality, Enumeration, Type, Variable};
-use crate::xml::{Page, element, real, units, write_base_unit};
+use crate::xml::{Page, element, real, units};
 
 /// The text of the description, with an empty GUID.
 pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable]) -> String {
-    let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
-    // Other elements refer to a variable by its place, counted from 1.
+    // Other elements refer to a variable by its position, counted from 1.
     let places: HashMap<&str, usize> = variables.iter().map(|variable| variable.name.as_ref()).zip(1..).collect();
-    let root = element("fmiModelDescription")
-        .with("fmiVersion", "2.0")
-        .with("modelName", info.name)
-        .with("guid", "")
-        .with("description", info.description)
-        .with_some("author", given(info.author))
-        .with_some("version", given(info.version))
-        .with_some("license", given(info.license))
-        .with_some("generationTool", given(info.tool))
-        .with("variableNamingConvention", "structured");
-    Page::document(root, |page| {
+    Page::document(root(info, "2.0", "guid"), |page| {
         page.empty(
             element("CoSimulation")
                 .with("modelIdentifier", info.name)
@@ -39,7 +29,7 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
                 .with("canSerializeFMUstate", capabilities.snapshots.to_string())
                 .with("providesDirectionalDerivative", capabilities.directional_derivatives.to_string()),
         );
-        // The schema knows no empty lists.
+        // The schema allows no empty lists.
         let units = units(variables);
         if !units.is_empty() {
             page.nest(element("UnitDefinitions"), |page| units.into_iter().for_each(|unit| write_unit(page, unit)));
@@ -52,19 +42,8 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
                 }
             });
         }
-        page.nest(element("LogCategories"), |page| {
-            for category in Category::ALL {
-                let name = category.name().to_string_lossy();
-                page.empty(element("Category").with("name", name).with("description", category.description("fmi2")));
-            }
-        });
-        page.empty(
-            element("DefaultExperiment")
-                .with("startTime", "0")
-                .with("stopTime", real(info.stop_s))
-                .with("tolerance", real(info.tolerance))
-                .with("stepSize", real(info.step_s)),
-        );
+        write_log_categories(page, "fmi2");
+        page.empty(default_experiment(info));
         page.nest(element("ModelVariables"), |page| {
             for (reference, variable) in variables.iter().enumerate() {
                 let state = variable.derivative_of.as_ref().and_then(|state| places.get(state.as_ref()));
@@ -74,16 +53,6 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
         });
         page.nest(element("ModelStructure"), |page| write_structure(page, variables, &places));
     })
-}
-
-fn write_unit(page: &mut Page, unit: &Unit) {
-    page.nest(element("Unit").with("name", unit.name), |page| {
-        write_base_unit(page, "BaseUnit", unit);
-        for display in unit.displays {
-            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
-            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
-        }
-    });
 }
 
 fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {

@@ -3,34 +3,25 @@
 use std::collections::{BTreeMap, HashMap};
 
 use super::arrays::{Group, groups};
-use super::{causality, enumerations, initial, is_initial_unknown, kind_of, variability};
-use crate::interface::logger::Category;
+use super::{
+    causality, default_experiment, enumerations, initial, is_initial_unknown, kind_of, root, variability,
+    write_log_categories, write_unit,
+};
 use crate::model::{Capabilities, Info};
-use crate::unit::{SECOND, Unit};
+use crate::unit::SECOND;
 use crate::variable::{Causality, Dependency, Enumeration, Type, Variable};
-use crate::xml::{Element, Page, element, real, units, write_base_unit};
+use crate::xml::{Element, Page, element, real, units};
 
 /// Value references by the names of rows.
 type References<'v> = HashMap<&'v str, usize>;
 
 /// The text of the description, with an empty instantiation token.
 pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Variable], arrays: bool) -> String {
-    let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
-    let root = element("fmiModelDescription")
-        .with("fmiVersion", "3.0")
-        .with("modelName", info.name)
-        .with("instantiationToken", "")
-        .with("description", info.description)
-        .with_some("author", given(info.author))
-        .with_some("version", given(info.version))
-        .with_some("license", given(info.license))
-        .with_some("generationTool", given(info.tool))
-        .with("variableNamingConvention", "structured");
     let groups = groups(variables, arrays);
-    // The value reference of a row, or of the array that it is an element of.
+    // The value reference of a row, or of its array.
     let rows = groups.iter().flat_map(|group| group.rows.iter().map(|row| (row.name.as_ref(), group.reference)));
     let references: References<'_> = rows.collect();
-    Page::document(root, |page| {
+    Page::document(root(info, "3.0", "instantiationToken"), |page| {
         page.empty(
             element("CoSimulation")
                 .with("modelIdentifier", info.name)
@@ -61,19 +52,8 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
                 }
             });
         }
-        page.nest(element("LogCategories"), |page| {
-            for category in Category::ALL {
-                let name = category.name().to_string_lossy();
-                page.empty(element("Category").with("name", name).with("description", category.description("fmi3")));
-            }
-        });
-        page.empty(
-            element("DefaultExperiment")
-                .with("startTime", "0")
-                .with("stopTime", real(info.stop_s))
-                .with("tolerance", real(info.tolerance))
-                .with("stepSize", real(info.step_s)),
-        );
+        write_log_categories(page, "fmi3");
+        page.empty(default_experiment(info));
         page.nest(element("ModelVariables"), |page| {
             for group in &groups {
                 let state = group.first().derivative_of.as_ref().and_then(|state| references.get(state.as_ref()));
@@ -96,16 +76,6 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
     })
 }
 
-fn write_unit(page: &mut Page, unit: &Unit) {
-    page.nest(element("Unit").with("name", unit.name), |page| {
-        write_base_unit(page, "BaseUnit", unit);
-        for display in unit.displays {
-            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
-            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
-        }
-    });
-}
-
 fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
     let root = element("EnumerationType").with("name", enumeration.name).with("description", enumeration.description);
     page.nest(root, |page| {
@@ -119,7 +89,7 @@ fn write_enumeration(page: &mut Page, enumeration: &Enumeration) {
 fn write_variable(page: &mut Page, group: &Group<'_>, state: Option<usize>) {
     let variable = group.first();
     let settable = variable.has_start();
-    // The start values of all elements, which computed variables do not have.
+    // The start values of all elements; computed variables have none.
     let starts = || {
         let starts = group.rows.iter().map(|row| match &row.data_type {
             Type::Real { start, .. } => real(*start),
@@ -184,7 +154,7 @@ fn write_structure(page: &mut Page, groups: &[Group<'_>], references: &Reference
         let mut depends_on: BTreeMap<usize, Dependency> = BTreeMap::new();
         for (name, how) in named.into_iter().flatten() {
             let Some(reference) = references.get(name.as_ref()) else { continue };
-            // Elements that depend in different ways depend in some way.
+            // If elements depend in different ways, the array depends in any way.
             let known = depends_on.entry(*reference).or_insert(*how);
             if *known != *how {
                 *known = Dependency::Any;

@@ -6,8 +6,11 @@ mod fmi3;
 
 use sha2::{Digest, Sha256};
 
+use crate::interface::logger::Category;
 use crate::model::{Capabilities, Info};
+use crate::unit::Unit;
 use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
+use crate::xml::{Element, Page, element, real, write_base_unit};
 
 /// A version of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -17,8 +20,8 @@ pub enum Standard {
     Fmi2,
     /// FMI 3.0.
     Fmi3 {
-        /// Whether `x[1]`, `x[2]`, … are one array `x`. Otherwise they are variables of their own, as in FMI 2.0: more tools
-        /// accept that.
+        /// Whether `x[1]`, `x[2]`, … are one array `x`. Otherwise they are separate variables, as in FMI 2.0, which more tools
+        /// accept.
         arrays: bool,
     },
 }
@@ -28,7 +31,7 @@ impl Standard {
     pub const ALL: [Self; 3] = [Self::Fmi2, Self::Fmi3 { arrays: false }, Self::Fmi3 { arrays: true }];
     /// Those of FMI 3.0.
     pub const OF_FMI3: [Self; 2] = [Self::Fmi3 { arrays: false }, Self::Fmi3 { arrays: true }];
-    /// Those whose functions this crate is built with, by its features `fmi2` and `fmi3`; arrays are not used.
+    /// Those that this crate is built with, by its features `fmi2` and `fmi3`; without arrays.
     pub const BUILT: &[Self] = &[
         #[cfg(feature = "fmi2")]
         Self::Fmi2,
@@ -111,10 +114,53 @@ fn initial(variable: &Variable) -> Option<&'static str> {
     }
 }
 
-/// Whether the structure lists it among what is computed at the start.
+/// Whether the model structure lists it as an initial unknown.
 fn is_initial_unknown(variable: &Variable) -> bool {
     let listed = matches!(variable.causality, Causality::Output | Causality::CalculatedParameter);
     variable.is_computed() && (listed || variable.state || variable.derivative_of.is_some())
+}
+
+/// The root element; `identity` is the attribute of the GUID or token, initially empty.
+fn root(info: &Info, version: &str, identity: &'static str) -> Element {
+    let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
+    element("fmiModelDescription")
+        .with("fmiVersion", version)
+        .with("modelName", info.name)
+        .with(identity, "")
+        .with("description", info.description)
+        .with_some("author", given(info.author))
+        .with_some("version", given(info.version))
+        .with_some("license", given(info.license))
+        .with_some("generationTool", given(info.tool))
+        .with("variableNamingConvention", "structured")
+}
+
+fn write_unit(page: &mut Page, unit: &Unit) {
+    page.nest(element("Unit").with("name", unit.name), |page| {
+        write_base_unit(page, "BaseUnit", unit);
+        for display in unit.displays {
+            let tag = element("DisplayUnit").with("name", display.name).with("factor", real(display.factor));
+            page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
+        }
+    });
+}
+
+/// `prefix` begins the names of statuses.
+fn write_log_categories(page: &mut Page, prefix: &str) {
+    page.nest(element("LogCategories"), |page| {
+        for category in Category::ALL {
+            let name = category.name().to_string_lossy();
+            page.empty(element("Category").with("name", name).with("description", category.description(prefix)));
+        }
+    });
+}
+
+fn default_experiment(info: &Info) -> Element {
+    element("DefaultExperiment")
+        .with("startTime", "0")
+        .with("stopTime", real(info.stop_s))
+        .with("tolerance", real(info.tolerance))
+        .with("stepSize", real(info.step_s))
 }
 
 fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {

@@ -1,17 +1,17 @@
 // Made by `scripts/bindings` with bindgen 0.73.2 from `fmu-export/src/fmi2/fmi2.h`. Do not edit: change the header and run it again.
-// SHA-256 of the header: f84e013b8a03b39e781c1ca641bebb3497553225235ffe8b0bd21f2f39f9623a
+// SHA-256 of the header: 753cbb332c82e00f7cc2c8725f1863aeaba658c85182a31aefa256a563654902
 
 pub const fmi2TypesPlatform: &::core::ffi::CStr = c"default";
 pub const fmi2Version: &::core::ffi::CStr = c"2.0";
 pub const fmi2True: i32 = 1;
 pub const fmi2False: i32 = 0;
-#[doc = " One instance of the FMU; only the FMU knows what it points to."]
+#[doc = " One instance of the FMU; opaque to the importer."]
 pub type fmi2Component = *mut ::core::ffi::c_void;
-#[doc = " A pointer of the importer's, handed back to it with every callback and never looked into."]
+#[doc = " A pointer of the importer, passed back with every callback; opaque to the FMU."]
 pub type fmi2ComponentEnvironment = *mut ::core::ffi::c_void;
-#[doc = " A snapshot of one instance; only the FMU knows what it points to."]
+#[doc = " A snapshot of one instance; opaque to the importer."]
 pub type fmi2FMUstate = *mut ::core::ffi::c_void;
-#[doc = " The number by which a variable is named in calls, unique within one base type."]
+#[doc = " The number that identifies a variable in calls, unique within one base type."]
 pub type fmi2ValueReference = ::core::ffi::c_uint;
 #[doc = " A value of a Real variable, in the variable's unit."]
 pub type fmi2Real = f64;
@@ -21,20 +21,20 @@ pub type fmi2Integer = ::core::ffi::c_int;
 pub type fmi2Boolean = ::core::ffi::c_int;
 #[doc = " One byte of a text in UTF-8."]
 pub type fmi2Char = ::core::ffi::c_char;
-#[doc = " A text in UTF-8 that ends with a zero byte; whoever receives it copies it before the call returns."]
+#[doc = " A zero-terminated text in UTF-8; the receiver copies it before the call returns."]
 pub type fmi2String = *const fmi2Char;
 #[doc = " One byte of a serialized snapshot."]
 pub type fmi2Byte = ::core::ffi::c_char;
 impl fmi2Status {
     #[doc = " All is well."]
     pub const fmi2OK: fmi2Status = fmi2Status(0);
-    #[doc = " Something is not quite right, and the simulation can go on."]
+    #[doc = " Something is unusual; the simulation can continue."]
     pub const fmi2Warning: fmi2Status = fmi2Status(1);
-    #[doc = " The call had no effect; for a step, it was not carried out to its end."]
+    #[doc = " The call had no effect; a step was not completed."]
     pub const fmi2Discard: fmi2Status = fmi2Status(2);
-    #[doc = " The instance cannot go on; other instances can."]
+    #[doc = " The instance cannot continue; other instances can."]
     pub const fmi2Error: fmi2Status = fmi2Status(3);
-    #[doc = " No instance of this FMU can go on."]
+    #[doc = " No instance of this FMU can continue."]
     pub const fmi2Fatal: fmi2Status = fmi2Status(4);
     #[doc = " The step was started and will be reported by stepFinished."]
     pub const fmi2Pending: fmi2Status = fmi2Status(5);
@@ -50,24 +50,24 @@ impl fmi2Type {
     pub const fmi2CoSimulation: fmi2Type = fmi2Type(1);
 }
 #[repr(transparent)]
-#[doc = " The kind of interface an instance is made for."]
+#[doc = " The interface type of an instance."]
 #[derive(Debug, Copy, Clone, Hash, PartialEq, Eq)]
 pub struct fmi2Type(pub ::core::ffi::c_uint);
 impl fmi2StatusKind {
-    #[doc = " How the pending step ended, or fmi2Pending: asked with fmi2GetStatus."]
+    #[doc = " Outcome of the pending step, or fmi2Pending: for fmi2GetStatus."]
     pub const fmi2DoStepStatus: fmi2StatusKind = fmi2StatusKind(0);
-    #[doc = " A text on the pending step: asked with fmi2GetStringStatus."]
+    #[doc = " A text on the pending step: for fmi2GetStringStatus."]
     pub const fmi2PendingStatus: fmi2StatusKind = fmi2StatusKind(1);
-    #[doc = " The time up to which the last step succeeded, in seconds: asked with fmi2GetRealStatus."]
+    #[doc = " The time up to which the last step succeeded, in seconds: for fmi2GetRealStatus."]
     pub const fmi2LastSuccessfulTime: fmi2StatusKind = fmi2StatusKind(2);
-    #[doc = " Whether the FMU wants the simulation to end: asked with fmi2GetBooleanStatus."]
+    #[doc = " Whether the FMU wants the simulation to end: for fmi2GetBooleanStatus."]
     pub const fmi2Terminated: fmi2StatusKind = fmi2StatusKind(3);
 }
 #[repr(transparent)]
-#[doc = " The question put to fmi2GetStatus and its companions."]
+#[doc = " The query of fmi2GetStatus and its companions."]
 #[derive(Debug, Copy, Clone, Hash, PartialEq, Eq)]
 pub struct fmi2StatusKind(pub ::core::ffi::c_uint);
-#[doc = " Takes a message: environment, instance name, status, category, then a format and its arguments as for printf."]
+#[doc = " Receives a message: environment, instance name, status, category, then a format and its arguments as for printf."]
 pub type fmi2CallbackLogger = ::core::option::Option<
     unsafe extern "C" fn(
         componentEnvironment: fmi2ComponentEnvironment,
@@ -78,32 +78,32 @@ pub type fmi2CallbackLogger = ::core::option::Option<
         ...
     ),
 >;
-#[doc = " Gives zeroed memory for a number of objects of a size in bytes, or a null pointer."]
+#[doc = " Allocates zeroed memory for a number of objects of a size in bytes, or returns a null pointer."]
 pub type fmi2CallbackAllocateMemory =
     ::core::option::Option<unsafe extern "C" fn(nobj: usize, size: usize) -> *mut ::core::ffi::c_void>;
-#[doc = " Takes back memory that fmi2CallbackAllocateMemory gave; a null pointer is allowed."]
+#[doc = " Frees memory from fmi2CallbackAllocateMemory; a null pointer is allowed."]
 pub type fmi2CallbackFreeMemory = ::core::option::Option<unsafe extern "C" fn(obj: *mut ::core::ffi::c_void)>;
-#[doc = " Is told that a pending step has ended, and how."]
+#[doc = " Is called when a pending step has ended, with its status."]
 pub type fmi2StepFinished =
     ::core::option::Option<unsafe extern "C" fn(componentEnvironment: fmi2ComponentEnvironment, status: fmi2Status)>;
-#[doc = " The callbacks, and the pointer that goes with them; they live as long as the instance."]
+#[doc = " The callbacks and their environment; they live as long as the instance."]
 #[repr(C)]
 #[derive(Debug, Copy, Clone)]
 pub struct fmi2CallbackFunctions {
-    #[doc = " Takes messages."]
+    #[doc = " Receives messages."]
     pub logger: fmi2CallbackLogger,
-    #[doc = " Gives memory."]
+    #[doc = " Allocates memory."]
     pub allocateMemory: fmi2CallbackAllocateMemory,
-    #[doc = " Takes memory back."]
+    #[doc = " Frees memory."]
     pub freeMemory: fmi2CallbackFreeMemory,
-    #[doc = " Is told of the end of a pending step; null if the importer wants no such steps."]
+    #[doc = " Is called at the end of a pending step; null if the importer wants no such steps."]
     pub stepFinished: fmi2StepFinished,
-    #[doc = " Handed back with every message and every end of a step."]
+    #[doc = " Passed back with every message and every end of a step."]
     pub componentEnvironment: fmi2ComponentEnvironment,
 }
-#[doc = " Tells the types on which the two sides agree."]
+#[doc = " Returns the types platform of the interface."]
 pub type fmi2GetTypesPlatformTYPE = ::core::option::Option<unsafe extern "C" fn() -> *const ::core::ffi::c_char>;
-#[doc = " Tells the version of the standard."]
+#[doc = " Returns the version of the standard."]
 pub type fmi2GetVersionTYPE = ::core::option::Option<unsafe extern "C" fn() -> *const ::core::ffi::c_char>;
 #[doc = " Turns messages of the named categories on or off; no categories named means all of them."]
 pub type fmi2SetDebugLoggingTYPE = ::core::option::Option<
@@ -114,7 +114,7 @@ pub type fmi2SetDebugLoggingTYPE = ::core::option::Option<
         categories: *const fmi2String,
     ) -> fmi2Status,
 >;
-#[doc = " Makes an instance, or answers a null pointer."]
+#[doc = " Makes an instance, or returns a null pointer."]
 pub type fmi2InstantiateTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         instanceName: fmi2String,
@@ -126,9 +126,9 @@ pub type fmi2InstantiateTYPE = ::core::option::Option<
         loggingOn: fmi2Boolean,
     ) -> fmi2Component,
 >;
-#[doc = " Gives back everything an instance holds; a null pointer is allowed."]
+#[doc = " Frees an instance; a null pointer is allowed."]
 pub type fmi2FreeInstanceTYPE = ::core::option::Option<unsafe extern "C" fn(c: fmi2Component)>;
-#[doc = " Tells tolerance, start and stop time, in seconds, before initialization."]
+#[doc = " Sets tolerance, start and stop time, in seconds, before initialization."]
 pub type fmi2SetupExperimentTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         c: fmi2Component,
@@ -145,7 +145,7 @@ pub type fmi2EnterInitializationModeTYPE = ::core::option::Option<unsafe extern 
 pub type fmi2ExitInitializationModeTYPE = ::core::option::Option<unsafe extern "C" fn(c: fmi2Component) -> fmi2Status>;
 #[doc = " Ends the simulation; results can still be read."]
 pub type fmi2TerminateTYPE = ::core::option::Option<unsafe extern "C" fn(c: fmi2Component) -> fmi2Status>;
-#[doc = " Puts an instance back to what it was when it was made."]
+#[doc = " Resets an instance to its initial state."]
 pub type fmi2ResetTYPE = ::core::option::Option<unsafe extern "C" fn(c: fmi2Component) -> fmi2Status>;
 #[doc = " Reads Real variables."]
 pub type fmi2GetRealTYPE = ::core::option::Option<
@@ -219,16 +219,16 @@ pub type fmi2SetStringTYPE = ::core::option::Option<
         value: *const fmi2String,
     ) -> fmi2Status,
 >;
-#[doc = " Takes a snapshot: a new one if the pointer is null, else into the one that it points to."]
+#[doc = " Takes a snapshot: a new one if the pointer is null, else into the existing one."]
 pub type fmi2GetFMUstateTYPE =
     ::core::option::Option<unsafe extern "C" fn(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status>;
-#[doc = " Puts an instance back to a snapshot, which stays valid."]
+#[doc = " Restores a snapshot, which stays valid."]
 pub type fmi2SetFMUstateTYPE =
     ::core::option::Option<unsafe extern "C" fn(c: fmi2Component, FMUstate: fmi2FMUstate) -> fmi2Status>;
-#[doc = " Gives a snapshot back and sets its pointer to null; a null pointer is allowed."]
+#[doc = " Frees a snapshot and sets its pointer to null; a null pointer is allowed."]
 pub type fmi2FreeFMUstateTYPE =
     ::core::option::Option<unsafe extern "C" fn(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status>;
-#[doc = " Tells how many bytes a snapshot takes when serialized."]
+#[doc = " Returns the size of a serialized snapshot, in bytes."]
 pub type fmi2SerializedFMUstateSizeTYPE = ::core::option::Option<
     unsafe extern "C" fn(c: fmi2Component, FMUstate: fmi2FMUstate, size: *mut usize) -> fmi2Status,
 >;
@@ -250,7 +250,7 @@ pub type fmi2DeSerializeFMUstateTYPE = ::core::option::Option<
         FMUstate: *mut fmi2FMUstate,
     ) -> fmi2Status,
 >;
-#[doc = " Gives the product of the Jacobian of the unknowns by the knowns with a direction."]
+#[doc = " Returns the product of the Jacobian of the unknowns with respect to the knowns and a direction."]
 pub type fmi2GetDirectionalDerivativeTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         c: fmi2Component,
@@ -262,7 +262,7 @@ pub type fmi2GetDirectionalDerivativeTYPE = ::core::option::Option<
         dvUnknown: *mut fmi2Real,
     ) -> fmi2Status,
 >;
-#[doc = " Tells derivatives of inputs by time, of the orders given (1 is the first derivative)."]
+#[doc = " Sets time derivatives of inputs, of the given orders (1 is the first derivative)."]
 pub type fmi2SetRealInputDerivativesTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         c: fmi2Component,
@@ -272,7 +272,7 @@ pub type fmi2SetRealInputDerivativesTYPE = ::core::option::Option<
         value: *const fmi2Real,
     ) -> fmi2Status,
 >;
-#[doc = " Reads derivatives of outputs by time, of the orders given (1 is the first derivative)."]
+#[doc = " Reads time derivatives of outputs, of the given orders (1 is the first derivative)."]
 pub type fmi2GetRealOutputDerivativesTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         c: fmi2Component,
@@ -291,25 +291,25 @@ pub type fmi2DoStepTYPE = ::core::option::Option<
         noSetFMUStatePriorToCurrentPoint: fmi2Boolean,
     ) -> fmi2Status,
 >;
-#[doc = " Gives up a pending step."]
+#[doc = " Cancels a pending step."]
 pub type fmi2CancelStepTYPE = ::core::option::Option<unsafe extern "C" fn(c: fmi2Component) -> fmi2Status>;
-#[doc = " Answers a question about the step with a status."]
+#[doc = " Answers a query about the step with a status."]
 pub type fmi2GetStatusTYPE = ::core::option::Option<
     unsafe extern "C" fn(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status,
 >;
-#[doc = " Answers a question about the step with a Real."]
+#[doc = " Answers a query about the step with a Real."]
 pub type fmi2GetRealStatusTYPE = ::core::option::Option<
     unsafe extern "C" fn(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Real) -> fmi2Status,
 >;
-#[doc = " Answers a question about the step with an Integer."]
+#[doc = " Answers a query about the step with an Integer."]
 pub type fmi2GetIntegerStatusTYPE = ::core::option::Option<
     unsafe extern "C" fn(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Integer) -> fmi2Status,
 >;
-#[doc = " Answers a question about the step with a Boolean."]
+#[doc = " Answers a query about the step with a Boolean."]
 pub type fmi2GetBooleanStatusTYPE = ::core::option::Option<
     unsafe extern "C" fn(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Boolean) -> fmi2Status,
 >;
-#[doc = " Answers a question about the step with a text."]
+#[doc = " Answers a query about the step with a text."]
 pub type fmi2GetStringStatusTYPE = ::core::option::Option<
     unsafe extern "C" fn(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2String) -> fmi2Status,
 >;

@@ -15,18 +15,18 @@ extern "C" {
 
 /* Types on which the two sides agree. */
 
-/** What fmi2GetTypesPlatform answers for the types below. */
+/** Return value of fmi2GetTypesPlatform for the types below. */
 #define fmi2TypesPlatform "default"
-/** What fmi2GetVersion answers. */
+/** Return value of fmi2GetVersion. */
 #define fmi2Version "2.0"
 
-/** One instance of the FMU; only the FMU knows what it points to. */
+/** One instance of the FMU; opaque to the importer. */
 typedef void* fmi2Component;
-/** A pointer of the importer's, handed back to it with every callback and never looked into. */
+/** A pointer of the importer, passed back with every callback; opaque to the FMU. */
 typedef void* fmi2ComponentEnvironment;
-/** A snapshot of one instance; only the FMU knows what it points to. */
+/** A snapshot of one instance; opaque to the importer. */
 typedef void* fmi2FMUstate;
-/** The number by which a variable is named in calls, unique within one base type. */
+/** The number that identifies a variable in calls, unique within one base type. */
 typedef unsigned int fmi2ValueReference;
 /** A value of a Real variable, in the variable's unit. */
 typedef double fmi2Real;
@@ -36,7 +36,7 @@ typedef int fmi2Integer;
 typedef int fmi2Boolean;
 /** One byte of a text in UTF-8. */
 typedef char fmi2Char;
-/** A text in UTF-8 that ends with a zero byte; whoever receives it copies it before the call returns. */
+/** A zero-terminated text in UTF-8; the receiver copies it before the call returns. */
 typedef const fmi2Char* fmi2String;
 /** One byte of a serialized snapshot. */
 typedef char fmi2Byte;
@@ -52,19 +52,19 @@ typedef char fmi2Byte;
 typedef enum {
     /** All is well. */
     fmi2OK,
-    /** Something is not quite right, and the simulation can go on. */
+    /** Something is unusual; the simulation can continue. */
     fmi2Warning,
-    /** The call had no effect; for a step, it was not carried out to its end. */
+    /** The call had no effect; a step was not completed. */
     fmi2Discard,
-    /** The instance cannot go on; other instances can. */
+    /** The instance cannot continue; other instances can. */
     fmi2Error,
-    /** No instance of this FMU can go on. */
+    /** No instance of this FMU can continue. */
     fmi2Fatal,
     /** The step was started and will be reported by stepFinished. */
     fmi2Pending
 } fmi2Status;
 
-/** The kind of interface an instance is made for. */
+/** The interface type of an instance. */
 typedef enum {
     /** The importer integrates the equations. */
     fmi2ModelExchange,
@@ -72,62 +72,62 @@ typedef enum {
     fmi2CoSimulation
 } fmi2Type;
 
-/** The question put to fmi2GetStatus and its companions. */
+/** The query of fmi2GetStatus and its companions. */
 typedef enum {
-    /** How the pending step ended, or fmi2Pending: asked with fmi2GetStatus. */
+    /** Outcome of the pending step, or fmi2Pending: for fmi2GetStatus. */
     fmi2DoStepStatus,
-    /** A text on the pending step: asked with fmi2GetStringStatus. */
+    /** A text on the pending step: for fmi2GetStringStatus. */
     fmi2PendingStatus,
-    /** The time up to which the last step succeeded, in seconds: asked with fmi2GetRealStatus. */
+    /** The time up to which the last step succeeded, in seconds: for fmi2GetRealStatus. */
     fmi2LastSuccessfulTime,
-    /** Whether the FMU wants the simulation to end: asked with fmi2GetBooleanStatus. */
+    /** Whether the FMU wants the simulation to end: for fmi2GetBooleanStatus. */
     fmi2Terminated
 } fmi2StatusKind;
 
-/* What the importer offers to the FMU. */
+/* Callbacks of the importer. */
 
-/** Takes a message: environment, instance name, status, category, then a format and its arguments as for printf. */
+/** Receives a message: environment, instance name, status, category, then a format and its arguments as for printf. */
 typedef void (*fmi2CallbackLogger)(fmi2ComponentEnvironment componentEnvironment, fmi2String instanceName,
                                    fmi2Status status, fmi2String category, fmi2String message, ...);
-/** Gives zeroed memory for a number of objects of a size in bytes, or a null pointer. */
+/** Allocates zeroed memory for a number of objects of a size in bytes, or returns a null pointer. */
 typedef void* (*fmi2CallbackAllocateMemory)(size_t nobj, size_t size);
-/** Takes back memory that fmi2CallbackAllocateMemory gave; a null pointer is allowed. */
+/** Frees memory from fmi2CallbackAllocateMemory; a null pointer is allowed. */
 typedef void (*fmi2CallbackFreeMemory)(void* obj);
-/** Is told that a pending step has ended, and how. */
+/** Is called when a pending step has ended, with its status. */
 typedef void (*fmi2StepFinished)(fmi2ComponentEnvironment componentEnvironment, fmi2Status status);
 
-/** The callbacks, and the pointer that goes with them; they live as long as the instance. */
+/** The callbacks and their environment; they live as long as the instance. */
 typedef struct {
-    /** Takes messages. */
+    /** Receives messages. */
     fmi2CallbackLogger logger;
-    /** Gives memory. */
+    /** Allocates memory. */
     fmi2CallbackAllocateMemory allocateMemory;
-    /** Takes memory back. */
+    /** Frees memory. */
     fmi2CallbackFreeMemory freeMemory;
-    /** Is told of the end of a pending step; null if the importer wants no such steps. */
+    /** Is called at the end of a pending step; null if the importer wants no such steps. */
     fmi2StepFinished stepFinished;
-    /** Handed back with every message and every end of a step. */
+    /** Passed back with every message and every end of a step. */
     fmi2ComponentEnvironment componentEnvironment;
 } fmi2CallbackFunctions;
 
-/* The types of the functions, which importers use for the addresses they look up. */
+/* Function types, for addresses looked up by importers. */
 
-/** Tells the types on which the two sides agree. */
+/** Returns the types platform of the interface. */
 typedef const char* fmi2GetTypesPlatformTYPE(void);
-/** Tells the version of the standard. */
+/** Returns the version of the standard. */
 typedef const char* fmi2GetVersionTYPE(void);
 /** Turns messages of the named categories on or off; no categories named means all of them. */
 typedef fmi2Status fmi2SetDebugLoggingTYPE(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                            const fmi2String categories[]);
 
-/** Makes an instance, or answers a null pointer. */
+/** Makes an instance, or returns a null pointer. */
 typedef fmi2Component fmi2InstantiateTYPE(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
                                           fmi2String fmuResourceLocation, const fmi2CallbackFunctions* functions,
                                           fmi2Boolean visible, fmi2Boolean loggingOn);
-/** Gives back everything an instance holds; a null pointer is allowed. */
+/** Frees an instance; a null pointer is allowed. */
 typedef void fmi2FreeInstanceTYPE(fmi2Component c);
 
-/** Tells tolerance, start and stop time, in seconds, before initialization. */
+/** Sets tolerance, start and stop time, in seconds, before initialization. */
 typedef fmi2Status fmi2SetupExperimentTYPE(fmi2Component c, fmi2Boolean toleranceDefined, fmi2Real tolerance,
                                            fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime);
 /** Begins initialization. */
@@ -136,7 +136,7 @@ typedef fmi2Status fmi2EnterInitializationModeTYPE(fmi2Component c);
 typedef fmi2Status fmi2ExitInitializationModeTYPE(fmi2Component c);
 /** Ends the simulation; results can still be read. */
 typedef fmi2Status fmi2TerminateTYPE(fmi2Component c);
-/** Puts an instance back to what it was when it was made. */
+/** Resets an instance to its initial state. */
 typedef fmi2Status fmi2ResetTYPE(fmi2Component c);
 
 /** Reads Real variables. */
@@ -159,13 +159,13 @@ typedef fmi2Status fmi2SetBooleanTYPE(fmi2Component c, const fmi2ValueReference 
 typedef fmi2Status fmi2SetStringTYPE(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                      const fmi2String value[]);
 
-/** Takes a snapshot: a new one if the pointer is null, else into the one that it points to. */
+/** Takes a snapshot: a new one if the pointer is null, else into the existing one. */
 typedef fmi2Status fmi2GetFMUstateTYPE(fmi2Component c, fmi2FMUstate* FMUstate);
-/** Puts an instance back to a snapshot, which stays valid. */
+/** Restores a snapshot, which stays valid. */
 typedef fmi2Status fmi2SetFMUstateTYPE(fmi2Component c, fmi2FMUstate FMUstate);
-/** Gives a snapshot back and sets its pointer to null; a null pointer is allowed. */
+/** Frees a snapshot and sets its pointer to null; a null pointer is allowed. */
 typedef fmi2Status fmi2FreeFMUstateTYPE(fmi2Component c, fmi2FMUstate* FMUstate);
-/** Tells how many bytes a snapshot takes when serialized. */
+/** Returns the size of a serialized snapshot, in bytes. */
 typedef fmi2Status fmi2SerializedFMUstateSizeTYPE(fmi2Component c, fmi2FMUstate FMUstate, size_t* size);
 /** Writes a snapshot as bytes. */
 typedef fmi2Status fmi2SerializeFMUstateTYPE(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[],
@@ -174,32 +174,32 @@ typedef fmi2Status fmi2SerializeFMUstateTYPE(fmi2Component c, fmi2FMUstate FMUst
 typedef fmi2Status fmi2DeSerializeFMUstateTYPE(fmi2Component c, const fmi2Byte serializedState[], size_t size,
                                                fmi2FMUstate* FMUstate);
 
-/** Gives the product of the Jacobian of the unknowns by the knowns with a direction. */
+/** Returns the product of the Jacobian of the unknowns with respect to the knowns and a direction. */
 typedef fmi2Status fmi2GetDirectionalDerivativeTYPE(fmi2Component c, const fmi2ValueReference vUnknown_ref[],
                                                     size_t nUnknown, const fmi2ValueReference vKnown_ref[],
                                                     size_t nKnown, const fmi2Real dvKnown[], fmi2Real dvUnknown[]);
 
-/** Tells derivatives of inputs by time, of the orders given (1 is the first derivative). */
+/** Sets time derivatives of inputs, of the given orders (1 is the first derivative). */
 typedef fmi2Status fmi2SetRealInputDerivativesTYPE(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                                    const fmi2Integer order[], const fmi2Real value[]);
-/** Reads derivatives of outputs by time, of the orders given (1 is the first derivative). */
+/** Reads time derivatives of outputs, of the given orders (1 is the first derivative). */
 typedef fmi2Status fmi2GetRealOutputDerivativesTYPE(fmi2Component c, const fmi2ValueReference vr[], size_t nvr,
                                                     const fmi2Integer order[], fmi2Real value[]);
 /** Steps from a time by a step size, both in seconds. */
 typedef fmi2Status fmi2DoStepTYPE(fmi2Component c, fmi2Real currentCommunicationPoint,
                                   fmi2Real communicationStepSize, fmi2Boolean noSetFMUStatePriorToCurrentPoint);
-/** Gives up a pending step. */
+/** Cancels a pending step. */
 typedef fmi2Status fmi2CancelStepTYPE(fmi2Component c);
 
-/** Answers a question about the step with a status. */
+/** Answers a query about the step with a status. */
 typedef fmi2Status fmi2GetStatusTYPE(fmi2Component c, const fmi2StatusKind s, fmi2Status* value);
-/** Answers a question about the step with a Real. */
+/** Answers a query about the step with a Real. */
 typedef fmi2Status fmi2GetRealStatusTYPE(fmi2Component c, const fmi2StatusKind s, fmi2Real* value);
-/** Answers a question about the step with an Integer. */
+/** Answers a query about the step with an Integer. */
 typedef fmi2Status fmi2GetIntegerStatusTYPE(fmi2Component c, const fmi2StatusKind s, fmi2Integer* value);
-/** Answers a question about the step with a Boolean. */
+/** Answers a query about the step with a Boolean. */
 typedef fmi2Status fmi2GetBooleanStatusTYPE(fmi2Component c, const fmi2StatusKind s, fmi2Boolean* value);
-/** Answers a question about the step with a text. */
+/** Answers a query about the step with a text. */
 typedef fmi2Status fmi2GetStringStatusTYPE(fmi2Component c, const fmi2StatusKind s, fmi2String* value);
 
 /* The functions that the FMU exports. */

@@ -21,7 +21,7 @@ call_table! { Fmi2, "fmi2";
     SetupExperiment:           INSTANTIATED,
     EnterInitializationMode:   INSTANTIATED,
     ExitInitializationMode:    INITIALIZATION,
-    // After an error the standard allows only reset and free; importers terminate all the same, which is harmless.
+    // After an error the standard allows only reset and free; importers terminate anyway, which is harmless.
     Terminate:                 STEP | ERROR,
     Reset:                     ALWAYS,
     GetReal:                   INITIALIZATION | STEP | TERMINATED | ERROR,

@@ -1,5 +1,5 @@
 // Made by `scripts/bindings` with bindgen 0.73.2 from `fmu-export/src/fmi3/fmi3.h`. Do not edit: change the header and run it again.
-// SHA-256 of the header: 74dfb9578c080d6017848933b1fc865f60132c726a67ca408f3f48b37a36dfff
+// SHA-256 of the header: b6b3e7e68d57e8df89e91b092fb2a29559b99924495cecfdf8cb60ed6f531b0b
 
 /// fmi3True or fmi3False.
 pub type fmi3Boolean = u8;
@@ -11,13 +11,13 @@ pub const fmi3True: i32 = 1;
 pub const fmi3False: i32 = 0;
 pub const fmi3ClockActive: i32 = 1;
 pub const fmi3ClockInactive: i32 = 0;
-#[doc = " One instance of the FMU; only the FMU knows what it points to."]
+#[doc = " One instance of the FMU; opaque to the importer."]
 pub type fmi3Instance = *mut ::core::ffi::c_void;
-#[doc = " A pointer of the importer's, handed back to it with every callback and never looked into."]
+#[doc = " A pointer of the importer, passed back with every callback; opaque to the FMU."]
 pub type fmi3InstanceEnvironment = *mut ::core::ffi::c_void;
-#[doc = " A snapshot of one instance; only the FMU knows what it points to."]
+#[doc = " A snapshot of one instance; opaque to the importer."]
 pub type fmi3FMUState = *mut ::core::ffi::c_void;
-#[doc = " The number by which a variable is named in calls, unique within the FMU."]
+#[doc = " The number that identifies a variable in calls, unique within the FMU."]
 pub type fmi3ValueReference = u32;
 #[doc = " A real number in single precision."]
 pub type fmi3Float32 = f32;
@@ -41,22 +41,22 @@ pub type fmi3Int64 = i64;
 pub type fmi3UInt64 = u64;
 #[doc = " One byte of a text in UTF-8."]
 pub type fmi3Char = ::core::ffi::c_char;
-#[doc = " A text in UTF-8 that ends with a zero byte; whoever receives it copies it before the call returns."]
+#[doc = " A zero-terminated text in UTF-8; the receiver copies it before the call returns."]
 pub type fmi3String = *const fmi3Char;
 #[doc = " One byte of binary data."]
 pub type fmi3Byte = u8;
-#[doc = " Binary data, whose size is told beside it."]
+#[doc = " Binary data, whose size is passed separately."]
 pub type fmi3Binary = *const fmi3Byte;
 impl fmi3Status {
     #[doc = " All is well."]
     pub const fmi3OK: fmi3Status = fmi3Status(0);
-    #[doc = " Something is not quite right, and the simulation can go on."]
+    #[doc = " Something is unusual; the simulation can continue."]
     pub const fmi3Warning: fmi3Status = fmi3Status(1);
     #[doc = " The call had no effect."]
     pub const fmi3Discard: fmi3Status = fmi3Status(2);
-    #[doc = " The instance cannot go on; other instances can."]
+    #[doc = " The instance cannot continue; other instances can."]
     pub const fmi3Error: fmi3Status = fmi3Status(3);
-    #[doc = " No instance of this FMU can go on."]
+    #[doc = " No instance of this FMU can continue."]
     pub const fmi3Fatal: fmi3Status = fmi3Status(4);
 }
 #[repr(transparent)]
@@ -84,16 +84,16 @@ pub struct fmi3DependencyKind(pub ::core::ffi::c_uint);
 impl fmi3IntervalQualifier {
     #[doc = " Not yet."]
     pub const fmi3IntervalNotYetKnown: fmi3IntervalQualifier = fmi3IntervalQualifier(0);
-    #[doc = " It is the one that was known before."]
+    #[doc = " Unchanged."]
     pub const fmi3IntervalUnchanged: fmi3IntervalQualifier = fmi3IntervalQualifier(1);
-    #[doc = " It is new."]
+    #[doc = " New."]
     pub const fmi3IntervalChanged: fmi3IntervalQualifier = fmi3IntervalQualifier(2);
 }
 #[repr(transparent)]
 #[doc = " Whether the interval of a clock is known."]
 #[derive(Debug, Copy, Clone, Hash, PartialEq, Eq)]
 pub struct fmi3IntervalQualifier(pub ::core::ffi::c_uint);
-#[doc = " Takes a message."]
+#[doc = " Receives a message."]
 pub type fmi3LogMessageCallback = ::core::option::Option<
     unsafe extern "C" fn(
         instanceEnvironment: fmi3InstanceEnvironment,
@@ -102,7 +102,7 @@ pub type fmi3LogMessageCallback = ::core::option::Option<
         message: fmi3String,
     ),
 >;
-#[doc = " Is told that clocks tick."]
+#[doc = " Is called when clocks tick."]
 pub type fmi3ClockUpdateCallback =
     ::core::option::Option<unsafe extern "C" fn(instanceEnvironment: fmi3InstanceEnvironment)>;
 #[doc = " Is called within a step, where inputs and outputs may be exchanged."]
@@ -118,9 +118,9 @@ pub type fmi3IntermediateUpdateCallback = ::core::option::Option<
         earlyReturnTime: *mut fmi3Float64,
     ),
 >;
-#[doc = " Forbids that a model partition is interrupted."]
+#[doc = " Locks preemption of a model partition."]
 pub type fmi3LockPreemptionCallback = ::core::option::Option<unsafe extern "C" fn()>;
-#[doc = " Allows that a model partition is interrupted."]
+#[doc = " Unlocks preemption of a model partition."]
 pub type fmi3UnlockPreemptionCallback = ::core::option::Option<unsafe extern "C" fn()>;
 #[doc = " Returns the version of the standard."]
 pub type fmi3GetVersionTYPE = ::core::option::Option<unsafe extern "C" fn() -> *const ::core::ffi::c_char>;
@@ -197,7 +197,7 @@ pub type fmi3ExitInitializationModeTYPE =
 pub type fmi3EnterEventModeTYPE = ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance) -> fmi3Status>;
 #[doc = " Ends the simulation; results can still be read."]
 pub type fmi3TerminateTYPE = ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance) -> fmi3Status>;
-#[doc = " Puts an instance back to what it was when it was made."]
+#[doc = " Resets an instance to its initial state."]
 pub type fmi3ResetTYPE = ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance) -> fmi3Status>;
 #[doc = " Reads Float32 variables."]
 pub type fmi3GetFloat32TYPE = ::core::option::Option<
@@ -499,16 +499,16 @@ pub type fmi3GetVariableDependenciesTYPE = ::core::option::Option<
         nDependencies: usize,
     ) -> fmi3Status,
 >;
-#[doc = " Takes a snapshot: a new one if the pointer is null, else into the one that it points to."]
+#[doc = " Takes a snapshot: a new one if the pointer is null, else into the existing one."]
 pub type fmi3GetFMUStateTYPE =
     ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance, FMUState: *mut fmi3FMUState) -> fmi3Status>;
-#[doc = " Puts an instance back to a snapshot, which stays valid."]
+#[doc = " Restores a snapshot, which stays valid."]
 pub type fmi3SetFMUStateTYPE =
     ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance, FMUState: fmi3FMUState) -> fmi3Status>;
 #[doc = " Frees a snapshot and sets its pointer to null; a null pointer is allowed."]
 pub type fmi3FreeFMUStateTYPE =
     ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance, FMUState: *mut fmi3FMUState) -> fmi3Status>;
-#[doc = " Returns how many bytes a snapshot takes when serialized."]
+#[doc = " Returns the size of a serialized snapshot, in bytes."]
 pub type fmi3SerializedFMUStateSizeTYPE = ::core::option::Option<
     unsafe extern "C" fn(instance: fmi3Instance, FMUState: fmi3FMUState, size: *mut usize) -> fmi3Status,
 >;
@@ -530,7 +530,7 @@ pub type fmi3DeserializeFMUStateTYPE = ::core::option::Option<
         FMUState: *mut fmi3FMUState,
     ) -> fmi3Status,
 >;
-#[doc = " Returns the product of the Jacobian of the unknowns by the knowns with a vector."]
+#[doc = " Returns the product of the Jacobian of the unknowns with respect to the knowns and a vector."]
 pub type fmi3GetDirectionalDerivativeTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         instance: fmi3Instance,
@@ -544,7 +544,7 @@ pub type fmi3GetDirectionalDerivativeTYPE = ::core::option::Option<
         nSensitivity: usize,
     ) -> fmi3Status,
 >;
-#[doc = " Returns the product of a vector with the Jacobian of the unknowns by the knowns."]
+#[doc = " Returns the product of a vector and the Jacobian of the unknowns with respect to the knowns."]
 pub type fmi3GetAdjointDerivativeTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         instance: fmi3Instance,
@@ -558,7 +558,7 @@ pub type fmi3GetAdjointDerivativeTYPE = ::core::option::Option<
         nSensitivity: usize,
     ) -> fmi3Status,
 >;
-#[doc = " Allows to change structural parameters."]
+#[doc = " Starts the change of structural parameters."]
 pub type fmi3EnterConfigurationModeTYPE =
     ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance) -> fmi3Status>;
 #[doc = " Ends the change of structural parameters."]
@@ -645,7 +645,7 @@ pub type fmi3SetShiftFractionTYPE = ::core::option::Option<
 #[doc = " Computes discrete states without ending the event."]
 pub type fmi3EvaluateDiscreteStatesTYPE =
     ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance) -> fmi3Status>;
-#[doc = " Computes discrete states, and tells what follows from the event."]
+#[doc = " Computes discrete states, and reports the consequences of the event."]
 pub type fmi3UpdateDiscreteStatesTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         instance: fmi3Instance,
@@ -712,7 +712,7 @@ pub type fmi3GetNumberOfContinuousStatesTYPE =
     ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance, nContinuousStates: *mut usize) -> fmi3Status>;
 #[doc = " Ends the handling of an event in co-simulation."]
 pub type fmi3EnterStepModeTYPE = ::core::option::Option<unsafe extern "C" fn(instance: fmi3Instance) -> fmi3Status>;
-#[doc = " Reads derivatives of outputs with respect to time, of the orders given (1 is the first derivative)."]
+#[doc = " Reads time derivatives of outputs, of the given orders (1 is the first derivative)."]
 pub type fmi3GetOutputDerivativesTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         instance: fmi3Instance,
@@ -736,7 +736,7 @@ pub type fmi3DoStepTYPE = ::core::option::Option<
         lastSuccessfulTime: *mut fmi3Float64,
     ) -> fmi3Status,
 >;
-#[doc = " Computes the part of the model that belongs to a clock."]
+#[doc = " Computes the model partition of a clock."]
 pub type fmi3ActivateModelPartitionTYPE = ::core::option::Option<
     unsafe extern "C" fn(
         instance: fmi3Instance,

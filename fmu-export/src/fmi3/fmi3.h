@@ -15,18 +15,18 @@
 extern "C" {
 #endif
 
-/** What fmi3GetVersion returns. */
+/** Return value of fmi3GetVersion. */
 #define fmi3Version "3.0"
 
 /* Types on which the two sides agree. */
 
-/** One instance of the FMU; only the FMU knows what it points to. */
+/** One instance of the FMU; opaque to the importer. */
 typedef void* fmi3Instance;
-/** A pointer of the importer's, handed back to it with every callback and never looked into. */
+/** A pointer of the importer, passed back with every callback; opaque to the FMU. */
 typedef void* fmi3InstanceEnvironment;
-/** A snapshot of one instance; only the FMU knows what it points to. */
+/** A snapshot of one instance; opaque to the importer. */
 typedef void* fmi3FMUState;
-/** The number by which a variable is named in calls, unique within the FMU. */
+/** The number that identifies a variable in calls, unique within the FMU. */
 typedef uint32_t fmi3ValueReference;
 /** A real number in single precision. */
 typedef float fmi3Float32;
@@ -52,11 +52,11 @@ typedef uint64_t fmi3UInt64;
 typedef bool fmi3Boolean;
 /** One byte of a text in UTF-8. */
 typedef char fmi3Char;
-/** A text in UTF-8 that ends with a zero byte; whoever receives it copies it before the call returns. */
+/** A zero-terminated text in UTF-8; the receiver copies it before the call returns. */
 typedef const fmi3Char* fmi3String;
 /** One byte of binary data. */
 typedef uint8_t fmi3Byte;
-/** Binary data, whose size is told beside it. */
+/** Binary data, whose size is passed separately. */
 typedef const fmi3Byte* fmi3Binary;
 /** Whether a clock ticks: fmi3ClockActive or fmi3ClockInactive. */
 typedef bool fmi3Clock;
@@ -76,13 +76,13 @@ typedef bool fmi3Clock;
 typedef enum {
     /** All is well. */
     fmi3OK,
-    /** Something is not quite right, and the simulation can go on. */
+    /** Something is unusual; the simulation can continue. */
     fmi3Warning,
     /** The call had no effect. */
     fmi3Discard,
-    /** The instance cannot go on; other instances can. */
+    /** The instance cannot continue; other instances can. */
     fmi3Error,
-    /** No instance of this FMU can go on. */
+    /** No instance of this FMU can continue. */
     fmi3Fatal
 } fmi3Status;
 
@@ -106,18 +106,18 @@ typedef enum {
 typedef enum {
     /** Not yet. */
     fmi3IntervalNotYetKnown,
-    /** It is the one that was known before. */
+    /** Unchanged. */
     fmi3IntervalUnchanged,
-    /** It is new. */
+    /** New. */
     fmi3IntervalChanged
 } fmi3IntervalQualifier;
 
-/* What the importer offers to the FMU. */
+/* Callbacks of the importer. */
 
-/** Takes a message. */
+/** Receives a message. */
 typedef void (*fmi3LogMessageCallback)(fmi3InstanceEnvironment instanceEnvironment, fmi3Status status,
                                        fmi3String category, fmi3String message);
-/** Is told that clocks tick. */
+/** Is called when clocks tick. */
 typedef void (*fmi3ClockUpdateCallback)(fmi3InstanceEnvironment instanceEnvironment);
 /** Is called within a step, where inputs and outputs may be exchanged. */
 typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment instanceEnvironment,
@@ -126,12 +126,12 @@ typedef void (*fmi3IntermediateUpdateCallback)(fmi3InstanceEnvironment instanceE
                                                fmi3Boolean intermediateVariableGetAllowed,
                                                fmi3Boolean intermediateStepFinished, fmi3Boolean canReturnEarly,
                                                fmi3Boolean* earlyReturnRequested, fmi3Float64* earlyReturnTime);
-/** Forbids that a model partition is interrupted. */
+/** Locks preemption of a model partition. */
 typedef void (*fmi3LockPreemptionCallback)(void);
-/** Allows that a model partition is interrupted. */
+/** Unlocks preemption of a model partition. */
 typedef void (*fmi3UnlockPreemptionCallback)(void);
 
-/* The types of the functions, which importers use for the addresses they look up. */
+/* Function types, for addresses looked up by importers. */
 
 /* Version and messages. */
 
@@ -183,7 +183,7 @@ typedef fmi3Status fmi3ExitInitializationModeTYPE(fmi3Instance instance);
 typedef fmi3Status fmi3EnterEventModeTYPE(fmi3Instance instance);
 /** Ends the simulation; results can still be read. */
 typedef fmi3Status fmi3TerminateTYPE(fmi3Instance instance);
-/** Puts an instance back to what it was when it was made. */
+/** Resets an instance to its initial state. */
 typedef fmi3Status fmi3ResetTYPE(fmi3Instance instance);
 
 /* Values of variables. The values of arrays follow one another; nValues counts all of them. */
@@ -288,13 +288,13 @@ typedef fmi3Status fmi3GetVariableDependenciesTYPE(fmi3Instance instance, fmi3Va
 
 /* Snapshots. */
 
-/** Takes a snapshot: a new one if the pointer is null, else into the one that it points to. */
+/** Takes a snapshot: a new one if the pointer is null, else into the existing one. */
 typedef fmi3Status fmi3GetFMUStateTYPE(fmi3Instance instance, fmi3FMUState* FMUState);
-/** Puts an instance back to a snapshot, which stays valid. */
+/** Restores a snapshot, which stays valid. */
 typedef fmi3Status fmi3SetFMUStateTYPE(fmi3Instance instance, fmi3FMUState FMUState);
 /** Frees a snapshot and sets its pointer to null; a null pointer is allowed. */
 typedef fmi3Status fmi3FreeFMUStateTYPE(fmi3Instance instance, fmi3FMUState* FMUState);
-/** Returns how many bytes a snapshot takes when serialized. */
+/** Returns the size of a serialized snapshot, in bytes. */
 typedef fmi3Status fmi3SerializedFMUStateSizeTYPE(fmi3Instance instance, fmi3FMUState FMUState, size_t* size);
 /** Writes a snapshot as bytes. */
 typedef fmi3Status fmi3SerializeFMUStateTYPE(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[],
@@ -305,12 +305,12 @@ typedef fmi3Status fmi3DeserializeFMUStateTYPE(fmi3Instance instance, const fmi3
 
 /* Derivatives. */
 
-/** Returns the product of the Jacobian of the unknowns by the knowns with a vector. */
+/** Returns the product of the Jacobian of the unknowns with respect to the knowns and a vector. */
 typedef fmi3Status fmi3GetDirectionalDerivativeTYPE(fmi3Instance instance, const fmi3ValueReference unknowns[],
                                                     size_t nUnknowns, const fmi3ValueReference knowns[], size_t nKnowns,
                                                     const fmi3Float64 seed[], size_t nSeed, fmi3Float64 sensitivity[],
                                                     size_t nSensitivity);
-/** Returns the product of a vector with the Jacobian of the unknowns by the knowns. */
+/** Returns the product of a vector and the Jacobian of the unknowns with respect to the knowns. */
 typedef fmi3Status fmi3GetAdjointDerivativeTYPE(fmi3Instance instance, const fmi3ValueReference unknowns[],
                                                 size_t nUnknowns, const fmi3ValueReference knowns[], size_t nKnowns,
                                                 const fmi3Float64 seed[], size_t nSeed, fmi3Float64 sensitivity[],
@@ -318,7 +318,7 @@ typedef fmi3Status fmi3GetAdjointDerivativeTYPE(fmi3Instance instance, const fmi
 
 /* Structural parameters. */
 
-/** Allows to change structural parameters. */
+/** Starts the change of structural parameters. */
 typedef fmi3Status fmi3EnterConfigurationModeTYPE(fmi3Instance instance);
 /** Ends the change of structural parameters. */
 typedef fmi3Status fmi3ExitConfigurationModeTYPE(fmi3Instance instance);
@@ -355,7 +355,7 @@ typedef fmi3Status fmi3SetShiftFractionTYPE(fmi3Instance instance, const fmi3Val
                                             const fmi3UInt64 resolutions[]);
 /** Computes discrete states without ending the event. */
 typedef fmi3Status fmi3EvaluateDiscreteStatesTYPE(fmi3Instance instance);
-/** Computes discrete states, and tells what follows from the event. */
+/** Computes discrete states, and reports the consequences of the event. */
 typedef fmi3Status fmi3UpdateDiscreteStatesTYPE(fmi3Instance instance, fmi3Boolean* discreteStatesNeedUpdate,
                                                 fmi3Boolean* terminateSimulation,
                                                 fmi3Boolean* nominalsOfContinuousStatesChanged,
@@ -395,7 +395,7 @@ typedef fmi3Status fmi3GetNumberOfContinuousStatesTYPE(fmi3Instance instance, si
 
 /** Ends the handling of an event in co-simulation. */
 typedef fmi3Status fmi3EnterStepModeTYPE(fmi3Instance instance);
-/** Reads derivatives of outputs with respect to time, of the orders given (1 is the first derivative). */
+/** Reads time derivatives of outputs, of the given orders (1 is the first derivative). */
 typedef fmi3Status fmi3GetOutputDerivativesTYPE(fmi3Instance instance, const fmi3ValueReference valueReferences[],
                                                 size_t nValueReferences, const fmi3Int32 orders[], fmi3Float64 values[],
                                                 size_t nValues);
@@ -407,7 +407,7 @@ typedef fmi3Status fmi3DoStepTYPE(fmi3Instance instance, fmi3Float64 currentComm
 
 /* Scheduled execution. */
 
-/** Computes the part of the model that belongs to a clock. */
+/** Computes the model partition of a clock. */
 typedef fmi3Status fmi3ActivateModelPartitionTYPE(fmi3Instance instance, fmi3ValueReference clockReference,
                                                   fmi3Float64 activationTime);
 

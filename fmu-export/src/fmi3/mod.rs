@@ -1,7 +1,7 @@
 //! The C interface of FMI 3.0 for co-simulation.
 //!
 //! [`functions`] holds the 75 functions of the standard, [`sequence`] the states in which they may be called. A library exports
-//! them by [`export_fmus!`](crate::export_fmus). What co-simulation does not need is refused with a message: other interface
+//! them by [`export_fmus!`](crate::export_fmus). Features beyond co-simulation are refused with a message: other interface
 //! types, clocks, structural parameters, adjoint derivatives.
 
 pub mod functions;
@@ -32,9 +32,9 @@ type Callback = <fmi3LogMessageCallback as IntoIterator>::Item;
 
 /// Options that the importer chose at instantiation.
 pub(crate) struct Options {
-    /// Whether events are handled in a mode of their own.
+    /// Whether events are handled in event mode.
     event_mode: bool,
-    /// With arrays: the number of elements that each value reference stands for, 0 within an array.
+    /// With arrays: the number of elements of each value reference, 0 within an array.
     elements: Option<Arc<[u32]>>,
 }
 

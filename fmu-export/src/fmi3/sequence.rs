@@ -16,11 +16,11 @@ pub(super) const STATES: &[(State, &str)] = &[
     (State::Error, "error"),
 ];
 
-/// Where values may be read.
+/// States in which values may be read.
 const READ: u8 = INITIALIZATION | EVENT | STEP | TERMINATED | ERROR;
-/// Where values may be written.
+/// States in which values may be written.
 const WRITE: u8 = INSTANTIATED | INITIALIZATION | EVENT | STEP;
-/// Functions that are refused in any state, with a message that says why.
+/// Refused in any state, with a message that states the reason.
 const REFUSED: u8 = ALWAYS;
 
 call_table! { Fmi3, "fmi3";
@@ -29,7 +29,7 @@ call_table! { Fmi3, "fmi3";
     EnterInitializationMode:         INSTANTIATED,
     ExitInitializationMode:          INITIALIZATION,
     EnterEventMode:                  STEP,
-    // After an error the standard allows only reset and free; importers terminate all the same, which is harmless.
+    // After an error the standard allows only reset and free; importers terminate anyway, which is harmless.
     Terminate:                       EVENT | STEP | ERROR,
     Reset:                           ALWAYS,
     GetFloat32:                      READ,

@@ -1,6 +1,6 @@
 //! A model as its importer sees it: values behind a table, a run, and rules for when values may change.
 //!
-//! [`ModelType`] makes instances of a model; what depends on its type is in `run.rs`.
+//! [`ModelType`] makes instances of a model; code that depends on the model's type is in `run.rs`.
 
 mod model_type;
 mod run;
@@ -8,13 +8,13 @@ mod run;
 use std::any::Any;
 use std::sync::Arc;
 
-use crate::input::{HIGHEST_ORDER, InputDerivatives, Moving};
+use crate::input::{HIGHEST_ORDER, InputDerivatives, InputPolynomials};
 use crate::log::Log;
 use crate::model::{Capabilities, Invalid, Step, StepError};
 use crate::resources::Resources;
 use crate::state::{HiddenState, write_to};
 use crate::variable::{Causality, Type, Value, Variability, Variable};
-use run::{Begin, Core, InPlaces};
+use run::{Begin, ByIndex, Core};
 
 pub use model_type::ModelType;
 #[doc(hidden)]
@@ -80,16 +80,25 @@ pub struct Instance {
     time_s: f64,
     /// Whether outputs need an update because values were set.
     stale: bool,
-    /// Derivatives of inputs at the begin of the next step.
-    moving: Vec<InputDerivatives>,
+    /// Derivatives of inputs at the start of the next step.
+    next_derivatives: Vec<InputDerivatives>,
     /// Derivatives of inputs at the end of the last step.
-    moved: Vec<InputDerivatives>,
+    last_derivatives: Vec<InputDerivatives>,
 }
 
 impl Instance {
     fn new(variables: Arc<[Variable]>, capabilities: Capabilities, core: Box<dyn Core>, resources: Resources) -> Self {
-        let (moving, moved) = (Vec::new(), Vec::new());
-        Self { variables, capabilities, core, resources, has_begun: false, time_s: 0.0, stale: true, moving, moved }
+        Self {
+            variables,
+            capabilities,
+            core,
+            resources,
+            has_begun: false,
+            time_s: 0.0,
+            stale: true,
+            next_derivatives: Vec::new(),
+            last_derivatives: Vec::new(),
+        }
     }
 
     /// The value of the variable with that index, counted from 0 in the order of the table.
@@ -113,8 +122,8 @@ impl Instance {
     /// # Errors
     /// If the value is refused, see [`AccessError`]; the former value stays.
     pub fn set(&mut self, index: usize, value: Value) -> Result<(), AccessError> {
-        // A loop sets its inputs one by one at every step.
-        if self.moved.is_empty() && self.takes_at_any_time(index, &value) {
+        // Fast path: a loop sets its inputs one by one at every step.
+        if self.last_derivatives.is_empty() && self.is_valid_input(index, &value) {
             self.stale = true;
             self.core.set(index, value);
             return Ok(());
@@ -150,16 +159,16 @@ impl Instance {
                 return Err(AccessError::Refused(findings));
             }
         }
-        if !self.moved.is_empty() {
-            // An input that is set no longer continues as at the end of the step.
-            self.moved.retain(|input| (0..count).all(|at| settings(at).0 != input.index));
+        if !self.last_derivatives.is_empty() {
+            // Setting an input ends its continuation from the last step.
+            self.last_derivatives.retain(|input| (0..count).all(|at| settings(at).0 != input.index));
         }
         self.stale |= count > 0;
         Ok(())
     }
 
-    /// Reads variables of type Real in a run, until one of them needs more care: it is unknown, of another type, the time, or not
-    /// finite. Returns the number of values read; [`get`](Self::get) reads the next one or gives the reason.
+    /// Reads variables of type Real in a run up to the first that is unknown, of another type, the time, or not finite. Returns the
+    /// number of values read; [`get`](Self::get) reads the next one or states the reason.
     pub fn get_reals(&mut self, indices: &[u32], values: &mut [f64]) -> usize {
         // Before the run, outputs come from a trial start.
         if !self.has_begun {
@@ -177,12 +186,12 @@ impl Instance {
         self.core.get_reals(&indices[..known], values)
     }
 
-    /// Sets variables as [`set_all`](Self::set_all) does if all of them are inputs of type Real within their limits; otherwise it
+    /// Sets variables like [`set_all`](Self::set_all) if all of them are inputs of type Real within their limits; otherwise
     /// returns `false` and changes nothing.
     pub fn set_reals(&mut self, indices: &[u32], values: &[f64]) -> bool {
         let mut settings = indices.iter().zip(values);
-        let takes = |(index, value): (&u32, &f64)| self.takes_at_any_time(*index as usize, &Value::Real(*value));
-        if !self.moved.is_empty() || !settings.all(takes) {
+        let takes = |(index, value): (&u32, &f64)| self.is_valid_input(*index as usize, &Value::Real(*value));
+        if !self.last_derivatives.is_empty() || !settings.all(takes) {
             return false;
         }
         self.core.set_reals(indices, values);
@@ -212,7 +221,7 @@ impl Instance {
     /// # Errors
     /// Why the run cannot continue.
     pub fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), StepError> {
-        let inputs = Moving::new(step.time_s, &self.moving, |index| self.core.get(index));
+        let inputs = InputPolynomials::new(step.time_s, &self.next_derivatives, |index| self.core.get(index));
         let outcome = self.core.step(step, &inputs, log);
         let end_s = match &outcome {
             Ok(()) => step.end_s(),
@@ -225,8 +234,8 @@ impl Instance {
             Err(StepError::Failed(_)) => return outcome,
         };
         inputs.at(end_s, &mut |index, value| self.core.set(index, value));
-        self.moved.clear();
-        self.moved.extend(self.moving.drain(..).map(|input| input.after(end_s - step.time_s)));
+        self.last_derivatives.clear();
+        self.last_derivatives.extend(self.next_derivatives.drain(..).map(|input| input.after(end_s - step.time_s)));
         self.time_s = end_s;
         self.stale = false;
         outcome
@@ -246,7 +255,7 @@ impl Instance {
         Self::new(self.variables.clone(), self.capabilities, self.core.fresh(), self.resources.clone())
     }
 
-    /// Sets derivatives of inputs with respect to time at the begin of the next step, or none if one is refused; `settings(n)`
+    /// Sets derivatives of inputs with respect to time at the start of the next step, or none if one is refused; `settings(n)`
     /// returns index, order and value of setting n.
     ///
     /// # Errors
@@ -262,12 +271,12 @@ impl Instance {
         }
         for at in 0..count {
             let (index, order, value) = settings(at);
-            let known = self.moving.iter().position(|input| input.index == index);
+            let known = self.next_derivatives.iter().position(|input| input.index == index);
             let place = known.unwrap_or_else(|| {
-                self.moving.push(InputDerivatives::of(index));
-                self.moving.len() - 1
+                self.next_derivatives.push(InputDerivatives::of(index));
+                self.next_derivatives.len() - 1
             });
-            self.moving[place].derivatives[order as usize - 1] = value;
+            self.next_derivatives[place].derivatives[order as usize - 1] = value;
         }
         Ok(())
     }
@@ -293,10 +302,10 @@ impl Instance {
             return Err(AccessError::Order { name: variable.name.to_string(), order, highest });
         };
         if !variable.is_continuous() {
-            // It is piecewise constant.
+            // Piecewise constant.
             return Ok(0.0);
         }
-        let inputs = Moving::new(self.time_s, &self.moved, |index| self.core.get(index));
+        let inputs = InputPolynomials::new(self.time_s, &self.last_derivatives, |index| self.core.get(index));
         let found = self.core.output_derivatives(&inputs, self.time_s, order);
         found.map(|of| of(index).as_f64()).ok_or_else(|| no_derivative(variable, "the run has not begun"))
     }
@@ -342,8 +351,8 @@ impl Instance {
         }
         Some(Self {
             core: self.core.copy()?,
-            moving: self.moving.clone(),
-            moved: self.moved.clone(),
+            next_derivatives: self.next_derivatives.clone(),
+            last_derivatives: self.last_derivatives.clone(),
             variables: self.variables.clone(),
             resources: self.resources.clone(),
             ..*self
@@ -362,7 +371,7 @@ impl Instance {
     pub fn write(&self) -> Option<Vec<u8>> {
         let mut bytes = Vec::new();
         self.core.write_values(&mut bytes)?;
-        write_to(&mut bytes, &(self.stale, &self.moving, &self.moved, self.has_begun))?;
+        write_to(&mut bytes, &(self.stale, &self.next_derivatives, &self.last_derivatives, self.has_begun))?;
         self.core.write_state(&mut bytes)?;
         self.capabilities.snapshots.then_some(bytes)
     }
@@ -375,11 +384,11 @@ impl Instance {
     pub fn read(&mut self, bytes: &[u8], time_s: f64, stepping: bool) -> Result<(), String> {
         let mut read = self.fresh();
         let mut rest = read.core.read_values(bytes)?;
-        ((read.stale, read.moving, read.moved, read.has_begun), rest) = HiddenState::read(rest)?;
-        if !(self.are_sound(&read.moving) && self.are_sound(&read.moved)) {
+        ((read.stale, read.next_derivatives, read.last_derivatives, read.has_begun), rest) = HiddenState::read(rest)?;
+        if !(self.are_valid(&read.next_derivatives) && self.are_valid(&read.last_derivatives)) {
             return Err("the derivatives of inputs are not valid".into());
         }
-        // An input may be missing, like a sensor; the step decides what that means. Before the run limits are checked as when a value is set.
+        // An input may be missing, like a sensor; the step handles that. Before the run, limits are checked as when a value is set.
         let is_checked = |variable: &Variable| read.has_begun || variable.is_checked_when_set();
         let settable = self.variables.iter().enumerate().filter(|(_, variable)| variable.is_settable());
         for (index, variable) in settable.filter(|(_, variable)| is_checked(variable)) {
@@ -398,7 +407,7 @@ impl Instance {
         if !rest.is_empty() {
             return Err(format!("{} bytes are left over", rest.len()));
         }
-        // Before the run outputs are computed anew.
+        // Before the run outputs are recomputed.
         read.stale |= !read.has_begun;
         *self = Self { time_s, ..read };
         Ok(())
@@ -413,7 +422,7 @@ impl Instance {
         self.variables.get(index).ok_or(AccessError::Unknown(index))
     }
 
-    /// Parameters, and start values that can be set, that are not finite or outside their limits.
+    /// Parameters and settable start values that are not finite or outside their limits.
     fn outside_limits(&self) -> Vec<Invalid> {
         let settable = self.variables.iter().enumerate();
         let settable = settable.filter(|(_, variable)| variable.causality != Causality::Input && variable.has_start());
@@ -422,8 +431,8 @@ impl Instance {
         settable.filter_map(|(index, variable)| variable.accepts(&self.core.get(index)).err()).collect()
     }
 
-    /// Outputs are updated when read, and only if a value was set since. Before the run they come from a trial start; invalid
-    /// parameters are reported by the start itself.
+    /// Updates the outputs if a value was set since the last update. Before the run they come from a trial start; the start itself
+    /// reports invalid parameters.
     fn update_outputs(&mut self) {
         if !std::mem::take(&mut self.stale) {
             return;
@@ -436,9 +445,9 @@ impl Instance {
         }
     }
 
-    /// Whether it is an input that admits this value; nothing else has to be checked then.
+    /// Whether it is an input that admits this value, so that no other check is needed.
     #[inline]
-    fn takes_at_any_time(&self, index: usize, value: &Value) -> bool {
+    fn is_valid_input(&self, index: usize, value: &Value) -> bool {
         self.variables.get(index).is_some_and(|variable| {
             variable.causality == Causality::Input && variable.takes(value) && variable.holds(value)
         })
@@ -487,8 +496,8 @@ impl Instance {
         Ok(())
     }
 
-    /// Whether derivatives read from outside could have been set.
-    fn are_sound(&self, inputs: &[InputDerivatives]) -> bool {
+    /// Whether derivatives read from a snapshot could have been set.
+    fn are_valid(&self, inputs: &[InputDerivatives]) -> bool {
         let known = inputs.iter().all(|input| self.check_derivative(input.index, 1).is_ok());
         // In the order in which they were set, each input once.
         let once = (1..inputs.len()).all(|at| inputs[..at].iter().all(|input| input.index != inputs[at].index));
@@ -503,7 +512,7 @@ fn no_derivative(variable: &Variable, reason: &'static str) -> AccessError {
 /// Directional derivatives in one direction.
 pub struct Derivatives {
     variables: Arc<[Variable]>,
-    derivatives: InPlaces,
+    derivatives: ByIndex,
     started: bool,
 }
 

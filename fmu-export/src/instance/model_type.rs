@@ -8,7 +8,7 @@ use super::Instance;
 use super::run::{Core, Typed};
 use crate::check;
 use crate::description::{self, Description, Standard};
-use crate::interface::guard::words;
+use crate::interface::guard::panic_message;
 use crate::model::{Capabilities, Info, Model};
 use crate::resources::Resources;
 use crate::state::HiddenState;
@@ -59,12 +59,14 @@ impl ModelType {
         let mut found = check::problems(&self.info, &self.variables);
         match catch_unwind(AssertUnwindSafe(|| self.shared_places())) {
             Ok(shared) => found.extend(shared),
-            Err(panic) => found.push(format!("a row panics when it is read or written: {}", words(panic.as_ref()))),
+            Err(panic) => {
+                found.push(format!("a row panics when it is read or written: {}", panic_message(panic.as_ref())))
+            }
         }
         found
     }
 
-    /// Pairs of rows that access the same place: each changes what the other reads.
+    /// Pairs of rows that access the same value: each changes the value of the other.
     fn shared_places(&self) -> Vec<String> {
         let start = (self.new_core)();
         let indices = self.suspects(&*start).into_iter();
@@ -85,8 +87,8 @@ impl ModelType {
         found
     }
 
-    /// Rows that do not keep what was written, because others were written too. Each is written with its start value or another, by a bit of its
-    /// number, so that any two are once written with different values, once the first last and once the second.
+    /// Rows that lose a value when others are written. A bit of its index decides whether a row gets its start value or another one, so that
+    /// any two rows get different values at least once, in both orders.
     fn suspects(&self, start: &dyn Core) -> Vec<usize> {
         let count = self.variables.len();
         let mut suspect = vec![false; count];
@@ -116,7 +118,7 @@ impl ModelType {
         let at = Standard::ALL.iter().position(|known| *known == standard).expect("all standards are listed");
         self.descriptions[at].get_or_init(|| {
             if cfg!(miri) {
-                // Under Miri, which checks accesses to memory, texts would take many minutes.
+                // Under Miri, writing descriptions would take many minutes.
                 return Description { token: format!("{{{} {standard:?}}}", self.info.name), xml: String::new() };
             }
             description::write(&self.info, self.capabilities, &self.variables, standard)
@@ -133,7 +135,7 @@ impl ModelType {
         &self.description(Standard::Fmi2).xml
     }
 
-    /// With arrays: the number of elements that each value reference stands for, 0 within an array.
+    /// With arrays: the number of elements of each value reference, 0 within an array.
     #[cfg(feature = "fmi3")]
     pub(crate) fn elements(&self) -> Arc<[u32]> {
         description::arrays::elements(&self.variables)
@@ -161,8 +163,8 @@ fn same(one: &Value, other: &Value) -> bool {
     }
 }
 
-/// How [`export_fmus!`](crate::export_fmus) finds out whether a type is a [`Model`] or a
-/// [`SampledModel`](crate::SampledModel): the compiler looks for a method first without a reference, then behind one.
+/// Lets [`export_fmus!`](crate::export_fmus) find out whether a type is a [`Model`] or a
+/// [`SampledModel`](crate::SampledModel): the compiler looks for a method first on the type, then on a reference.
 #[doc(hidden)]
 pub mod kind {
     use std::marker::PhantomData;

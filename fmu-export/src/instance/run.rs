@@ -1,26 +1,26 @@
-//! The part of an instance that depends on the type of its model: values and run. All else is in [`Instance`](super::Instance),
+//! The part of an instance that depends on the type of its model: values and run. The remainder is in [`Instance`](super::Instance),
 //! which is compiled once for all models.
 
 use std::any::Any;
 use std::sync::Arc;
 
-use crate::input::{InputTrajectory, Moving};
+use crate::input::{InputPolynomials, InputTrajectory};
 use crate::log::Log;
 use crate::model::{Invalid, Model, Step, StepError};
 use crate::resources::Resources;
 use crate::state::HiddenState;
 use crate::variable::{Table, Value};
 
-/// From what a run begins, besides the values.
+/// Arguments of a start besides the values.
 pub(super) struct Begin<'b> {
     pub resources: &'b Resources,
     pub time_s: f64,
-    /// Values outside their limits; with any the run does not begin.
+    /// Values outside their limits; if there are any, the run does not begin.
     pub outside: Vec<Invalid>,
 }
 
-/// Values in the places of the variables, by index.
-pub(super) type InPlaces = Box<dyn Fn(usize) -> Value>;
+/// Values of variables by index.
+pub(super) type ByIndex = Box<dyn Fn(usize) -> Value>;
 
 /// Values and run of a model of any type.
 pub(super) trait Core: Any + Send + Sync {
@@ -29,7 +29,7 @@ pub(super) trait Core: Any + Send + Sync {
     /// A copy, unless the state cannot be copied.
     fn copy(&self) -> Option<Box<dyn Core>>;
     fn get(&self, index: usize) -> Value;
-    /// As `get`, with outputs before the run as the last trial computed them.
+    /// As `get`, but before the run with outputs of the last trial start.
     fn computed(&self, index: usize) -> Value;
     /// Reads variables of type Real until one is not, or not finite; returns the number of values read.
     fn get_reals(&self, indices: &[u32], values: &mut [f64]) -> usize;
@@ -39,19 +39,19 @@ pub(super) trait Core: Any + Send + Sync {
     fn set_reals(&mut self, indices: &[u32], values: &[f64]);
     /// Constructs the model from the parameters and begins a run.
     fn start(&mut self, begin: Begin<'_>) -> Result<(), Vec<Invalid>>;
-    /// A start on a copy of the values, for the outputs before the run. If parameters are invalid, the last valid outputs remain.
+    /// Starts on a copy of the values, for outputs before the run. If parameters are invalid, the last valid outputs remain.
     fn try_start(&mut self, begin: Begin<'_>);
     /// Updates the outputs of a run.
     fn refresh(&mut self, time_s: f64);
     /// Applies tunable parameters; the run keeps the former model if they are refused.
     fn retune(&mut self, begin: Begin<'_>) -> Result<(), Vec<Invalid>>;
-    fn step(&mut self, step: Step, moving: &Moving, log: &mut dyn Log) -> Result<(), StepError>;
+    fn step(&mut self, step: Step, polynomials: &InputPolynomials, log: &mut dyn Log) -> Result<(), StepError>;
     /// 0 before the run.
     fn base_step_s(&self) -> f64;
     /// `None` before the run.
-    fn output_derivatives(&self, moving: &Moving, time_s: f64, order: usize) -> Option<InPlaces>;
+    fn output_derivatives(&self, polynomials: &InputPolynomials, time_s: f64, order: usize) -> Option<ByIndex>;
     /// Derivatives in a direction, before the run those at a start.
-    fn differentiate(&self, direction: &[(usize, f64)], begin: Begin<'_>) -> Result<InPlaces, Vec<Invalid>>;
+    fn differentiate(&self, direction: &[(usize, f64)], begin: Begin<'_>) -> Result<ByIndex, Vec<Invalid>>;
     fn write_values(&self, bytes: &mut Vec<u8>) -> Option<()>;
     fn write_state(&self, bytes: &mut Vec<u8>) -> Option<()>;
     /// Reads values and returns the bytes after them.
@@ -65,8 +65,7 @@ pub(super) trait Core: Any + Send + Sync {
     ) -> Result<&'b [u8], String>;
 }
 
-/// Values and run of one model. Values and state can be large, and the threads of importers have small stacks, so they are on
-/// the heap.
+/// Values and run of one model, on the heap because they can be large and threads of importers have small stacks.
 pub(super) struct Typed<M: Model> {
     table: Arc<Table<M::Values>>,
     values: Box<M::Values>,
@@ -81,7 +80,7 @@ struct Run<M: Model> {
     state: Box<M::State>,
 }
 
-/// The model's own findings, which are more specific, and those of others on which it has none.
+/// The model's own, more specific findings, and others on variables without one.
 fn joined(own: Option<Vec<Invalid>>, others: Vec<Invalid>) -> Vec<Invalid> {
     let mut findings = own.unwrap_or_default();
     let new = others.into_iter().filter(|other| findings.iter().all(|own| own.name != other.name)).collect::<Vec<_>>();
@@ -105,7 +104,7 @@ impl<M: Model> Typed<M> {
         }
     }
 
-    fn in_places(&self, values: M::Values) -> InPlaces {
+    fn by_index(&self, values: M::Values) -> ByIndex {
         let table = self.table.clone();
         Box::new(move |index| table.get(index, &values))
     }
@@ -190,9 +189,9 @@ impl<M: Model> Core for Typed<M> {
         }
     }
 
-    fn step(&mut self, step: Step, moving: &Moving, log: &mut dyn Log) -> Result<(), StepError> {
+    fn step(&mut self, step: Step, polynomials: &InputPolynomials, log: &mut dyn Log) -> Result<(), StepError> {
         let run = self.run.as_mut().ok_or_else(|| StepError::of("the run has not begun"))?;
-        let inputs = InputTrajectory { table: &self.table, moving };
+        let inputs = InputTrajectory { table: &self.table, polynomials };
         run.model.step(&mut run.state, &mut self.values, step, &inputs, log)
     }
 
@@ -200,19 +199,19 @@ impl<M: Model> Core for Typed<M> {
         self.run.as_ref().map_or(0.0, |run| run.model.base_step_s())
     }
 
-    fn output_derivatives(&self, moving: &Moving, time_s: f64, order: usize) -> Option<InPlaces> {
+    fn output_derivatives(&self, polynomials: &InputPolynomials, time_s: f64, order: usize) -> Option<ByIndex> {
         let run = self.run.as_ref()?;
-        let inputs = InputTrajectory { table: &self.table, moving };
+        let inputs = InputTrajectory { table: &self.table, polynomials };
         let derivatives = std::array::from_fn(|lower| {
             let mut derivatives = self.table.zeros();
             inputs.apply_derivatives(&mut derivatives, lower + 1);
             derivatives
         });
         let found = run.model.output_derivatives(&run.state, &self.values, &derivatives, time_s, order);
-        Some(self.in_places(found))
+        Some(self.by_index(found))
     }
 
-    fn differentiate(&self, direction: &[(usize, f64)], begin: Begin<'_>) -> Result<InPlaces, Vec<Invalid>> {
+    fn differentiate(&self, direction: &[(usize, f64)], begin: Begin<'_>) -> Result<ByIndex, Vec<Invalid>> {
         let mut towards = self.table.zeros();
         for (index, value) in direction {
             let _ = self.table.set(*index, &mut towards, Value::Real(*value));
@@ -225,7 +224,7 @@ impl<M: Model> Core for Typed<M> {
             let trial = Self::begin(&mut values, begin)?;
             trial.model.differentiate(&trial.state, &values, &towards, time_s, false)
         };
-        Ok(self.in_places(found))
+        Ok(self.by_index(found))
     }
 
     fn write_values(&self, bytes: &mut Vec<u8>) -> Option<()> {

@@ -15,20 +15,20 @@ pub(crate) unsafe fn elements<'a, T>(name: &str, first: *const T, length: usize)
     if length == 0 {
         return Ok(&[]);
     }
-    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    // SAFETY: the pointer is not null, and by this function's contract the elements exist; the length was checked.
     Ok(unsafe { std::slice::from_raw_parts(first, length) })
 }
 
-/// The elements of an array that the importer wants filled.
+/// The elements of an array to be filled for the importer.
 ///
 /// # Safety
-/// `first` is null or points to `length` elements that nobody else uses until the call returns.
+/// `first` is null or points to `length` elements that are not used elsewhere until the call returns.
 pub(crate) unsafe fn elements_mut<'a, T>(name: &str, first: *mut T, length: usize) -> Result<&'a mut [T], Problem> {
     check_array::<T>(name, first.is_null(), length)?;
     if length == 0 {
         return Ok(&mut []);
     }
-    // SAFETY: the pointer is not null, and by this function's contract the elements are there; the length was checked.
+    // SAFETY: the pointer is not null, and by this function's contract the elements exist; the length was checked.
     Ok(unsafe { std::slice::from_raw_parts_mut(first, length) })
 }
 
@@ -51,20 +51,20 @@ pub(crate) unsafe fn text<'a>(text: *const c_char) -> Option<&'a CStr> {
     (!text.is_null()).then(|| unsafe { CStr::from_ptr(text) })
 }
 
-/// A C type of values. Importers pass Real numbers at every step, so these have a short path for many at once.
-pub(crate) trait Passed: Sized {
-    /// Reads variables until one needs more care; returns the number of values read.
+/// A C type of values. Importers pass Real numbers at every step, so these have a fast path for many at once.
+pub(crate) trait CValue: Sized {
+    /// Reads variables until one needs the general path; returns the number of values read.
     fn read<I: Interface>(_: &mut Component<I>, _indices: &[u32], _values: &mut [Self]) -> usize {
         0
     }
 
-    /// Writes all variables, or none if one of them needs more care, and returns whether it did.
+    /// Writes all variables, or none if one needs the general path; returns whether it wrote them.
     fn write<I: Interface>(_: &mut Component<I>, _indices: &[u32], _values: &[Self]) -> bool {
         false
     }
 }
 
-impl Passed for f64 {
+impl CValue for f64 {
     fn read<I: Interface>(component: &mut Component<I>, indices: &[u32], values: &mut [Self]) -> usize {
         component.instance.get_reals(indices, values)
     }
@@ -74,10 +74,10 @@ impl Passed for f64 {
     }
 }
 
-impl Passed for i32 {}
-impl Passed for i64 {}
-impl Passed for u8 {}
-impl Passed for *const c_char {}
+impl CValue for i32 {}
+impl CValue for i64 {}
+impl CValue for u8 {}
+impl CValue for *const c_char {}
 
 /// The value of a string passed by the importer.
 ///
@@ -108,11 +108,17 @@ pub(crate) unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a
     unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
 }
 
-/// Returns a number if it is finite: inputs can be finite and yet so large that the results are not.
-pub(crate) fn handed_out<I: Interface>(component: &Component<I>, reference: u32, value: f64) -> Result<f64, Problem> {
-    let name = || component.name_of(reference);
-    let why = || Problem::Call(format!("{}: with the present inputs it would be {value}", name()));
-    if value.is_finite() { Ok(value) } else { Err(why()) }
+/// Returns a number if it is finite: large finite inputs can have infinite results.
+pub(crate) fn finite_result<I: Interface>(
+    component: &Component<I>,
+    reference: u32,
+    value: f64,
+) -> Result<f64, Problem> {
+    if value.is_finite() {
+        return Ok(value);
+    }
+    let name = component.name_of(reference);
+    Err(Problem::Call(format!("{name}: with the present inputs it would be {value}")))
 }
 
 /// Refuses NaN and infinity.

@@ -4,7 +4,7 @@ use std::ffi::{CStr, CString, c_char};
 use std::sync::Arc;
 
 use super::Interface;
-use super::arguments::{finite, handed_out, text};
+use super::arguments::{finite, finite_result, text};
 use super::logger::Logger;
 use super::sequence::State;
 use super::snapshot::{Snapshot, Stage};
@@ -13,7 +13,7 @@ use crate::model::{Invalid, Step, StepError};
 use crate::resources::Resources;
 use crate::variable::Value;
 
-/// Why a call fails.
+/// Reason for the failure of a call.
 pub(crate) enum Problem {
     /// The call was wrong; the instance is unchanged.
     Call(String),
@@ -33,7 +33,7 @@ impl Problem {
 /// Result of a call.
 pub(crate) type Outcome = Result<(), Problem>;
 
-/// The latest start time: beyond it double precision does not resolve the instants of fast samples. The time of day in seconds
+/// The latest start time: beyond it double precision does not resolve fast sample instants. The time of day in seconds
 /// since 1970 is below it.
 const LATEST_START_S: f64 = 1e10;
 
@@ -85,7 +85,7 @@ impl<I: Interface> Component<I> {
     }
 
     /// Difference up to which two instants count as equal: importers add up steps in floating point, with errors that grow with
-    /// the length of the run, and far from 0 the last bits of a time are coarse.
+    /// the length of the run, and times far from 0 have a coarse resolution.
     fn tolerance_s(&self) -> f64 {
         let Stage { time_s, start_s, .. } = self.stage;
         1e-9 * (time_s - start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * time_s.abs()
@@ -146,7 +146,7 @@ impl<I: Interface> Component<I> {
                 let name = self.name_of(*index);
                 return Err(Problem::Call(format!("{name} is not of type String but {}", found.type_name())));
             };
-            // A zero byte would end the string for the importer; a blank keeps what follows readable.
+            // A zero byte would end the string for the importer; a blank keeps the remainder readable.
             texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
         }
         self.texts = texts;
@@ -168,7 +168,7 @@ impl<I: Interface> Component<I> {
         let known = |at: usize| (knowns[at] as usize, direction[at]);
         let found = self.instance.differentiate(knowns.len(), &known).map_err(Problem::call)?;
         for (reference, derivative) in unknowns.iter().zip(derivatives) {
-            *derivative = handed_out(self, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
+            *derivative = finite_result(self, *reference, found.of(*reference as usize).map_err(Problem::call)?)?;
         }
         Ok(())
     }
@@ -205,7 +205,7 @@ impl<I: Interface> Component<I> {
         Ok(Snapshot { model: self.model.clone(), instance, stage: self.stage })
     }
 
-    /// Takes a snapshot of this instance into an existing one of the same model.
+    /// Overwrites an existing snapshot of the same model.
     pub(crate) fn save_over(&self, snapshot: &mut Snapshot) -> Outcome {
         if !snapshot.instance.copy_from(&self.instance) {
             return Err(foreign(snapshot, &self.model));
@@ -214,7 +214,7 @@ impl<I: Interface> Component<I> {
         Ok(())
     }
 
-    /// Restores the state of this, or another instance of the same model. Name, callbacks and log categories stay.
+    /// Restores a snapshot of this or another instance of the same model. Name, callbacks and log categories stay.
     pub(crate) fn restore(&mut self, snapshot: &Snapshot) -> Outcome {
         let state = snapshot.stage.state;
         if I::STATES.iter().all(|(known, _)| *known != state) {

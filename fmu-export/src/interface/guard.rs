@@ -13,8 +13,8 @@ use super::{Interface, name_of};
 
 /// Target of the importer's pointer: an instance, and whether a call on it is in progress.
 ///
-/// The standard forbids concurrent calls, and yet loggers call back into their instance, and importers share instances between
-/// threads. Such a call is refused, so that it cannot see an instance in the middle of a change.
+/// The standard forbids concurrent calls, yet loggers call back into their instance, and importers share instances between
+/// threads. Such a call is refused, so that it never sees an instance during a change.
 struct Guarded<I: Interface> {
     busy: AtomicBool,
     component: UnsafeCell<Component<I>>,
@@ -50,7 +50,7 @@ pub(crate) fn hand_out<I: Interface>(component: Component<I>) -> *mut c_void {
     Box::into_raw(Box::new(guarded)).cast()
 }
 
-/// Frees an instance. One freed by its own logger during a call is leaked, because the call continues with it.
+/// Frees an instance. An instance freed by its own logger during a call is leaked, because the call still uses it.
 ///
 /// # Safety
 /// `component` is null or was made by [`hand_out`] for this standard, and is not used again.
@@ -69,7 +69,7 @@ pub(crate) unsafe fn take_back<I: Interface>(component: *mut c_void) {
 
 /// Admits one call: checks the instance and the sequence of calls, makes the call, and returns its status. A problem becomes
 /// an error with a message; so does a panic, after which the run cannot continue without a reset. A model's request to end the
-/// simulation has a status of its own.
+/// simulation has its own status.
 ///
 /// # Safety
 /// `component` is null or was made by [`hand_out`] for this standard, and was not taken back since.
@@ -81,7 +81,7 @@ pub(crate) unsafe fn enter<F: Rule>(
     // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
     let guarded = unsafe { component.cast::<Guarded<F::Standard>>().as_ref() };
     let Some(mut call) = guarded.and_then(Guarded::<F::Standard>::begin) else {
-        // There is no way to report this: the logger belongs to the instance, and may be the caller.
+        // This cannot be reported: the logger belongs to the instance, and may be the caller.
         return F::Standard::ERROR;
     };
     let component = call.component();
@@ -89,7 +89,7 @@ pub(crate) unsafe fn enter<F: Rule>(
         let problem = out_of_sequence(component, function);
         return failed(component, function, problem);
     }
-    // After a panic the values are arbitrary but readable; a second panic ends here as well. No step uses them: only a reset or
+    // After a panic the values are arbitrary but readable; another panic is caught here too. No step uses them: only a reset or
     // a snapshot leaves the state `error`, and both replace all values.
     let outcome = catch_unwind(AssertUnwindSafe(|| body(component)));
     let problem = match outcome {
@@ -100,9 +100,9 @@ pub(crate) unsafe fn enter<F: Rule>(
     failed(component, function, problem)
 }
 
-// Every exported function has an `enter` of its own; what follows is kept out of it, or the library would be a tenth larger.
+// Every exported function has its own copy of `enter`; inlining the following functions would enlarge the library by a tenth.
 
-/// Reports a problem, and returns the status that belongs to it.
+/// Reports a problem, and returns its status.
 #[cold]
 #[inline(never)]
 fn failed<F: Rule>(
@@ -139,7 +139,7 @@ fn out_of_sequence<F: Rule>(component: &Component<F::Standard>, function: F) -> 
 fn defect<I: Interface>(panic: &(dyn Any + Send)) -> Problem {
     Problem::Run(format!(
         "a defect of this FMU, please report it: {}; it can be used again after {}",
-        words(panic),
+        panic_message(panic),
         I::RESET
     ))
 }
@@ -152,7 +152,7 @@ fn where_allowed<I: Interface>(function: I::Function) -> String {
 }
 
 /// The message of a panic.
-pub(crate) fn words(panic: &(dyn Any + Send)) -> &str {
+pub(crate) fn panic_message(panic: &(dyn Any + Send)) -> &str {
     panic
         .downcast_ref::<&str>()
         .copied()

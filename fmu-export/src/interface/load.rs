@@ -16,9 +16,9 @@ const NOT_INITIALIZED: &str = "the model cannot be initialized";
 /// Makes an instance of the model with that token, initializes it, and frees it.
 ///
 /// # Errors
-/// If a step of this fails, with the reason.
+/// If any of this fails, with the reason.
 pub(crate) fn initialize(library: &Path, standard: Standard, token: &str, resources: &Path) -> Result<(), String> {
-    // SAFETY: the library is one that this crate made, whose initialization does nothing that needs care.
+    // SAFETY: the library was made with this crate, and loading it has no side effects.
     let library = unsafe { Library::new(library) }.map_err(|error| error.to_string())?;
     let text = |text: String| CString::new(text).map_err(|error| error.to_string());
     let (name, token) = (text("trial".into())?, text(token.into())?);
@@ -47,7 +47,7 @@ fn initialize2(library: &Library, name: &CStr, token: &CStr, location: &CStr) ->
         componentEnvironment: null_mut(),
     };
     // SAFETY: the functions have the standard's types, as this crate exports them; all texts and the callbacks live as long as the
-    // instance, which is used as the standard says and freed once.
+    // instance, which is used according to the standard and freed once.
     unsafe {
         let make = function::<fmi2InstantiateTYPE>(library, "fmi2Instantiate")?;
         let free = function::<fmi2FreeInstanceTYPE>(library, "fmi2FreeInstance")?;
@@ -68,7 +68,7 @@ fn initialize2(library: &Library, name: &CStr, token: &CStr, location: &CStr) ->
 fn initialize3(library: &Library, name: &CStr, token: &CStr, folder: &CStr) -> Result<(), String> {
     use crate::fmi3::bindings::*;
     // SAFETY: the functions have the standard's types, as this crate exports them; all texts live as long as the instance, which is
-    // used as the standard says and freed once.
+    // used according to the standard and freed once.
     unsafe {
         let make = function::<fmi3InstantiateCoSimulationTYPE>(library, "fmi3InstantiateCoSimulation")?;
         let free = function::<fmi3FreeInstanceTYPE>(library, "fmi3FreeInstance")?;

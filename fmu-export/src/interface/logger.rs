@@ -13,11 +13,11 @@ pub enum Category {
     Events,
     /// A linear system could not be solved.
     SingularLinearSystems,
-    /// Messages that go with a warning.
+    /// Messages with a warning.
     StatusWarning,
-    /// Messages that go with an error.
+    /// Messages with an error.
     StatusError,
-    /// Messages that go with a fatal error.
+    /// Messages with a fatal error.
     StatusFatal,
     /// All messages.
     All,
@@ -46,7 +46,7 @@ impl Category {
         }
     }
 
-    /// Description of the category, with the statuses under the names that begin with `prefix`.
+    /// Description of the category; `prefix` begins the names of statuses.
     pub fn description(self, prefix: &str) -> String {
         match self {
             Self::Events => "Events in the model".into(),
@@ -114,8 +114,8 @@ impl<I: Interface> Logger<I> {
     }
 
     fn passes(&self, category: Category) -> bool {
-        // Errors are sent even while logging is off, unless they were switched off by name: otherwise nobody could tell why a
-        // simulation ended.
+        // Errors are sent even with logging off, unless switched off by name: otherwise the reason for the end of a simulation
+        // would be lost.
         let serious = matches!(category, Category::StatusError | Category::StatusFatal);
         self.wanted & (Category::All.bit() | category.bit()) != 0 || serious && self.unwanted & category.bit() == 0
     }
@@ -123,7 +123,7 @@ impl<I: Interface> Logger<I> {
     /// Sends one message.
     pub(crate) fn send(&self, status: I::Status, category: Category, message: fmt::Arguments<'_>) {
         let Some(callback) = self.callback.filter(|_| self.passes(category)) else { return };
-        // A text from the importer contains a zero byte only if damaged; a blank keeps what follows readable.
+        // A text from the importer contains a zero byte only if damaged; a blank keeps the remainder readable.
         let text = message.to_string().replace('\0', " ");
         let Ok(text) = CString::new(text) else { return };
         let message = Message { instance: &self.instance, status, category: category.name(), text: &text };

@@ -1,7 +1,7 @@
 //! The parts that the C interfaces of FMI 2.0 and FMI 3.0 share.
 //!
 //! Every call passes one entry guard, which checks the instance and the [`sequence`] of calls, stops panics at the C boundary,
-//! and logs errors. `Interface` holds what the standards name differently: statuses, functions, the logger's type.
+//! and logs errors. `Interface` holds the differences between the standards: statuses, functions, the logger's type.
 
 pub mod sequence;
 
@@ -24,7 +24,7 @@ pub(crate) trait Interface: Sized + 'static {
     type Status: Copy;
     /// Success.
     const OK: Self::Status;
-    /// Success, with a message that something is unusual.
+    /// Success, with a warning.
     const WARNING: Self::Status;
     /// Failure.
     const ERROR: Self::Status;
@@ -56,7 +56,7 @@ pub(crate) struct Message<'m, S> {
     /// Name of the instance.
     #[cfg_attr(not(feature = "fmi2"), allow(dead_code, reason = "in FMI 3.0 the importer knows it"))]
     pub instance: &'m CStr,
-    /// The status that it explains.
+    /// The status explained by the message.
     pub status: S,
     /// Name of the log category.
     pub category: &'m CStr,

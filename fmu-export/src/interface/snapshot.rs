@@ -1,4 +1,4 @@
-//! Snapshots: what `fmi2FMUstate` and `fmi3FMUState` point to, and their serialized form, which is the same.
+//! Snapshots, to which `fmi2FMUstate` and `fmi3FMUState` point, and their common serialized form.
 //!
 //! ```text
 //! 8 bytes   the letters FMU2SNAP
@@ -10,8 +10,8 @@
 //! 32 bytes  SHA-256 of all before
 //! ```
 //!
-//! Numbers are little-endian. The GUID identifies the interface, the version the layout of the content. Bytes are read only
-//! after all of these were checked, and the model checks their content again: a hash shows damage, not intent.
+//! Numbers are little-endian. The GUID identifies the interface, the version the layout of the content. The content is read only
+//! after these checks, and the model checks it again: a hash reveals damage, not intent.
 
 use std::sync::Arc;
 
@@ -28,7 +28,7 @@ const MAGIC: &[u8; 8] = b"FMU2SNAP";
 const VERSION: u16 = 4;
 const HASH_BYTES: usize = 32;
 
-/// A snapshot in the hands of the importer: an instance without its name, its callbacks and its log categories.
+/// A snapshot held by the importer: an instance without its name, callbacks and log categories.
 pub(crate) struct Snapshot {
     pub(crate) model: Arc<ModelType>,
     pub(crate) instance: Instance,
@@ -91,7 +91,7 @@ impl Snapshot {
         Ok(bytes)
     }
 
-    /// Reads serialized bytes, of this process or another.
+    /// Reads bytes serialized by this process or another.
     ///
     /// # Errors
     /// Why the bytes are not a snapshot of this model.

@@ -10,11 +10,10 @@ use super::snapshot::Snapshot;
 /// A snapshot that the importer got from this library.
 ///
 /// # Safety
-/// The pointer is null or came from [`get`] or [`deserialize`] and was not freed
-/// since; nobody changes the snapshot while the answer is in use. Others may read it: several instances can restore one
-/// snapshot at the same time.
+/// The pointer is null or came from [`get`] or [`deserialize`] and was not freed since; the snapshot does not change while the
+/// result is in use. Others may read it: several instances can restore one snapshot at the same time.
 unsafe fn snapshot<'a>(state: *mut c_void) -> Result<&'a Snapshot, Problem> {
-    // SAFETY: a pointer that is not null is, by this function's contract, a live snapshot that nobody changes.
+    // SAFETY: a pointer that is not null is, by this function's contract, a live snapshot that does not change.
     unsafe { state.cast::<Snapshot>().as_ref() }.ok_or_else(|| Problem::call("FMUstate is null: expected a snapshot"))
 }
 
@@ -86,8 +85,8 @@ pub(crate) unsafe fn serialize(state: *mut c_void, first: *mut u8, size: usize) 
     Ok(())
 }
 
-/// Makes a new snapshot from serialized bytes, of this process or another. Bytes of another model or version, truncated or
-/// changed ones are refused.
+/// Makes a new snapshot from bytes serialized by this process or another. Bytes of another model or version, and truncated or
+/// changed bytes, are refused.
 ///
 /// # Safety
 /// `first` is null or points to `size` bytes; `place` is null or can be written.

@@ -1,4 +1,4 @@
-//! The page `documentation/index.html` of an FMU: what it models, the author's text, its variables.
+//! The page `documentation/index.html` of an FMU: description, the author's text, variables.
 
 use maud::{DOCTYPE, PreEscaped, html};
 

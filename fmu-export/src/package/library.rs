@@ -1,4 +1,4 @@
-//! The library to package: the one that cargo has built with the running program.
+//! The library to package, built by cargo with the running program.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -12,8 +12,8 @@ use super::{PackageError, at};
 pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
     let folder = program.parent().unwrap_or(Path::new(""));
-    // Cargo compiles into `deps`, where test programs are as well, and links the library into the parent folder only when asked
-    // for the library itself: beside a program built by `cargo run` it is missing or out of date.
+    // Cargo compiles into `deps`, where test programs are too, and links the library into the parent folder only when building the
+    // library itself: beside a program built by `cargo run` it is missing or stale.
     let beside = folder.join(file_name(name));
     [folder.join("deps").join(file_name(name)), beside.clone()]
         .into_iter()

@@ -1,7 +1,7 @@
 //! Writes FMUs: model description, binaries, documentation page, picture, licences.
 //!
 //! A crate of the types `rlib` and `cdylib` with [`export_fmus!`](crate::export_fmus) in `lib.rs` needs a program of three
-//! lines, and `cargo run --release` packages what cargo has just built:
+//! lines, and `cargo run --release` packages the library just built:
 //!
 //! ```ignore
 //! fn main() -> Result<(), fmu_export::package::PackageError> {
@@ -11,7 +11,7 @@
 //!
 //! Before anything is written, the library is loaded, and every model is instantiated and initialized with its start values.
 //!
-//! [`Packager`] has more to choose from: [`Extras`] adds picture, text, licences and resources, [`platforms`] holds binaries for
+//! [`Packager`] has more options: [`Extras`] adds picture, text, licences and resources, [`platforms`] holds binaries for
 //! several platforms. [`ssp`] writes a system of several FMUs.
 
 mod library;
@@ -37,7 +37,7 @@ use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 use crate::{ModelType, Standard};
 use platforms::{Binaries, Binary, NotFor, Platform};
 
-/// An error, with the path concerned. `Debug` gives the same sentence, which a `main` that returns an error prints.
+/// An error, with the path concerned. `Debug` gives the same sentence, because a `main` that returns an error prints it.
 #[derive(thiserror::Error)]
 #[non_exhaustive]
 pub enum PackageError {
@@ -57,13 +57,13 @@ pub enum PackageError {
         /// The errors.
         problems: Vec<String>,
     },
-    /// The FMUs of two models have one name, but for upper and lower case, which some systems do not tell apart.
+    /// The file names of two FMUs differ only in case, which some systems ignore.
     #[error("two models are to be written to {0}: give one of them another name")]
     SameFile(String),
     /// The path of a resource or a licence leaves its folder.
     #[error("the path {0:?} is not allowed for a file in an FMU: expected one below its folder, as in tables/map.csv")]
     Outside(String),
-    /// A model cannot be used as it stands.
+    /// A model cannot be started.
     #[error("{name}: {why}")]
     Trial {
         /// The model.
@@ -189,7 +189,7 @@ impl Extras {
         self
     }
 
-    /// Sets what builds the documentation page from its title and its content in HTML.
+    /// Sets the function that builds the documentation page from its title and its content in HTML.
     pub fn page(mut self, page: fn(&str, &str) -> String) -> Self {
         self.page = page;
         self
@@ -201,7 +201,7 @@ impl Extras {
         self
     }
 
-    /// Whether all files stay in their folders.
+    /// Checks that all files stay in their folders.
     fn check(&self) -> Result<(), PackageError> {
         let is_name = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(['\\', ':']);
         let mut paths = self.licenses.iter().map(|(path, _)| path).chain(self.resources.iter().map(|(path, _)| path));
@@ -296,9 +296,9 @@ fn add(
     if missing.is_empty() { Ok(()) } else { Err(PackageError::NoInterface(path.into(), missing.join(", "))) }
 }
 
-/// Removes folders of this machine from a library: panic messages contain the paths of dependencies' sources. Each folder is
-/// overwritten by `/crates` and slashes of the same total length, so that nothing moves. A library for macOS is not changed,
-/// because it is signed; build it with the compiler's option `--remap-path-prefix`.
+/// Removes paths of this machine, which panic messages of dependencies contain, from a library. Each folder is overwritten by
+/// `/crates` and slashes of the same total length. A library for macOS is not changed, because it is signed; build it with the
+/// compiler's option `--remap-path-prefix`.
 fn remap(library: &mut [u8]) {
     if platforms::is_signed(library) {
         return;
@@ -330,7 +330,7 @@ fn remap(library: &mut [u8]) {
     }
 }
 
-/// The FMU of a model by a standard, with its binaries. Its bytes depend on the arguments only.
+/// The FMU of a model by a standard, with its binaries. Its bytes depend only on the arguments.
 ///
 /// # Errors
 /// [`PackageError::Model`], [`PackageError::Archive`].
@@ -387,7 +387,7 @@ pub fn write(
     Ok(written)
 }
 
-/// A zip archive whose bytes depend on the members only: no times, no owners, in the given order.
+/// A zip archive whose bytes depend only on the members: no times, no owners, in the given order.
 ///
 /// # Errors
 /// [`PackageError::Archive`] with the name given.

@@ -42,7 +42,7 @@ fn report(written: Vec<Written>) {
     }
 }
 
-/// How the FMUs of a crate are written.
+/// Writes the FMUs of a crate, with options.
 ///
 /// ```ignore
 /// Packager::new(&my_models::FMUS)
@@ -99,10 +99,10 @@ impl Packager {
         self
     }
 
-    /// Takes command-line arguments: `--arrays`, and `PLATFORM=FILE` for libraries for other platforms.
+    /// Applies command-line arguments: `--arrays`, and `PLATFORM=FILE` for libraries for other platforms.
     ///
     /// # Errors
-    /// The argument that is unknown.
+    /// The unknown argument.
     pub fn arguments(self, arguments: impl IntoIterator<Item = String>) -> Result<Self, PackageError> {
         arguments.into_iter().try_fold(self, |packager, argument| match argument.split_once('=') {
             None if argument == "--arrays" => Ok(packager.arrays()),

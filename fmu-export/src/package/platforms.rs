@@ -2,8 +2,7 @@
 //!
 //! FMI 2.0.4, section 2.3, defines `linux64`, `win64` and `darwin64`, all of them x86-64, and refers other platforms to the
 //! names of FMI 3.0, `aarch64-linux` and `aarch64-darwin`; there the first three are `x86_64-linux`, `x86_64-windows` and
-//! `x86_64-darwin`. Many importers on Arm know the first three only, so [`Binaries`]
-//! also puts a binary where they look, if there is room.
+//! `x86_64-darwin`. Many importers on Arm know only the first three, so [`Binaries`] also puts a binary there if the folder is free.
 
 use std::collections::HashSet;
 use std::fmt;
@@ -136,7 +135,7 @@ pub enum NotFor {
     NoLibrary {
         /// The platform expected.
         wanted: &'static Platform,
-        /// Kind of file that was found.
+        /// The file's contents.
         found: String,
     },
     /// It is a library for another platform.
@@ -245,8 +244,8 @@ fn functions(standard: Standard) -> [&'static str; 5] {
     }
 }
 
-/// The functions that every importer needs, by the standards whose functions this crate is built with, and that a library does not
-/// export; all of them if it cannot be read.
+/// Functions that every importer needs, by the standards that this crate is built with, but that a library does not export; all of
+/// them if it cannot be read.
 pub fn missing_functions(platform: &Platform, content: &[u8]) -> Vec<&'static str> {
     let functions = Standard::BUILT.iter().flat_map(|standard| functions(*standard));
     use object::Object;
@@ -304,7 +303,7 @@ pub struct Place<'a> {
     pub content: &'a Binary,
 }
 
-/// A binary, which is compressed once, whatever the number of archives that hold it.
+/// A binary, compressed once for all archives that hold it.
 #[derive(Clone, Debug)]
 pub struct Binary {
     content: Vec<u8>,
@@ -363,8 +362,8 @@ impl Binaries {
         of_format.filter_map(|platform| self.get(platform))
     }
 
-    /// Adds a binary, replacing an earlier one. A universal file of macOS serves every processor that it has code for, unless
-    /// that one has its own binary.
+    /// Adds a binary, replacing an earlier one. A universal file of macOS serves every processor for which it has code, unless
+    /// there is a separate binary.
     ///
     /// # Errors
     /// [`NotFor`] if the file is not a shared library for that platform; nothing is added then.
@@ -391,7 +390,7 @@ impl Binaries {
         Ok(())
     }
 
-    /// Places of the binaries in an FMU. Besides the folders of the standard, importers on Arm that know 64 bits only find
+    /// Places of the binaries in an FMU. Besides the folders of the standard, importers on Arm that know only 64-bit names find
     ///
     /// - in `darwin64` a universal file with the code for both processors of macOS;
     /// - in `linux64` the library for Arm, if there is none for x86-64, to which the folder belongs.

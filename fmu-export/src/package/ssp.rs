@@ -1,9 +1,8 @@
 //! A system of several FMUs as a system structure (SSP 1.0) that tools can run unchanged.
 //!
-//! There are no connectors at the root, every connection leads from element to element, and the prefixes are the usual ones,
-//! because some tools accept nothing else. Parameters are bound at the elements, one file each, because libcosim and ecos
-//! ignore bindings at the system; all have the name of the parameter set, by which users of ecos select them. libcosim and ecos
-//! ignore parameters of type Enumeration.
+//! Some tools accept only structures without connectors at the root, with connections from element to element, and with the usual
+//! prefixes. Parameters are bound at the elements, one file each, because libcosim and ecos ignore bindings at the system; all
+//! have the name of the parameter set, by which users of ecos select them. libcosim and ecos ignore enumeration parameters.
 
 use std::io::{Cursor, Read};
 use std::sync::Arc;
@@ -30,14 +29,14 @@ pub struct Element {
 }
 
 impl Element {
-    /// The content of the parameter set. Enumerations at their start value are left out: libcosim and ecos would warn that they
-    /// ignore them.
+    /// The content of the parameter set. Enumerations at their start value are omitted, because libcosim and ecos would warn that
+    /// they ignore them.
     fn parameters(&self) -> Vec<(&Variable, &Value)> {
         let settings = self.settings.iter().map(|(index, value)| (&self.model.variables()[*index], value));
-        let is_chosen_anyway = |variable: &Variable, value: &Value| {
+        let is_redundant = |variable: &Variable, value: &Value| {
             matches!(variable.data_type, Type::Enumeration { .. }) && variable.start() == *value
         };
-        settings.filter(|(variable, value)| !is_chosen_anyway(variable, value)).collect()
+        settings.filter(|(variable, value)| !is_redundant(variable, value)).collect()
     }
 }
 
@@ -162,7 +161,7 @@ impl System {
         });
     }
 
-    /// The parameters of all elements as one parameter set (SSV), to be bound to the system: names stand behind those of the
+    /// The parameters of all elements as one parameter set (SSV), to be bound to the system: names follow those of the
     /// elements, as in `plant.m`.
     pub fn parameter_set(&self) -> String {
         self.parameter_set_of(&self.elements, |part, name| format!("{}.{name}", part.name))
@@ -198,8 +197,7 @@ impl System {
     }
 }
 
-/// The tool that generated a system structure or a parameter set (SSP, SSD, SSV), by its attribute `generationTool`; none for
-/// any other content.
+/// The attribute `generationTool` of a system structure or a parameter set (SSP, SSD, SSV); none for any other content.
 pub fn generation_tool(content: &[u8]) -> Option<String> {
     let mut text = String::new();
     match ZipArchive::new(Cursor::new(content)) {

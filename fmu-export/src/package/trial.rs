@@ -1,17 +1,17 @@
-//! Tries a model before its archive is written: once as it is in this program, where errors have words, and once in the library.
+//! Tries a model before its archive is written: in this program, where errors have messages, and in the library.
 
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use super::{Extras, PackageError, at};
-use crate::interface::guard::words;
+use crate::interface::guard::panic_message;
 use crate::interface::load;
 use crate::model::Invalid;
 use crate::variable::Value;
 use crate::{ModelType, Resources, Standard};
 
-/// A folder with the files of a model, removed in the end.
+/// A temporary folder with the files of a model.
 struct Folder(PathBuf);
 
 impl Folder {
@@ -72,7 +72,7 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
         Ok(())
     }));
     tried
-        .unwrap_or_else(|panic| Err(format!("the model panics when it is started: {}", words(panic.as_ref()))))
+        .unwrap_or_else(|panic| Err(format!("the model panics when it is started: {}", panic_message(panic.as_ref()))))
         .map_err(fail)
 }
 

@@ -10,15 +10,15 @@ pub struct Access<D, T: ?Sized> {
     pub at_mut: fn(&mut D, usize) -> &mut T,
 }
 
-/// A value in its place: a field of type f64, i32, bool, String, or of a Rust enum.
+/// A field of type f64, i32, bool, String, or of a Rust enum.
 #[doc(hidden)]
 pub trait Slot: 'static {
     fn get(&self) -> Value;
-    /// Writes it; `false` if the value has another type. A number that is none of an item was refused before.
+    /// Writes it; `false` if the value has another type. Numbers without an item have been refused before.
     fn set(&mut self, value: Value) -> bool;
-    /// The row of a variable of that name which starts with this value.
+    /// The row of a variable of that name with this start value.
     fn row(&self, name: String) -> Row<()>;
-    /// A number, if it is one: importers read and write many at every step.
+    /// A Real number: a fast path, since importers read and write many at every step.
     fn real(&self) -> Option<&f64> {
         None
     }
@@ -34,9 +34,9 @@ pub(crate) enum Place<D> {
     Integer(Access<D, i32>),
     Boolean(Access<D, bool>),
     String(Access<D, String>),
-    /// The index is that among all variables of a structure with [`derive@crate::Variables`].
+    /// By index among all variables of a structure with [`derive@crate::Variables`].
     Field(Access<D, dyn Slot>),
-    /// The time, which the instance knows.
+    /// The time, kept by the instance.
     Time,
 }
 
@@ -66,7 +66,7 @@ impl<D> Place<D> {
     }
 }
 
-/// Makes an [`Access`](crate::variable::Access) from a type and the path of one of its fields; `[k]` at the end stands for the
+/// Makes an [`Access`](crate::variable::Access) from a type and the path of one of its fields; `[k]` at the end denotes the
 /// element of an array.
 ///
 /// ```

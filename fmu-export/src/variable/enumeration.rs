@@ -32,7 +32,7 @@ impl Enumeration {
     /// The value of an item.
     ///
     /// # Errors
-    /// The items that there are.
+    /// The available items.
     pub fn find(&self, item: &str) -> Result<i32, String> {
         let index = self.items.iter().position(|(name, _)| *name == item);
         index.map(|index| index as i32 + 1).ok_or_else(|| format!("expected one of {}", self.listed()))

@@ -74,7 +74,7 @@ pub enum Type {
         start: f64,
         /// Its unit.
         unit: Unit,
-        /// Unit in which tools show it unless told otherwise, by name; its unit if there is none.
+        /// Name of the default display unit; its unit if there is none.
         display: Option<&'static str>,
         /// Typical magnitude.
         nominal: f64,
@@ -195,7 +195,7 @@ pub struct Variable {
     pub data_type: Type,
     /// Whether the smallest value of a Real is itself refused.
     pub excludes_min: bool,
-    /// Whether an output or local variable begins with its start value, which importers may set before the run.
+    /// Whether an output or local variable starts from its start value, which importers may set before the run.
     pub exact: bool,
     /// Whether it is a continuous state, which is integrated.
     pub state: bool,
@@ -206,7 +206,7 @@ pub struct Variable {
     /// For variables computed at the start: the parameters and inputs that they depend on then, by name; `None` means all of
     /// them.
     pub starts_from: Option<Vec<Cow<'static, str>>>,
-    /// Whether its field cannot hold a number that is none of an item.
+    /// Whether its field can hold only numbers of items.
     pub(crate) items_only: bool,
 }
 
@@ -274,8 +274,7 @@ impl Variable {
         )
     }
 
-    /// Whether it may have this value: one of the items of its enumeration, within its limits. Numbers that are not finite are no
-    /// matter of limits.
+    /// Whether it may have this value: an item of its enumeration, or within its limits, which do not refuse NaN.
     ///
     /// # Errors
     /// If the value is refused, with the expected one.
@@ -283,7 +282,7 @@ impl Variable {
         if self.holds(value) { Ok(()) } else { Err(self.refusal(value)) }
     }
 
-    /// Whether a parameter may have this value: as [`admits`](Self::admits), and numbers must be finite.
+    /// Whether a parameter may have this value: as [`admits`](Self::admits), but numbers must be finite.
     ///
     /// # Errors
     /// If the value is refused, with the expected one.
@@ -296,12 +295,12 @@ impl Variable {
         }
     }
 
-    /// Whether limits hold at once. Those of parameters are checked when they are used, all together.
+    /// Whether limits are checked when a value is set. Those of parameters are checked together at the start.
     pub(crate) fn is_checked_when_set(&self) -> bool {
         self.causality == Causality::Input || self.items_only
     }
 
-    /// Whether a value is within the limits, or an item. Asked for every value that is set.
+    /// Whether a value is within the limits, or an item. Called for every value that is set.
     #[inline]
     pub(crate) fn holds(&self, value: &Value) -> bool {
         match (&self.data_type, value) {
@@ -314,7 +313,7 @@ impl Variable {
         }
     }
 
-    /// Refusal of a value that is not held.
+    /// Refusal of a value outside the limits.
     #[cold]
     fn refusal(&self, value: &Value) -> Invalid {
         let unit = self.spaced_unit();
@@ -353,7 +352,7 @@ impl Variable {
     }
 }
 
-/// Whether a value is not outside its limits; NaN is refused elsewhere, where it is not a missing input.
+/// Whether a value is not outside its limits; NaN, which may be a missing input, is checked elsewhere.
 #[inline]
 fn within<T: PartialOrd>(value: &T, min: Option<&T>, max: Option<&T>) -> bool {
     !(min.is_some_and(|min| value < min) || max.is_some_and(|max| value > max))

@@ -8,27 +8,27 @@ use crate::unit::{SECOND, Unit};
 
 /// One row of a model's table: a variable, and access to its value in `D`.
 ///
-/// A constructor gives type and start value; the role follows ([`Row::fixed`], [`Row::tunable`], [`Row::input`],
-/// [`Row::output`], [`Row::sampled_output`]; a local variable by default), and then further attributes.
+/// A constructor sets type and start value; then follow the role ([`Row::fixed`], [`Row::tunable`], [`Row::input`],
+/// [`Row::output`], [`Row::sampled_output`]; a local variable by default) and further attributes.
 pub struct Row<D> {
     /// The variable.
     pub variable: Variable,
-    /// Access to its value; none yet for the row of a field.
+    /// Access to its value; initially none for the row of a field.
     pub(super) place: Option<Place<D>>,
     pub(super) details: Details,
 }
 
-/// Details of a row that count until the table is complete.
+/// Details of a row that are needed to complete the table.
 #[derive(Default)]
 pub(super) struct Details {
-    /// Index of its value: that of the element, or of a field among all of the values.
+    /// Index of its value: that of the element, or of the field among all values.
     pub(super) place: usize,
     /// Index of the element in its array.
     pub(super) index: usize,
     pub(super) starts_from_parameters: bool,
     /// Prefix of its name; names to which it refers are looked up with this prefix first.
     pub(super) prefix: String,
-    /// Number of the structure that contains it in its array.
+    /// Number of its structure in an array of structures.
     number: Option<usize>,
 }
 
@@ -72,14 +72,14 @@ impl<D> Row<D> {
         Self::new(name, Type::String { start: start.into() }, Some(Place::String(place)))
     }
 
-    /// The time, as the independent variable of FMI. It needs no place, and there is at most one.
+    /// The time, as the independent variable of FMI. It needs no access, and there is at most one.
     pub fn time(name: impl Into<Cow<'static, str>>) -> Self {
         let mut row = Self::new(name, Type::real(0.0, SECOND), Some(Place::Time)).description("Time");
         row.variable.causality = Causality::Independent;
         row
     }
 
-    /// The elements `name[1]`, `name[2]`, … of an array, of which `row` makes one of its name and start value.
+    /// The elements `name[1]`, `name[2]`, … of an array; `row` makes each from its name and start value.
     ///
     /// ```
     /// # use fmu_export::{place, unit, variable::Row};
@@ -101,7 +101,7 @@ impl<D> Row<D> {
         })
     }
 
-    /// A text with the number of the element for `{k}`, and that of the structure which contains it for `{n}`.
+    /// A text with the number of the element for `{k}`, and that of its structure for `{n}`.
     fn numbered(&self, text: Cow<'static, str>) -> Cow<'static, str> {
         if !text.contains('{') {
             return text;
@@ -150,8 +150,8 @@ impl<D> Row<D> {
         self.role(Causality::Parameter, Variability::Fixed)
     }
 
-    /// Makes it a parameter that follows from other parameters; [`Model::start`](crate::Model::start) computes it. One that follows from
-    /// tunable parameters is `tunable` as well, and computed by [`Model::refresh`](crate::Model::refresh) too.
+    /// Makes it a parameter that [`Model::start`](crate::Model::start) computes from other parameters. If these are tunable, it is `tunable`
+    /// too, and [`Model::refresh`](crate::Model::refresh) also computes it.
     pub fn calculated(self) -> Self {
         self.role(Causality::CalculatedParameter, Variability::Fixed)
     }
@@ -161,7 +161,7 @@ impl<D> Row<D> {
         self.role(Causality::Local, Variability::Constant)
     }
 
-    /// Makes it a parameter that may change between steps; one that is calculated stays so.
+    /// Makes it a parameter that may change between steps; a calculated one stays calculated.
     pub fn tunable(self) -> Self {
         let is_calculated = self.variable.causality == Causality::CalculatedParameter;
         let causality = if is_calculated { Causality::CalculatedParameter } else { Causality::Parameter };
@@ -178,19 +178,19 @@ impl<D> Row<D> {
         self.role(Causality::Output, Variability::Continuous)
     }
 
-    /// Makes it an output that changes at sample instants or events only.
+    /// Makes it an output that changes only at sample instants or events.
     pub fn sampled_output(self) -> Self {
         self.role(Causality::Output, Variability::Discrete)
     }
 
-    /// Lets an input, output or local variable change at sample instants or events only.
+    /// Lets an input, output or local variable change only at sample instants or events.
     pub fn discrete(mut self) -> Self {
         self.variable.variability = Variability::Discrete;
         self
     }
 
-    /// Lets an output or a local variable begin with its start value, which importers may set before the run; the start leaves it
-    /// alone. For states above all, which need no parameter for their initial values then.
+    /// Lets an output or a local variable start from its start value, which importers may set before the run and the start does
+    /// not change. Mainly for states, whose initial values then need no parameters.
     pub fn exact(mut self) -> Self {
         self.variable.exact = true;
         self
@@ -202,7 +202,7 @@ impl<D> Row<D> {
     }
 
     /// Description, as a phrase without a full stop. `{k}` stands for the number of the element, counted from 1, `{n}` for that of
-    /// the structure which contains it, `{prefix}` for what its names begin with, without a point at the end.
+    /// its structure, `{prefix}` for the prefix of its name, without the final point.
     pub fn description(mut self, description: impl Into<Cow<'static, str>>) -> Self {
         self.variable.description = self.numbered(description.into());
         self
@@ -229,7 +229,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// A limit of a Real variable that is itself refused, as anything below; descriptions of models show it as the smallest value.
+    /// A lower limit of a Real variable that is itself refused; model descriptions show it as the smallest value.
     pub fn above(mut self, value: f64) -> Self {
         self.variable.excludes_min = true;
         self.min(value)
@@ -245,7 +245,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// Sets the unit in which tools show it, one of the display units of its unit.
+    /// Sets the display unit, one of those of its unit.
     pub fn display_unit(mut self, name: &'static str) -> Self {
         if let Type::Real { display, .. } = &mut self.variable.data_type {
             *display = Some(name);
@@ -253,7 +253,7 @@ impl<D> Row<D> {
         self
     }
 
-    /// Lets tools show it in the first display unit of its unit, unless another was set.
+    /// Sets the first display unit of its unit, unless another was set.
     pub fn display_in_first(mut self) -> Self {
         if let Type::Real { display, unit, .. } = &mut self.variable.data_type {
             *display = display.or(unit.displays.first().map(|first| first.name));
@@ -267,14 +267,14 @@ impl<D> Row<D> {
         self
     }
 
-    /// Declares that no input and no state has direct feedthrough to it.
+    /// Declares that it depends on no input and no state.
     pub fn depends_on_nothing(mut self) -> Self {
         self.variable.depends_on.get_or_insert_default();
         self
     }
 
     /// Names the inputs and states with direct feedthrough to it; without this it depends on all of them. The name of an array
-    /// stands for all its elements; `{k}` in a name for the number of the own element.
+    /// stands for all its elements; `{k}` in a name for the number of this element.
     pub fn depends_on(self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
         self.depends(Dependency::Any, names)
     }
@@ -292,23 +292,22 @@ impl<D> Row<D> {
         self
     }
 
-    /// Makes it the derivative of a state. An element of an array is the derivative of the element of the same number, if the name is
-    /// that of an array.
+    /// Makes it the derivative of a state. If the name is that of an array, an element is the derivative of the element with the same
+    /// number.
     pub fn derivative_of(mut self, state: impl Into<Cow<'static, str>>) -> Self {
         self.variable.derivative_of = Some(self.numbered(state.into()));
         self
     }
 
-    /// Declares that it depends on parameters at the start, on any of them, and on no input but those that are named by
-    /// [`Row::starts_from`].
+    /// Declares that at the start it depends on any parameters, and only on the inputs named by [`Row::starts_from`].
     pub fn starts_from_parameters(mut self) -> Self {
         self.details.starts_from_parameters = true;
         self.variable.starts_from.get_or_insert_default();
         self
     }
 
-    /// Names the parameters and inputs that it depends on at the start; by default these follow from
-    /// [`Row::depends_on`], and are all where that does not tell.
+    /// Names the parameters and inputs on which it depends at the start; by default these follow from [`Row::depends_on`] if
+    /// possible, and are otherwise all.
     pub fn starts_from(mut self, names: impl IntoIterator<Item = impl Into<Cow<'static, str>>>) -> Self {
         let names: Vec<_> = names.into_iter().map(|name| self.numbered(name.into())).collect();
         self.variable.starts_from.get_or_insert_default().extend(names);
@@ -317,8 +316,7 @@ impl<D> Row<D> {
 }
 
 impl Row<()> {
-    /// Puts it at a place among those of the values, as an element of a field in a structure whose names begin with `prefix`,
-    /// the one of that number in its array.
+    /// Sets the index of its value and of the element, and prefix and number of its structure.
     pub(crate) fn within(mut self, prefix: &str, number: Option<usize>, place: usize, index: usize) -> Self {
         self.details = Details { prefix: prefix.to_owned(), number, place, index, ..self.details };
         self
@@ -333,7 +331,7 @@ impl Row<()> {
         self
     }
 
-    /// The same with access to its value, where that to all fields is known.
+    /// The same with access to its value, given that to all fields.
     pub(crate) fn placed<D>(self, fields: Access<D, dyn Slot>) -> Row<D> {
         let Self { variable, details, .. } = self;
         Row { variable, place: Some(Place::Field(fields)), details }

@@ -31,7 +31,7 @@ impl<D> Table<D> {
         Self { variables: complete(variables), places }
     }
 
-    /// The value of the variable with that index. The table does not know the time.
+    /// The value of the variable with that index; NaN for the time.
     pub fn get(&self, index: usize, values: &D) -> Value {
         self.at(index, values).map_or(Value::Real(f64::NAN), |slot| slot.get())
     }
@@ -42,7 +42,7 @@ impl<D> Table<D> {
         self.at_mut(index, values).is_none_or(|slot| slot.set(value))
     }
 
-    /// The value of a Real variable in its place.
+    /// A reference to the value of a Real variable.
     pub(crate) fn real<'d>(&self, index: usize, values: &'d D) -> Option<&'d f64> {
         self.at(index, values)?.real()
     }
@@ -91,7 +91,7 @@ impl<D: Default> Table<D> {
     }
 }
 
-/// Completes variables by what follows from all of them.
+/// Resolves references between variables and derives dependencies at the start.
 fn complete(mut rows: Vec<(Variable, Details)>) -> Arc<[Variable]> {
     resolve(&mut rows);
     let is_parameter = |(variable, _): &&(Variable, _)| variable.causality == Causality::Parameter;
@@ -116,7 +116,7 @@ fn complete(mut rows: Vec<(Variable, Details)>) -> Arc<[Variable]> {
     variables.into()
 }
 
-/// Replaces names to which rows refer: one of the own structure gets its prefix, unless it begins with a point; that of an
+/// Resolves names in rows: a name of the same structure gets its prefix, unless it begins with a point; the name of an
 /// array becomes those of its elements. Unknown names stay, to be reported.
 fn resolve(rows: &mut [(Variable, Details)]) {
     let mut elements: HashMap<Cow<'static, str>, Vec<Cow<'static, str>>> = HashMap::new();
@@ -127,7 +127,7 @@ fn resolve(rows: &mut [(Variable, Details)]) {
         elements.entry(name.clone()).or_default().push(name.clone());
     }
     for (variable, Details { index, prefix, .. }) in rows {
-        let meant = |name: &Cow<'static, str>| {
+        let resolved = |name: &Cow<'static, str>| {
             let own = match name.strip_prefix('.') {
                 Some(name) => name.to_owned(),
                 None => format!("{prefix}{name}"),
@@ -136,21 +136,21 @@ fn resolve(rows: &mut [(Variable, Details)]) {
         };
         if let Some(depends_on) = &mut variable.depends_on {
             let each =
-                |(name, how): &(_, Dependency)| meant(name).into_iter().map(|name| (name, *how)).collect::<Vec<_>>();
+                |(name, how): &(_, Dependency)| resolved(name).into_iter().map(|name| (name, *how)).collect::<Vec<_>>();
             *depends_on = depends_on.iter().flat_map(each).collect();
         }
         if let Some(starts_from) = &mut variable.starts_from {
-            *starts_from = starts_from.iter().flat_map(meant).collect();
+            *starts_from = starts_from.iter().flat_map(resolved).collect();
         }
         if let Some(state) = &mut variable.derivative_of {
-            let states = meant(state);
+            let states = resolved(state);
             *state = states.get(*index).or(states.first()).cloned().unwrap_or_else(|| state.clone());
         }
     }
 }
 
-/// The names on which a variable depends at the start, as far as it follows from what it depends on later: an output of inputs and
-/// states depends on these inputs, on whatever the states depend on at the start, and on any parameter.
+/// The names on which a variable depends at the start, derived from its dependencies in the run: an output of inputs and states
+/// depends on these inputs, on the dependencies of the states at the start, and on any parameter.
 fn starts_from(
     variable: &Variable,
     variables: &HashMap<&str, &Variable>,

@@ -1,7 +1,7 @@
-//! An importer that does anything: calls in any order with any arguments that C allows, over several instances in turn.
+//! An importer that makes random calls: in any order, with any arguments that C allows, on several instances.
 //!
-//! Bytes decide what it does: random ones in a test, those of a fuzzer in its target. Foreign pointers and arrays
-//! shorter than they are said to be are left out, for nobody can tell them from good ones.
+//! Bytes choose the calls: random ones in a test, those of a fuzzer in its target. Foreign pointers and arrays
+//! shorter than stated are excluded, because they cannot be detected.
 
 use std::ptr::{null, null_mut};
 
@@ -12,7 +12,7 @@ use super::ffi::{Fmu, Request, text};
 use super::library::FMUS;
 use crate::call;
 
-/// Where the bytes come from; `None` is the end.
+/// A source of bytes; `None` is the end.
 pub trait Source {
     /// The next byte.
     fn byte(&mut self) -> Option<u8>;
@@ -26,7 +26,7 @@ pub trait Source {
         Some((low + 256 * usize::from(self.byte()?)) % limit)
     }
 
-    /// A number, more often than not one that makes sense in place of `usual`.
+    /// A number: usually close to `usual`, otherwise an odd one.
     fn real(&mut self, usual: f64) -> Option<f64> {
         const ODD: [f64; 20] = [
             0.0,
@@ -57,6 +57,43 @@ pub trait Source {
         let part = f64::from(self.byte()?) / 256.0;
         Some(if usual == 0.0 { 1e-4 * (part - 0.5) } else { usual * (0.9 + 0.2 * part) })
     }
+
+    /// Pointer and length to pass for a list: sometimes null, or an impossible length.
+    fn pointer<T>(&mut self, list: &[T]) -> Option<(*const T, usize)> {
+        Some(match self.below(64)? {
+            0 => (null(), list.len()),
+            1 => (null(), usize::MAX),
+            2 => (list.as_ptr(), usize::MAX),
+            3 => (list.as_ptr(), 0),
+            _ => (list.as_ptr(), list.len()),
+        })
+    }
+
+    /// Length of a step in seconds, usually a sensible one.
+    fn step_length(&mut self) -> Option<f64> {
+        Some(match self.below(16)? {
+            0 => 1.1e-16,
+            1 => 0.0,
+            2 => self.real(1e-3)?.clamp(-1.0, 5e-3),
+            3 => 1e-4 * f64::from(self.byte()?),
+            4..=6 => 1e-4 * f64::from(self.byte()?) / 256.0,
+            _ => 1e-4,
+        })
+    }
+
+    /// A copy with up to two changed bytes, sometimes truncated.
+    fn damaged(&mut self, bytes: &[u8]) -> Option<Vec<u8>> {
+        let mut bytes = bytes.to_vec();
+        for _ in 0..self.below(3)? {
+            let place = self.below(bytes.len().min(65_536))?;
+            bytes[place] = self.byte()?;
+        }
+        if self.below(8)? == 0 {
+            let length = self.below(bytes.len().min(65_536))?;
+            bytes.truncate(length);
+        }
+        Some(bytes)
+    }
 }
 
 /// Bytes of a fuzzer.
@@ -72,22 +109,22 @@ impl Source for Given<'_> {
 
 const MOST_SNAPSHOTS: usize = 12;
 
-/// The importer and what it has in hand.
+/// The importer with its instances, snapshots and serialized bytes.
 pub struct Abuse<S> {
     source: S,
     models: Vec<&'static str>,
     instances: Vec<(usize, Fmu)>,
     snapshots: Vec<(usize, fmi2FMUstate)>,
     written: Vec<Vec<u8>>,
-    /// Calls that were made.
+    /// Number of calls.
     pub calls: u64,
-    /// Calls that were answered with fmi2OK.
+    /// Calls that returned fmi2OK.
     pub served: u64,
-    /// Calls that were answered with fmi2Error.
+    /// Calls that returned fmi2Error.
     pub refused: u64,
-    /// Instances that were made and instances that were refused.
+    /// Instances made and instances refused.
     pub instantiations: [u64; 2],
-    /// Steps that were completed.
+    /// Completed steps.
     pub steps: u64,
 }
 
@@ -103,7 +140,7 @@ impl<S> Drop for Abuse<S> {
 }
 
 impl<S: Source> Abuse<S> {
-    /// Two instances of each model, fresh.
+    /// With two fresh instances of each model.
     pub fn new(source: S) -> Self {
         let models: Vec<&str> = FMUS.models().iter().map(|model| model.info.name).collect();
         let instances: Vec<_> =
@@ -130,7 +167,7 @@ impl<S: Source> Abuse<S> {
         self.source.real(usual)
     }
 
-    /// A variable; sometimes one that is not there.
+    /// A value reference; sometimes one of no variable.
     fn reference(&mut self, at: usize) -> Option<fmi2ValueReference> {
         let count = self.instances[at].1.variables().len();
         Some(match self.below(64)? {
@@ -148,7 +185,7 @@ impl<S: Source> Abuse<S> {
         }
     }
 
-    /// Takes the answer to a call on a live instance: errors come with a message, others do not.
+    /// Checks the result of a call on a live instance: every error has one message, a success none.
     fn answered(&mut self, at: usize, status: fmi2Status) -> bool {
         self.calls += 1;
         let messages = self.instances[at].1.take_messages();
@@ -166,18 +203,7 @@ impl<S: Source> Abuse<S> {
         status == fmi2Status::fmi2OK
     }
 
-    /// A list, its length, and the pointer that is handed over for it: now and then null, or with a length beyond memory.
-    fn pointer<T>(&mut self, list: &[T]) -> Option<(*const T, usize)> {
-        Some(match self.below(64)? {
-            0 => (null(), list.len()),
-            1 => (null(), usize::MAX),
-            2 => (list.as_ptr(), usize::MAX),
-            3 => (list.as_ptr(), 0),
-            _ => (list.as_ptr(), list.len()),
-        })
-    }
-
-    /// One call. `None` when the bytes have ended.
+    /// Makes one call. `None` at the end of the bytes.
     #[allow(clippy::too_many_lines, reason = "one arm per function")]
     pub fn step(&mut self) -> Option<()> {
         let at = self.below(self.instances.len())?;
@@ -187,9 +213,9 @@ impl<S: Source> Abuse<S> {
             12..=14 => return self.begin(at),
             15..=19 => {
                 let (references, mut values) = self.list(at)?;
-                let ((first, count), some) = (self.pointer(&references)?, self.below(16)? != 0);
+                let ((first, count), some) = (self.source.pointer(&references)?, self.below(16)? != 0);
                 let place = if some { values.as_mut_ptr() } else { null_mut() };
-                // SAFETY: the instance is live; the arrays are as long as is said, or null, or impossible.
+                // SAFETY: the instance is live; the arrays are as long as stated, or null, or impossible.
                 let status = unsafe { call!(fmi2GetReal: fmi2GetRealTYPE(c, first, count, place)) };
                 let ok = self.answered(at, status);
                 assert!(!ok || values.iter().take(count).all(|value| value.is_finite()), "{references:?} {values:?}");
@@ -197,7 +223,7 @@ impl<S: Source> Abuse<S> {
             }
             20..=24 => {
                 let (references, values) = self.list(at)?;
-                let (first, count) = self.pointer(&references)?;
+                let (first, count) = self.source.pointer(&references)?;
                 let place = if self.below(32)? == 0 { null() } else { values.as_ptr() };
                 // SAFETY: as above.
                 let status = unsafe { call!(fmi2SetReal: fmi2SetRealTYPE(c, first, count, place)) };
@@ -277,9 +303,10 @@ impl<S: Source> Abuse<S> {
             39 | 40 => {
                 let (unknowns, mut derivatives) = self.list(at)?;
                 let (knowns, direction) = self.list(at)?;
-                let ((first, count), (known, known_count)) = (self.pointer(&unknowns)?, self.pointer(&knowns)?);
+                let ((first, count), (known, known_count)) =
+                    (self.source.pointer(&unknowns)?, self.source.pointer(&knowns)?);
                 let place = derivatives.as_mut_ptr();
-                // SAFETY: the instance is live; the arrays are as long as is said, or null, or impossible.
+                // SAFETY: the instance is live; the arrays are as long as stated, or null, or impossible.
                 let status = unsafe {
                     call!(fmi2GetDirectionalDerivative: fmi2GetDirectionalDerivativeTYPE(
                         c, first, count, known, known_count, direction.as_ptr(), place,
@@ -295,7 +322,7 @@ impl<S: Source> Abuse<S> {
                 for _ in &references {
                     orders.push([1, 1, 1, 2, 3, 4, 0, -1, i32::MAX, 5][self.below(10)?]);
                 }
-                let ((first, count), order) = (self.pointer(&references)?, orders.as_ptr());
+                let ((first, count), order) = (self.source.pointer(&references)?, orders.as_ptr());
                 // SAFETY: as above.
                 let status = unsafe {
                     call!(fmi2SetRealInputDerivatives: fmi2SetRealInputDerivativesTYPE(c, first, count, order, values.as_ptr()))
@@ -305,7 +332,7 @@ impl<S: Source> Abuse<S> {
             43 => {
                 let (references, mut values) = self.list(at)?;
                 let orders: Vec<i32> = references.iter().map(|reference| (*reference % 4) as i32).collect();
-                let ((first, count), place) = (self.pointer(&references)?, values.as_mut_ptr());
+                let ((first, count), place) = (self.source.pointer(&references)?, values.as_mut_ptr());
                 // SAFETY: as above.
                 let status = unsafe {
                     call!(fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(c, first, count, orders.as_ptr(), place))
@@ -335,7 +362,7 @@ impl<S: Source> Abuse<S> {
         Some((references, values))
     }
 
-    /// A step that follows the last one, of a length that makes sense more often than not.
+    /// A step after the last one, usually of a sensible length.
     fn advance(&mut self, at: usize) -> Option<()> {
         let mut time = 0.0;
         let c = self.instances[at].1.component();
@@ -344,20 +371,13 @@ impl<S: Source> Abuse<S> {
             call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, fmi2StatusKind::fmi2LastSuccessfulTime, &raw mut time))
         };
         self.answered(at, status);
-        let length = match self.below(16)? {
-            0 => 1.1e-16,
-            1 => 0.0,
-            2 => self.real(1e-3)?.clamp(-1.0, 5e-3),
-            3 => 1e-4 * f64::from(self.source.byte()?),
-            4..=6 => 1e-4 * f64::from(self.source.byte()?) / 256.0,
-            _ => 1e-4,
-        };
+        let length = self.source.step_length()?;
         let status = self.instances[at].1.step(time, length);
         self.steps += u64::from(self.answered(at, status));
         Some(())
     }
 
-    /// The calls that bring an instance to its first step.
+    /// Brings an instance to its first step.
     fn begin(&mut self, at: usize) -> Option<()> {
         if self.below(4)? == 0 {
             let status = self.instances[at].1.reset();
@@ -431,16 +451,7 @@ impl<S: Source> Abuse<S> {
             }
             _ => {
                 let Some(bytes) = self.written.first() else { return Some(()) };
-                let mut bytes = bytes.clone();
-                for _ in 0..self.below(3)? {
-                    let place = self.below(bytes.len().min(65_536))?;
-                    let value = self.source.byte()?;
-                    bytes[place] = value;
-                }
-                if self.below(8)? == 0 {
-                    let length = self.below(bytes.len().min(65_536))?;
-                    bytes.truncate(length);
-                }
+                let bytes = self.source.damaged(bytes)?;
                 let mut state = null_mut();
                 let status = self.instances[at].1.deserialize(&bytes, &mut state);
                 if self.answered(at, status) {
@@ -482,17 +493,17 @@ impl<S: Source> Abuse<S> {
             [c"logAll", c"logEvents", c"logSingularLinearSystems", c"logStatusError", c"", c"nothing of the kind"];
         let c = self.instances[at].1.component();
         let names = [NAMES[self.below(6)?].as_ptr(), if self.below(8)? == 0 { null() } else { NAMES[1].as_ptr() }];
-        let (on, (first, count)) = (self.below(2)? as i32, self.pointer(&names)?);
-        // SAFETY: the instance is live; the texts end with a zero byte; the array is as long as is said, null, or impossible.
+        let (on, (first, count)) = (self.below(2)? as i32, self.source.pointer(&names)?);
+        // SAFETY: the instance is live; the texts end with a zero byte; the array is as long as stated, null, or impossible.
         let status = unsafe { call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, on, count, first)) };
         self.answered(at, status);
-        // Errors that were switched off by name are no longer told, and the next one is to be counted.
+        // Switches errors on again, because the next one is counted.
         let status = self.instances[at].1.set_logging(true, &["logStatusError"]);
         self.answered(at, status);
         Some(())
     }
 
-    /// Frees an instance and makes another, of any model, whose making may be refused.
+    /// Frees an instance and makes another, of any model, which may be refused.
     fn replace(&mut self, at: usize) -> Option<()> {
         let model = self.below(self.models.len())?;
         let mut request = Request { logging: true, ..Request::of(self.models[model]) };
@@ -513,17 +524,17 @@ impl<S: Source> Abuse<S> {
         self.instantiations[usize::from(made.is_err())] += 1;
         self.calls += 1;
         if let Ok(fmu) = made {
-            // The former instance is freed by the assignment.
+            // The assignment frees the former instance.
             self.calls += 1;
             self.instances[at] = (model, fmu);
         }
         Some(())
     }
 
-    /// Calls on no instance at all.
+    /// Calls on a null instance.
     fn null(&mut self) -> Option<()> {
         let c = null_mut();
-        // SAFETY: null is refused before anything else is looked at.
+        // SAFETY: null is refused before other arguments are used.
         let status = unsafe {
             match self.below(6)? {
                 0 => call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, 1e-4, fmi2True)),

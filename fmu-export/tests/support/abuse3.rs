@@ -1,5 +1,5 @@
-//! An importer of FMI 3.0 that does anything: calls in any order with any arguments that C allows, over several instances in
-//! turn, with arrays and without. See `abuse.rs` for FMI 2.0.
+//! An importer of FMI 3.0 that makes random calls: in any order, with any arguments that C allows, on several instances with and
+//! without arrays. See `abuse.rs` for FMI 2.0.
 
 use std::ptr::{null, null_mut};
 
@@ -14,24 +14,24 @@ use crate::call3;
 
 const MOST_SNAPSHOTS: usize = 12;
 
-/// The importer and what it has in hand.
+/// The importer with its instances, snapshots and serialized bytes.
 pub struct Abuse3<S> {
     source: S,
     models: Vec<&'static str>,
     instances: Vec<(usize, Fmu3)>,
     snapshots: Vec<(usize, fmi3FMUState)>,
     written: Vec<Vec<u8>>,
-    /// The end of the last step of each instance, as it said.
+    /// The end of the last step that each instance reported.
     times: Vec<f64>,
-    /// Calls that were made.
+    /// Number of calls.
     pub calls: u64,
-    /// Calls that were answered with fmi3OK.
+    /// Calls that returned fmi3OK.
     pub served: u64,
-    /// Calls that were answered with fmi3Error.
+    /// Calls that returned fmi3Error.
     pub refused: u64,
-    /// Instances that were made and instances that were refused.
+    /// Instances made and instances refused.
     pub instantiations: [u64; 2],
-    /// Steps that were completed.
+    /// Completed steps.
     pub steps: u64,
 }
 
@@ -47,7 +47,7 @@ impl<S> Drop for Abuse3<S> {
 }
 
 impl<S: Source> Abuse3<S> {
-    /// Two instances of each model, fresh: one with arrays and event mode.
+    /// With two fresh instances of each model, one of them with arrays and event mode.
     pub fn new(source: S) -> Self {
         let models: Vec<&str> = FMUS.models().iter().map(|model| model.info.name).collect();
         let instance = |at: usize| {
@@ -90,7 +90,7 @@ impl<S: Source> Abuse3<S> {
         }
     }
 
-    /// Takes the answer to a call on a live instance: errors come with a message, others do not.
+    /// Checks the result of a call on a live instance: every error has one message, a success none.
     fn answered(&mut self, at: usize, status: fmi3Status) -> bool {
         self.calls += 1;
         let messages = self.instances[at].1.take_messages();
@@ -108,18 +108,7 @@ impl<S: Source> Abuse3<S> {
         status == fmi3Status::fmi3OK
     }
 
-    /// The pointer and the length that are handed over for a list: now and then null, or a length beyond memory.
-    fn pointer<T>(&mut self, list: &[T]) -> Option<(*const T, usize)> {
-        Some(match self.source.below(64)? {
-            0 => (null(), list.len()),
-            1 => (null(), usize::MAX),
-            2 => (list.as_ptr(), usize::MAX),
-            3 => (list.as_ptr(), 0),
-            _ => (list.as_ptr(), list.len()),
-        })
-    }
-
-    /// Value references and values, most often as many as the references stand for; the room is larger than is said.
+    /// Value references and values, usually of the matching number.
     fn list(&mut self, at: usize) -> Option<(Vec<u32>, Vec<f64>)> {
         let count = self.source.below(5)?;
         let (mut references, mut values) = (Vec::new(), Vec::new());
@@ -127,7 +116,7 @@ impl<S: Source> Abuse3<S> {
             let reference = self.reference(at)?;
             references.push(reference);
             let usual = self.usual(at, reference);
-            // The length of an array, in most of them.
+            // Often the length of an array.
             let elements = if self.instances[at].1.arrays() { self.source.below(9)?.max(1) } else { 1 };
             for _ in 0..elements {
                 values.push(self.source.real(usual)?);
@@ -139,7 +128,7 @@ impl<S: Source> Abuse3<S> {
         Some((references, values))
     }
 
-    /// One call. `None` when the bytes have ended.
+    /// Makes one call. `None` at the end of the bytes.
     pub fn step(&mut self) -> Option<()> {
         let at = self.source.below(self.instances.len())?;
         let c = self.instances[at].1.instance();
@@ -148,9 +137,9 @@ impl<S: Source> Abuse3<S> {
             12..=14 => return self.begin(at),
             15..=19 => {
                 let (references, mut values) = self.list(at)?;
-                let ((first, count), some) = (self.pointer(&references)?, self.source.below(16)? != 0);
+                let ((first, count), some) = (self.source.pointer(&references)?, self.source.below(16)? != 0);
                 let place = if some { values.as_mut_ptr() } else { null_mut() };
-                // SAFETY: the instance is live; the arrays are as long as is said, or null, or impossible.
+                // SAFETY: the instance is live; the arrays are as long as stated, or null, or impossible.
                 let status =
                     unsafe { call3!(fmi3GetFloat64: fmi3GetFloat64TYPE(c, first, count, place, values.len())) };
                 let finite = values.iter().all(|value| value.is_finite());
@@ -159,7 +148,7 @@ impl<S: Source> Abuse3<S> {
             }
             20..=24 => {
                 let (references, values) = self.list(at)?;
-                let (first, count) = self.pointer(&references)?;
+                let (first, count) = self.source.pointer(&references)?;
                 let place = if self.source.below(32)? == 0 { null() } else { values.as_ptr() };
                 // SAFETY: as above.
                 unsafe { call3!(fmi3SetFloat64: fmi3SetFloat64TYPE(c, first, count, place, values.len())) }
@@ -199,9 +188,10 @@ impl<S: Source> Abuse3<S> {
             37 | 38 => return self.restore(at),
             39 | 40 => {
                 let ((unknowns, mut results), (knowns, seed)) = (self.list(at)?, self.list(at)?);
-                let ((first, count), (known, known_count)) = (self.pointer(&unknowns)?, self.pointer(&knowns)?);
+                let ((first, count), (known, known_count)) =
+                    (self.source.pointer(&unknowns)?, self.source.pointer(&knowns)?);
                 let (place, n) = (results.as_mut_ptr(), results.len());
-                // SAFETY: the instance is live; the arrays are as long as is said, or null, or impossible.
+                // SAFETY: the instance is live; the arrays are as long as stated, or null, or impossible.
                 let status = unsafe {
                     call3!(fmi3GetDirectionalDerivative: fmi3GetDirectionalDerivativeTYPE(
                         c, first, count, known, known_count, seed.as_ptr(), seed.len(), place, n,
@@ -214,7 +204,7 @@ impl<S: Source> Abuse3<S> {
             41 => {
                 let (references, mut values) = self.list(at)?;
                 let orders: Vec<i32> = references.iter().map(|reference| (*reference % 4) as i32).collect();
-                let ((first, count), place) = (self.pointer(&references)?, values.as_mut_ptr());
+                let ((first, count), place) = (self.source.pointer(&references)?, values.as_mut_ptr());
                 // SAFETY: as above.
                 unsafe {
                     call3!(fmi3GetOutputDerivatives: fmi3GetOutputDerivativesTYPE(
@@ -222,7 +212,7 @@ impl<S: Source> Abuse3<S> {
                     ))
                 }
             }
-            42..=44 => self.what_is_refused(at)?,
+            42..=44 => self.refused_functions(at)?,
             45 => return self.log(at),
             46 => return self.replace(at),
             _ => return self.null(),
@@ -262,7 +252,7 @@ impl<S: Source> Abuse3<S> {
     }
 
     /// Functions that are refused whatever their arguments.
-    fn what_is_refused(&mut self, at: usize) -> Option<fmi3Status> {
+    fn refused_functions(&mut self, at: usize) -> Option<fmi3Status> {
         let c = self.instances[at].1.instance();
         let (time, choice, mut count) = (self.source.real(0.0)?, self.source.below(10)?, 7);
         // SAFETY: the instance is live; pointers are null, or can be written.
@@ -281,7 +271,7 @@ impl<S: Source> Abuse3<S> {
                 8 => call3!(fmi3GetNumberOfVariableDependencies: fmi3GetNumberOfVariableDependenciesTYPE(
                     c, 0, &raw mut count
                 )),
-                // Without places for what it returns.
+                // With null pointers for the results.
                 _ => call3!(fmi3DoStep: fmi3DoStepTYPE(
                     c, self.times[at], 1e-4, 1, null_mut(), null_mut(), null_mut(), null_mut()
                 )),
@@ -291,16 +281,9 @@ impl<S: Source> Abuse3<S> {
         Some(status)
     }
 
-    /// A step that follows the last one, of a length that makes sense more often than not.
+    /// A step after the last one, usually of a sensible length.
     fn advance(&mut self, at: usize) -> Option<()> {
-        let length = match self.source.below(16)? {
-            0 => 1.1e-16,
-            1 => 0.0,
-            2 => self.source.real(1e-3)?.clamp(-1.0, 5e-3),
-            3 => 1e-4 * f64::from(self.source.byte()?),
-            4..=6 => 1e-4 * f64::from(self.source.byte()?) / 256.0,
-            _ => 1e-4,
-        };
+        let length = self.source.step_length()?;
         let mut time = f64::NAN;
         let (c, last) = (self.instances[at].1.instance(), self.instances[at].1.variables().len() as u32);
         // SAFETY: the instance is live; the place can be written. The reference is that of `time`.
@@ -391,16 +374,7 @@ impl<S: Source> Abuse3<S> {
             }
             _ => {
                 let Some(bytes) = self.written.first() else { return Some(()) };
-                let mut bytes = bytes.clone();
-                for _ in 0..self.source.below(3)? {
-                    let place = self.source.below(bytes.len().min(65_536))?;
-                    let value = self.source.byte()?;
-                    bytes[place] = value;
-                }
-                if self.source.below(8)? == 0 {
-                    let length = self.source.below(bytes.len().min(65_536))?;
-                    bytes.truncate(length);
-                }
+                let bytes = self.source.damaged(bytes)?;
                 let mut state = no_state();
                 let status = self.instances[at].1.deserialize(&bytes, &mut state);
                 if self.answered(at, status) {
@@ -422,13 +396,13 @@ impl<S: Source> Abuse3<S> {
         let (name, on) = (NAMES[self.source.below(6)?], self.source.below(2)? == 0);
         let status = self.instances[at].1.set_logging(on, name);
         self.answered(at, status);
-        // Errors that were switched off by name are no longer sent, and the next one is to be counted.
+        // Switches errors on again, because the next one is counted.
         let status = self.instances[at].1.set_logging(true, c"logStatusError");
         self.answered(at, status);
         Some(())
     }
 
-    /// Frees an instance and makes another, of any model, whose making may be refused.
+    /// Frees an instance and makes another, of any model, which may be refused.
     fn replace(&mut self, at: usize) -> Option<()> {
         let (model, arrays) = (self.source.below(self.models.len())?, self.source.below(2)? == 0);
         let name = self.models[model];
@@ -451,7 +425,7 @@ impl<S: Source> Abuse3<S> {
         self.instantiations[usize::from(made.is_err())] += 1;
         self.calls += 1;
         if let Ok(fmu) = made {
-            // The former instance is freed by the assignment.
+            // The assignment frees the former instance.
             self.calls += 1;
             self.instances[at] = (model, fmu);
             self.times[at] = 0.0;
@@ -459,10 +433,10 @@ impl<S: Source> Abuse3<S> {
         Some(())
     }
 
-    /// Calls on no instance at all.
+    /// Calls on a null instance.
     fn null(&mut self) -> Option<()> {
         let c = null_mut();
-        // SAFETY: null is refused before anything else is looked at.
+        // SAFETY: null is refused before other arguments are used.
         let status = unsafe {
             match self.source.below(7)? {
                 0 => call3!(fmi3SetTime: fmi3SetTimeTYPE(c, 0.0)),

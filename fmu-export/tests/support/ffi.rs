@@ -1,9 +1,9 @@
-//! An importer within the test: the exported C functions, called through pointers of the types in the C header.
+//! An importer within the test: calls the exported C functions through pointers of the types in the C header.
 //!
-//! The functions and the models are those of `super::library`, the module in which `export_fmus!` stands.
+//! The functions and the models are those of `super::library`, the module with `export_fmus!`.
 //!
-//! [`Fmu`] makes the calls with the arguments as an importer makes them and keeps every message of its instance. What is
-//! not wrapped here can be called with [`Fmu::component`].
+//! [`Fmu`] makes calls like an importer and keeps every message of its instance. Functions without a method can be called with
+//! [`Fmu::component`].
 
 use std::ffi::{CStr, CString, c_void};
 use std::ptr::{null, null_mut};
@@ -15,9 +15,8 @@ use fmu_export::variable::{Type, Variable};
 
 use super::library::FMUS;
 
-/// Calls a function of the C interface by way of the pointer type that the header gives it.
-///
-/// The arguments are the caller's affair: `call!` stands in an unsafe block.
+/// Calls a function of the C interface through the pointer type of the header; unsafe, because the caller is responsible for the
+/// arguments.
 #[macro_export]
 macro_rules! call {
     ($name:ident: $type:ident ($($argument:expr),* $(,)?)) => {{
@@ -31,7 +30,7 @@ macro_rules! call {
 pub struct Message {
     /// Name of the instance.
     pub instance: String,
-    /// Status that goes with the message.
+    /// Status of the message.
     pub status: fmi2Status,
     /// Category, as the model description declares it.
     pub category: String,
@@ -39,7 +38,7 @@ pub struct Message {
     pub text: String,
 }
 
-/// Where the messages of one instance are gathered; its address is the component environment.
+/// The messages of one instance; its address is the component environment.
 type Messages = Mutex<Vec<Message>>;
 
 /// Receives a message. The standard's type is variadic; the layer always passes `"%s"` and one text after it.
@@ -51,8 +50,8 @@ unsafe extern "C" fn take_message(
     format: fmi2String,
     text: fmi2String,
 ) {
-    // SAFETY: the environment is the address of the `Messages` that the callbacks were made with, which outlive the
-    // instance; all texts end with a zero byte, as the standard demands.
+    // SAFETY: the environment is the address of the `Messages` of the instance, which outlive it; all texts end with a zero
+    // byte, as the standard demands.
     let (messages, instance, category, format, text) = unsafe {
         (
             &*environment.cast::<Messages>(),
@@ -64,13 +63,13 @@ unsafe extern "C" fn take_message(
     };
     let words = |text: &CStr| text.to_str().expect("texts are UTF-8").to_owned();
     assert_eq!(format, c"%s", "the format takes exactly the text that follows it");
-    // The name is what the importer gave, whatever its encoding.
+    // The name may have any encoding.
     let instance = instance.to_string_lossy().into_owned();
     let message = Message { instance, status, category: words(category), text: words(text) };
     messages.lock().expect("no test panics while it holds the messages").push(message);
 }
 
-/// A logger that takes one text after the format.
+/// A logger with one text after the format.
 pub type Fixed =
     unsafe extern "C" fn(fmi2ComponentEnvironment, fmi2String, fmi2Status, fmi2String, fmi2String, fmi2String);
 
@@ -88,7 +87,7 @@ unsafe extern "C" fn allocate(_: usize, _: usize) -> *mut c_void {
 
 unsafe extern "C" fn release(_: *mut c_void) {}
 
-/// An importer's arguments for a new instance; the defaults are those of a sound call.
+/// An importer's arguments for a new instance; valid by default.
 pub struct Request {
     /// Name of the instance; `None` is a null pointer.
     pub name: Option<CString>,
@@ -107,7 +106,7 @@ pub struct Request {
 }
 
 impl Request {
-    /// A sound request for an instance of a model, without logging.
+    /// A valid request for an instance of a model, without logging.
     pub fn of(model: &str) -> Self {
         Self {
             name: Some(text("instance")),
@@ -120,7 +119,7 @@ impl Request {
         }
     }
 
-    /// Makes the instance; with the messages alone when that is refused.
+    /// Makes the instance; returns the messages if it is refused.
     pub fn instantiate(self, model: &str) -> Result<Fmu, Vec<Message>> {
         let messages: Box<Messages> = Box::default();
         let callbacks = Box::new(fmi2CallbackFunctions {
@@ -186,7 +185,7 @@ impl Fmu {
         request.instantiate(model).unwrap_or_else(|messages| panic!("{model} was refused: {messages:?}"))
     }
 
-    /// An instance of a model that stands between two steps, at time 0, with these values set before.
+    /// An instance of a model between two steps, at time 0, with these values set before.
     pub fn started(model: &str, values: &[(&str, f64)]) -> Self {
         let fmu = Self::new(model);
         for (name, value) in values {
@@ -196,7 +195,7 @@ impl Fmu {
         fmu
     }
 
-    /// Goes through the initialization.
+    /// Initializes.
     pub fn start(&self, start_s: f64, stop_s: Option<f64>) {
         self.setup(start_s, stop_s).ok(self);
         self.enter_initialization().ok(self);
@@ -228,7 +227,7 @@ impl Fmu {
         &self.variables()[self.reference(name) as usize].data_type
     }
 
-    /// Sets a variable of any type by its name: choices and whole numbers by value, Booleans as 0 and 1.
+    /// Sets a variable of any type but String by its name: enumerations and integers by value, Booleans as 0 and 1.
     pub fn set(&self, name: &str, value: f64) -> fmi2Status {
         let reference = [self.reference(name)];
         match self.kind(name) {
@@ -239,7 +238,7 @@ impl Fmu {
         }
     }
 
-    /// Reads a variable of any type by its name, as a number.
+    /// Reads a variable of any type but String by its name, as a number.
     pub fn try_get(&self, name: &str) -> Result<f64, fmi2Status> {
         let reference = [self.reference(name)];
         match self.kind(name) {
@@ -266,7 +265,7 @@ impl Fmu {
     /// `fmi2SetReal`.
     pub fn set_reals(&self, references: &[fmi2ValueReference], values: &[f64]) -> fmi2Status {
         assert_eq!(references.len(), values.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         unsafe {
             call!(fmi2SetReal: fmi2SetRealTYPE(self.component, references.as_ptr(), references.len(), values.as_ptr()))
         }
@@ -276,7 +275,7 @@ impl Fmu {
     pub fn set_integers(&self, references: &[fmi2ValueReference], values: &[i32]) -> fmi2Status {
         assert_eq!(references.len(), values.len());
         let (first, count) = (references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         unsafe { call!(fmi2SetInteger: fmi2SetIntegerTYPE(self.component, first, count, values.as_ptr())) }
     }
 
@@ -284,7 +283,7 @@ impl Fmu {
     pub fn set_booleans(&self, references: &[fmi2ValueReference], values: &[fmi2Boolean]) -> fmi2Status {
         assert_eq!(references.len(), values.len());
         let (first, count) = (references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         unsafe { call!(fmi2SetBoolean: fmi2SetBooleanTYPE(self.component, first, count, values.as_ptr())) }
     }
 
@@ -292,7 +291,7 @@ impl Fmu {
     pub fn get_reals(&self, references: &[fmi2ValueReference]) -> Result<Vec<f64>, fmi2Status> {
         let mut values = vec![f64::NAN; references.len()];
         let (first, count) = (references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         let status = unsafe { call!(fmi2GetReal: fmi2GetRealTYPE(self.component, first, count, values.as_mut_ptr())) };
         if status == fmi2Status::fmi2OK { Ok(values) } else { Err(status) }
     }
@@ -301,7 +300,7 @@ impl Fmu {
     pub fn get_integers(&self, references: &[fmi2ValueReference]) -> Result<Vec<i32>, fmi2Status> {
         let mut values = vec![i32::MIN; references.len()];
         let (first, count) = (references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         let status =
             unsafe { call!(fmi2GetInteger: fmi2GetIntegerTYPE(self.component, first, count, values.as_mut_ptr())) };
         if status == fmi2Status::fmi2OK { Ok(values) } else { Err(status) }
@@ -311,7 +310,7 @@ impl Fmu {
     pub fn get_booleans(&self, references: &[fmi2ValueReference]) -> Result<Vec<fmi2Boolean>, fmi2Status> {
         let mut values = vec![-1; references.len()];
         let (first, count) = (references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         let status =
             unsafe { call!(fmi2GetBoolean: fmi2GetBooleanTYPE(self.component, first, count, values.as_mut_ptr())) };
         if status == fmi2Status::fmi2OK { Ok(values) } else { Err(status) }
@@ -338,7 +337,7 @@ impl Fmu {
         unsafe { call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(self.component)) }
     }
 
-    /// `fmi2DoStep`; the importer says that it will not go back.
+    /// `fmi2DoStep`; the importer declares that it will not go back.
     pub fn step(&self, time_s: f64, length_s: f64) -> fmi2Status {
         // SAFETY: the instance is live.
         unsafe { call!(fmi2DoStep: fmi2DoStepTYPE(self.component, time_s, length_s, fmi2True)) }
@@ -365,7 +364,7 @@ impl Fmu {
         unsafe { call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(self.component, i32::from(on), count, first)) }
     }
 
-    /// `fmi2GetFMUstate` into the pointer given.
+    /// `fmi2GetFMUstate` into this pointer.
     pub fn get_state(&self, state: &mut fmi2FMUstate) -> fmi2Status {
         // SAFETY: the instance is live; the pointer is null or a snapshot of this library's.
         unsafe { call!(fmi2GetFMUstate: fmi2GetFMUstateTYPE(self.component, state)) }
@@ -395,7 +394,7 @@ impl Fmu {
         }
         let mut bytes = vec![0_u8; size];
         let first = bytes.as_mut_ptr().cast();
-        // SAFETY: as above; there are as many bytes as is said.
+        // SAFETY: as above; there are as many bytes as stated.
         let status =
             unsafe { call!(fmi2SerializeFMUstate: fmi2SerializeFMUstateTYPE(self.component, state, first, size)) };
         if status == fmi2Status::fmi2OK { Ok(bytes) } else { Err(status) }
@@ -404,7 +403,7 @@ impl Fmu {
     /// `fmi2DeSerializeFMUstate`.
     pub fn deserialize(&self, bytes: &[u8], state: &mut fmi2FMUstate) -> fmi2Status {
         let (first, size) = (bytes.as_ptr().cast(), bytes.len());
-        // SAFETY: the instance is live; there are as many bytes as is said; the pointer may be written.
+        // SAFETY: the instance is live; there are as many bytes as stated; the pointer may be written.
         unsafe { call!(fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(self.component, first, size, state)) }
     }
 
@@ -425,7 +424,7 @@ impl Fmu {
     ) -> Result<Vec<f64>, fmi2Status> {
         assert_eq!(knowns.len(), direction.len());
         let mut derivatives = vec![f64::NAN; unknowns.len()];
-        // SAFETY: the instance is live; all arrays are as long as is said.
+        // SAFETY: the instance is live; all arrays are as long as stated.
         let status = unsafe {
             call!(fmi2GetDirectionalDerivative: fmi2GetDirectionalDerivativeTYPE(
                 self.component,
@@ -448,7 +447,7 @@ impl Fmu {
         values: &[f64],
     ) -> fmi2Status {
         assert!(references.len() == orders.len() && references.len() == values.len());
-        // SAFETY: the instance is live; all arrays are as long as is said.
+        // SAFETY: the instance is live; all arrays are as long as stated.
         unsafe {
             call!(fmi2SetRealInputDerivatives: fmi2SetRealInputDerivativesTYPE(
                 self.component,
@@ -468,7 +467,7 @@ impl Fmu {
     ) -> Result<Vec<f64>, fmi2Status> {
         assert_eq!(references.len(), orders.len());
         let mut values = vec![f64::NAN; references.len()];
-        // SAFETY: the instance is live; all arrays are as long as is said.
+        // SAFETY: the instance is live; all arrays are as long as stated.
         let status = unsafe {
             call!(fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(
                 self.component,
@@ -484,11 +483,10 @@ impl Fmu {
 
 /// Statuses in tests.
 pub trait Expect {
-    /// Demands fmi2OK; the messages of the instance say why it was not.
+    /// Asserts fmi2OK; a failure shows the messages of the instance.
     #[track_caller]
     fn ok(self, fmu: &Fmu);
-    /// Demands fmi2Error and exactly one message, which has that status and the category `logStatusError`; gives its
-    /// text.
+    /// Asserts fmi2Error and exactly one message of that status, with the category `logStatusError`; returns its text.
     #[track_caller]
     fn error(self, fmu: &Fmu) -> String;
 }

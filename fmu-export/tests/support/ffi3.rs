@@ -1,6 +1,6 @@
-//! An importer of FMI 3.0 within the test: the exported C functions, called through pointers of the types in the C header.
+//! An importer of FMI 3.0 within the test: calls the exported C functions through pointers of the types in the C header.
 //!
-//! [`Fmu3`] makes the calls with the arguments as an importer makes them and keeps every message of its instance.
+//! [`Fmu3`] makes calls like an importer and keeps every message of its instance.
 
 use std::ffi::{CStr, CString};
 use std::ptr::{null, null_mut};
@@ -13,9 +13,8 @@ use fmu_export::{ModelType, Standard};
 use super::ffi::text;
 use super::library::FMUS;
 
-/// Calls a function of the C interface by way of the pointer type that the header gives it.
-///
-/// The arguments are the caller's affair: `call3!` stands in an unsafe block.
+/// Calls a function of the C interface through the pointer type of the header; unsafe, because the caller is responsible for the
+/// arguments.
 #[macro_export]
 macro_rules! call3 {
     ($name:ident: $type:ident ($($argument:expr),* $(,)?)) => {{
@@ -27,7 +26,7 @@ macro_rules! call3 {
 /// A message of an instance, as its importer receives it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message3 {
-    /// Status that goes with the message.
+    /// Status of the message.
     pub status: fmi3Status,
     /// Category, as the model description declares it.
     pub category: String,
@@ -52,7 +51,7 @@ unsafe extern "C" fn take_message(
     messages.lock().expect("no test panics while it holds the messages").push(message);
 }
 
-/// How an importer asks for an instance; the defaults are those of a sound call.
+/// An importer's arguments for a new instance; valid by default.
 pub struct Request3 {
     /// Name of the instance; `None` is a null pointer.
     pub name: Option<CString>,
@@ -69,7 +68,7 @@ pub struct Request3 {
 }
 
 impl Request3 {
-    /// A sound request for an instance of a model, without logging and without event mode.
+    /// A valid request for an instance of a model, without logging and without event mode.
     pub fn of(model: &str, arrays: bool) -> Self {
         Self {
             name: Some(text("instance")),
@@ -81,7 +80,7 @@ impl Request3 {
         }
     }
 
-    /// Makes the instance; with the messages alone when that is refused.
+    /// Makes the instance; returns the messages if it is refused.
     pub fn instantiate(self, model: &str, arrays: bool) -> Result<Fmu3, Vec<Message3>> {
         let messages: Box<Messages> = Box::default();
         let pointer = |text: &Option<CString>| text.as_ref().map_or(null(), |text| text.as_ptr());
@@ -134,7 +133,7 @@ impl Drop for Fmu3 {
 /// Results of a step besides its status.
 #[derive(Debug, PartialEq)]
 pub struct Stepped3 {
-    /// Whether an event is to be handled, whether the simulation is to end, whether the step ended early.
+    /// Whether event handling is needed, the simulation should end, the step ended early.
     pub flags: [fmi3Boolean; 3],
     /// Time of the end of the step.
     pub time: f64,
@@ -178,25 +177,25 @@ impl Fmu3 {
         self.model.variables()
     }
 
-    /// The value reference of a variable; that of `time` is the first that no row has.
+    /// The value reference of a variable; `time` has the one after the last row.
     pub fn reference(&self, name: &str) -> u32 {
         let variables = self.variables();
         let found = variables.iter().position(|variable| variable.name == name);
         found.or((name == "time").then_some(variables.len())).unwrap_or_else(|| panic!("there is no {name}")) as u32
     }
 
-    /// The messages so far.
+    /// The messages since they were last taken.
     pub fn take_messages(&self) -> Vec<Message3> {
         std::mem::take(&mut *self.messages.lock().expect("no test panics while it holds the messages"))
     }
 
-    /// Demands fmi3OK.
+    /// Asserts fmi3OK.
     #[track_caller]
     pub fn ok(&self, status: fmi3Status) {
         assert_eq!(status, fmi3Status::fmi3OK, "{:?}", self.take_messages());
     }
 
-    /// Demands fmi3Error and exactly one message, of the category `logStatusError`; returns its text.
+    /// Asserts fmi3Error and exactly one message, of the category `logStatusError`; returns its text.
     #[track_caller]
     pub fn error(&self, status: fmi3Status) -> String {
         let messages = self.take_messages();
@@ -207,7 +206,7 @@ impl Fmu3 {
         message.text.clone()
     }
 
-    /// Sets a variable of any type but String by its name: choices and whole numbers by value, Booleans as 0 and 1.
+    /// Sets a variable of any type but String by its name: enumerations and integers by value, Booleans as 0 and 1.
     pub fn set(&self, name: &str, value: f64) -> fmi3Status {
         let (c, reference) = (self.instance, [self.reference(name)]);
         let first = reference.as_ptr();
@@ -268,15 +267,15 @@ impl Fmu3 {
     /// `fmi3SetFloat64`.
     pub fn set_floats(&self, references: &[u32], values: &[f64]) -> fmi3Status {
         let (c, first, count) = (self.instance, references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         unsafe { call3!(fmi3SetFloat64: fmi3SetFloat64TYPE(c, first, count, values.as_ptr(), values.len())) }
     }
 
-    /// `fmi3GetFloat64` of so many values.
+    /// `fmi3GetFloat64` of this number of values.
     pub fn get_floats(&self, references: &[u32], n_values: usize) -> Result<Vec<f64>, fmi3Status> {
         let mut values = vec![f64::NAN; n_values];
         let (c, first, count) = (self.instance, references.as_ptr(), references.len());
-        // SAFETY: the instance is live; both arrays are as long as is said.
+        // SAFETY: the instance is live; both arrays are as long as stated.
         let status =
             unsafe { call3!(fmi3GetFloat64: fmi3GetFloat64TYPE(c, first, count, values.as_mut_ptr(), n_values)) };
         if status == fmi3Status::fmi3OK { Ok(values) } else { Err(status) }
@@ -325,7 +324,7 @@ impl Fmu3 {
         unsafe { call3!(fmi3EnterStepMode: fmi3EnterStepModeTYPE(self.instance)) }
     }
 
-    /// `fmi3DoStep`; the importer says that it will not go back.
+    /// `fmi3DoStep`; the importer declares that it will not go back.
     pub fn try_step(&self, time: f64, length: f64) -> (fmi3Status, Stepped3) {
         let mut done = Stepped3 { flags: [7; 3], time: f64::NAN };
         let [event, end, early] = done.flags.each_mut().map(|flag| &raw mut *flag);
@@ -355,7 +354,7 @@ impl Fmu3 {
         unsafe { call3!(fmi3Reset: fmi3ResetTYPE(self.instance)) }
     }
 
-    /// `fmi3GetFMUState` into the pointer given.
+    /// `fmi3GetFMUState` into this pointer.
     pub fn get_state(&self, state: &mut fmi3FMUState) -> fmi3Status {
         // SAFETY: the instance is live; the pointer is null or a snapshot of this library's.
         unsafe { call3!(fmi3GetFMUState: fmi3GetFMUStateTYPE(self.instance, state)) }
@@ -383,7 +382,7 @@ impl Fmu3 {
             return Err(status);
         }
         let mut bytes = vec![0_u8; size];
-        // SAFETY: as above; there are as many bytes as is said.
+        // SAFETY: as above; there are as many bytes as stated.
         let status =
             unsafe { call3!(fmi3SerializeFMUState: fmi3SerializeFMUStateTYPE(c, state, bytes.as_mut_ptr(), size)) };
         if status == fmi3Status::fmi3OK { Ok(bytes) } else { Err(status) }
@@ -392,11 +391,11 @@ impl Fmu3 {
     /// `fmi3DeserializeFMUState`.
     pub fn deserialize(&self, bytes: &[u8], state: &mut fmi3FMUState) -> fmi3Status {
         let (c, first, size) = (self.instance, bytes.as_ptr(), bytes.len());
-        // SAFETY: the instance is live; there are as many bytes as is said; the pointer may be written.
+        // SAFETY: the instance is live; there are as many bytes as stated; the pointer may be written.
         unsafe { call3!(fmi3DeserializeFMUState: fmi3DeserializeFMUStateTYPE(c, first, size, state)) }
     }
 
-    /// `fmi3GetDirectionalDerivative`, with so many results.
+    /// `fmi3GetDirectionalDerivative` with this number of results.
     pub fn directional_derivative(
         &self,
         unknowns: &[u32],
@@ -405,7 +404,7 @@ impl Fmu3 {
         results: usize,
     ) -> Result<Vec<f64>, fmi3Status> {
         let mut sensitivity = vec![f64::NAN; results];
-        // SAFETY: the instance is live; all arrays are as long as is said.
+        // SAFETY: the instance is live; all arrays are as long as stated.
         let status = unsafe {
             call3!(fmi3GetDirectionalDerivative: fmi3GetDirectionalDerivativeTYPE(
                 self.instance,
@@ -422,7 +421,7 @@ impl Fmu3 {
         if status == fmi3Status::fmi3OK { Ok(sensitivity) } else { Err(status) }
     }
 
-    /// `fmi3GetOutputDerivatives`, with so many results.
+    /// `fmi3GetOutputDerivatives` with this number of results.
     pub fn output_derivatives(
         &self,
         references: &[u32],
@@ -431,7 +430,7 @@ impl Fmu3 {
     ) -> Result<Vec<f64>, fmi3Status> {
         assert_eq!(references.len(), orders.len());
         let mut values = vec![f64::NAN; results];
-        // SAFETY: the instance is live; all arrays are as long as is said.
+        // SAFETY: the instance is live; all arrays are as long as stated.
         let status = unsafe {
             call3!(fmi3GetOutputDerivatives: fmi3GetOutputDerivativesTYPE(
                 self.instance,

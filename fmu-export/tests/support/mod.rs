@@ -1,4 +1,4 @@
-//! The importer that all tests share: it calls the C functions of `crate::library`.
+//! The importer shared by all tests; it calls the C functions of `crate::library`.
 
 #![allow(dead_code, reason = "every test program uses a part of this")]
 

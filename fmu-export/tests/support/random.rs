@@ -1,10 +1,10 @@
 //! Random numbers for tests.
 
-/// Numbers that look random and are the same in every run (SplitMix64).
+/// Reproducible random numbers (SplitMix64).
 pub struct Random(u64);
 
 impl Random {
-    /// A sequence of its own for every seed.
+    /// A different sequence for every seed.
     pub fn new(seed: u64) -> Self {
         Self(seed)
     }

@@ -9,18 +9,18 @@ use fmu_export::fmi2::sequence::Function;
 use super::ffi::{Expect, Fmu};
 use crate::call;
 
-/// States by letter, as in the table below, with the words in which messages name them.
+/// States by letter, as in the table below, with their names in messages.
 pub const STATES: [(char, &str); 5] =
     [('i', "instantiated"), ('m', "initialization mode"), ('s', "step complete"), ('t', "terminated"), ('e', "error")];
 
-/// The model that is called.
+/// The tested model.
 #[derive(Clone, Copy)]
 pub struct Subject {
     /// Its name.
     pub model: &'static str,
     /// A Real variable that can be read at any time.
     pub real: &'static str,
-    /// A parameter, and a value with which the run does not begin.
+    /// A parameter, and a value refused at the start.
     pub refused: (&'static str, f64),
     /// Length of a step, in s.
     pub step_s: f64,
@@ -50,15 +50,15 @@ pub fn in_state(subject: Subject, state: char) -> Fmu {
     fmu
 }
 
-/// The state that an instance is in: a step is never in progress, so cancelling one is refused everywhere, by name.
+/// The state of an instance, from the message of fmi2CancelStep, which is refused in any state.
 pub fn state_of(fmu: &Fmu) -> char {
     // SAFETY: the instance is live.
-    let said = unsafe { call!(fmi2CancelStep: fmi2CancelStepTYPE(fmu.component())) }.error(fmu);
-    let found = STATES.into_iter().find(|(_, words)| said.contains(&format!("in the state `{words}`")));
-    found.unwrap_or_else(|| panic!("no state is named in: {said}")).0
+    let text = unsafe { call!(fmi2CancelStep: fmi2CancelStepTYPE(fmu.component())) }.error(fmu);
+    let found = STATES.into_iter().find(|(_, words)| text.contains(&format!("in the state `{words}`")));
+    found.unwrap_or_else(|| panic!("no state is named in: {text}")).0
 }
 
-/// A call with sound arguments. Snapshots that it makes are given back.
+/// A call with valid arguments. Its snapshots are freed.
 fn call(subject: Subject, fmu: &Fmu, function: &str) -> fmi2Status {
     let c = fmu.component();
     let real = [fmu.reference(subject.real)];
@@ -68,7 +68,7 @@ fn call(subject: Subject, fmu: &Fmu, function: &str) -> fmi2Status {
     let (mut status, mut size, mut whole) = (fmi2Status::fmi2OK, 0, 0);
     let mut word: fmi2String = null();
     let one = [1];
-    // SAFETY: the instance is live; arrays have the length that is said, or the length is 0; a null snapshot is refused.
+    // SAFETY: the instance is live; arrays have the stated length, or the length is 0; a null snapshot is refused.
     unsafe {
         match function {
             "SetDebugLogging" => call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2True, 0, null())),
@@ -137,8 +137,8 @@ fn call(subject: Subject, fmu: &Fmu, function: &str) -> fmi2Status {
     }
 }
 
-/// The functions that each state allows, written after FMI 2.0.4, section 4.2.4, with the freedoms that importers take: settings of
-/// the log at any time, and an end after an error.
+/// The states in which each function is allowed, from FMI 2.0.4, section 4.2.4, with liberties that importers take: logging settings
+/// at any time, and termination after an error.
 const SEQUENCE: [(&str, &str); 30] = [
     ("SetDebugLogging", "imste"),
     ("SetupExperiment", "i"),
@@ -172,16 +172,16 @@ const SEQUENCE: [(&str, &str); 30] = [
     ("GetStringStatus", "ste"),
 ];
 
-/// Fails if the sequence of calls is not looked at, if a single row of it is open, and if a message does not say where the
+/// Fails if the sequence of calls is not checked, if any row of it allows too much, or if a message does not state where the
 /// function is allowed.
-pub fn every_function_is_refused_in_every_state_that_is_not_its_own(subject: Subject) {
+pub fn every_function_is_refused_in_all_other_states(subject: Subject) {
     for (function, allowed) in SEQUENCE {
         for (state, words) in STATES {
             let fmu = in_state(subject, state);
             assert_eq!(state_of(&fmu), state);
             let status = call(subject, &fmu, function);
             if allowed.contains(state) {
-                // It may have other reasons to refuse; the sequence is none.
+                // It may be refused for other reasons than the sequence.
                 let messages = fmu.take_messages();
                 assert!(
                     messages.iter().all(|message| !message.text.contains("not allowed in the state")),
@@ -189,21 +189,20 @@ pub fn every_function_is_refused_in_every_state_that_is_not_its_own(subject: Sub
                 );
                 continue;
             }
-            let said = status.error(&fmu);
+            let text = status.error(&fmu);
             for part in [format!("fmi2{function}: "), format!("in the state `{words}`"), "allowed in".into()] {
-                assert!(said.contains(&part), "`{part}` is not said in: {said}");
+                assert!(text.contains(&part), "`{part}` is not said in: {text}");
             }
             for (letter, words) in STATES {
-                let named = said.split("allowed in: ").last().expect("a list").contains(words);
-                assert_eq!(named, allowed.contains(letter), "`{words}` in: {said}");
+                let named = text.split("allowed in: ").last().expect("a list").contains(words);
+                assert_eq!(named, allowed.contains(letter), "`{words}` in: {text}");
             }
             assert_eq!(state_of(&fmu), state, "fmi2{function} in `{words}` changed the state");
         }
     }
 }
 
-/// The table above leaves out nothing but the function that ends an instance and answers nothing.
-/// Fails if a row is taken out of it.
+/// Fails if the table above lacks a function other than fmi2FreeInstance, which returns nothing.
 pub fn every_function_is_swept() {
     let swept: Vec<_> = SEQUENCE.iter().map(|(function, _)| format!("fmi2{function}")).collect();
     for function in Function::ALL {

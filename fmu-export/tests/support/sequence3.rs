@@ -9,7 +9,7 @@ use super::ffi3::{Fmu3, Request3, no_state};
 use super::sequence::Subject;
 use crate::call3;
 
-/// States by letter, as in the table below, with the words in which messages name them.
+/// States by letter, as in the table below, with their names in messages.
 const STATES: [(char, &str); 6] = [
     ('i', "instantiated"),
     ('m', "initialization mode"),
@@ -44,19 +44,19 @@ fn in_state(subject: Subject, state: char) -> Fmu3 {
     fmu
 }
 
-/// The state that an instance is in, as a message names it; the instance stays as it is.
+/// The state of an instance, from a message; the instance is unchanged.
 fn state_of(fmu: &Fmu3) -> char {
     let mut state = no_state();
     fmu.ok(fmu.get_state(&mut state));
     let status = fmu.update_discrete_states();
-    let said = if status == fmi3Status::fmi3OK { "in the state `event mode`".into() } else { fmu.error(status) };
+    let text = if status == fmi3Status::fmi3OK { "in the state `event mode`".into() } else { fmu.error(status) };
     fmu.ok(fmu.set_state(state));
     fmu.ok(fmu.free_state(&mut state));
-    let found = STATES.into_iter().find(|(_, words)| said.contains(&format!("in the state `{words}`")));
-    found.unwrap_or_else(|| panic!("no state is named in: {said}")).0
+    let found = STATES.into_iter().find(|(_, words)| text.contains(&format!("in the state `{words}`")));
+    found.unwrap_or_else(|| panic!("no state is named in: {text}")).0
 }
 
-/// A call with sound arguments as far as there are any. Snapshots that it makes are freed.
+/// A call with valid arguments where possible. Its snapshots are freed.
 fn call(subject: Subject, fmu: &Fmu3, function: &str) -> fmi3Status {
     let c = fmu.instance();
     let mut state = no_state();
@@ -178,8 +178,8 @@ fn call(subject: Subject, fmu: &Fmu3, function: &str) -> fmi3Status {
     }
 }
 
-/// The functions that may be called in some states only, written after FMI 3.0.2, sections 2.3 and 4.2, with the freedoms that
-/// importers take: settings of the log at any time, and an end after an error.
+/// Functions that are allowed only in some states, from FMI 3.0.2, sections 2.3 and 4.2, with liberties that importers take:
+/// logging settings at any time, and termination after an error.
 const SEQUENCE: [(&str, &str); 11] = [
     ("EnterInitializationMode", "i"),
     ("ExitInitializationMode", "m"),
@@ -190,7 +190,7 @@ const SEQUENCE: [(&str, &str); 11] = [
     ("DoStep", "s"),
     ("GetDirectionalDerivative", "mvste"),
     ("GetOutputDerivatives", "vste"),
-    // These stand for all types.
+    // For all types.
     ("Get", "mvste"),
     ("Set", "imvs"),
 ];
@@ -237,9 +237,9 @@ fn allowed(function: &str) -> &'static str {
     row.map_or("imvste", |(_, states)| states)
 }
 
-/// Fails if the sequence of calls is not looked at, if a single row of it is open, and if a message does not say where the
+/// Fails if the sequence of calls is not checked, if any row of it allows too much, or if a message does not state where the
 /// function is allowed.
-pub fn every_function_is_refused_in_every_state_that_is_not_its_own(subject: Subject) {
+pub fn every_function_is_refused_in_all_other_states(subject: Subject) {
     for function in Function::ALL.iter().map(|function| &function.name()["fmi3".len()..]) {
         if function == "FreeInstance" {
             continue;
@@ -251,7 +251,7 @@ pub fn every_function_is_refused_in_every_state_that_is_not_its_own(subject: Sub
             let status = call(subject, &fmu, function);
             if allowed.contains(state) {
                 let messages = fmu.take_messages();
-                // It may have other reasons to refuse; the sequence is none.
+                // It may be refused for other reasons than the sequence.
                 assert!(
                     messages.iter().all(|message| !message.text.contains("not allowed in the state")),
                     "fmi3{function} in `{words}`: {messages:?}"
@@ -263,13 +263,13 @@ pub fn every_function_is_refused_in_every_state_that_is_not_its_own(subject: Sub
                 }
                 continue;
             }
-            let said = fmu.error(status);
+            let text = fmu.error(status);
             for part in [format!("fmi3{function}: "), format!("in the state `{words}`"), "allowed in".into()] {
-                assert!(said.contains(&part), "`{part}` is not said in: {said}");
+                assert!(text.contains(&part), "`{part}` is not said in: {text}");
             }
             for (letter, words) in STATES {
-                let named = said.split("allowed in: ").last().expect("a list").contains(words);
-                assert_eq!(named, allowed.contains(letter), "`{words}` in: {said}");
+                let named = text.split("allowed in: ").last().expect("a list").contains(words);
+                assert_eq!(named, allowed.contains(letter), "`{words}` in: {text}");
             }
             assert_eq!(state_of(&fmu), state, "fmi3{function} in `{words}` changed the state");
         }

@@ -2,7 +2,7 @@
 
 use super::*;
 
-/// Fails if only the first finding is reported, and if the run can begin nevertheless.
+/// Fails if only the first finding is reported, or if the run can begin nevertheless.
 #[test]
 fn refused_parameters_end_the_initialization_with_all_their_names() {
     let bad: [(&str, &[(&str, f64)]); 3] = [
@@ -16,10 +16,10 @@ fn refused_parameters_end_the_initialization_with_all_their_names() {
             fmu.set(name, *value).ok(&fmu);
         }
         fmu.enter_initialization().ok(&fmu);
-        let said = fmu.exit_initialization().error(&fmu);
-        says(&said, &["fmi2ExitInitializationMode", "expected"]);
+        let text = fmu.exit_initialization().error(&fmu);
+        says(&text, &["fmi2ExitInitializationMode", "expected"]);
         for (name, _) in values {
-            says(&said, &[&format!("{name} = ")]);
+            says(&text, &[&format!("{name} = ")]);
         }
         assert_eq!(state_of(&fmu), 'e', "{model}");
         fmu.reset().ok(&fmu);
@@ -41,12 +41,12 @@ fn crash(fmu: &Fmu) -> (f64, String) {
     panic!("the rotor stays in the gap");
 }
 
-/// Fails if the run continues after the error, and if a reset leaves any state.
+/// Fails if the run continues after the error, or if a reset leaves any state.
 #[test]
-fn an_error_in_a_step_ends_the_run_and_a_reset_begins_another() {
+fn an_error_in_a_step_ends_the_run_and_a_reset_allows_another() {
     let fmu = Fmu::started(PLANT, &[]);
-    let (time_s, said) = crash(&fmu);
-    says(&said, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
+    let (time_s, text) = crash(&fmu);
+    says(&text, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
     assert_eq!(state_of(&fmu), 'e');
     let (mut status, mut last_s) = (fmi2Status::fmi2OK, -1.0);
     let c = fmu.component();
@@ -57,7 +57,7 @@ fn an_error_in_a_step_ends_the_run_and_a_reset_begins_another() {
             .ok(&fmu);
     }
     assert_eq!((status, last_s), (fmi2Status::fmi2Error, time_s));
-    // Computed values can still be read, and are numbers.
+    // Computed values can still be read and are finite.
     assert!(fmu.all_bits().into_iter().all(|bits| f64::from_bits(bits).is_finite()));
     fmu.step(time_s, TS).error(&fmu);
 
@@ -75,7 +75,7 @@ fn an_error_in_a_step_ends_the_run_and_a_reset_begins_another() {
 
 /// Fails if fmi2Terminate is refused after an error.
 #[test]
-fn after_an_error_the_end_is_safe() {
+fn instances_can_be_ended_after_an_error() {
     let terminated = Fmu::started(PLANT, &[]);
     crash(&terminated);
     terminated.terminate().ok(&terminated);
@@ -90,9 +90,9 @@ fn after_an_error_the_end_is_safe() {
     }
 }
 
-/// Fails if the checks of parameters let through what is not finite.
+/// Fails if a parameter accepts a non-finite value.
 #[test]
-fn parameters_that_are_no_numbers_are_refused_by_name() {
+fn non_finite_parameters_are_refused_by_name() {
     for model in MODELS {
         for variable in Fmu::new(model).variables().to_vec() {
             if variable.causality != Causality::Parameter || !matches!(variable.data_type, Type::Real { .. }) {
@@ -103,17 +103,17 @@ fn parameters_that_are_no_numbers_are_refused_by_name() {
                 fmu.set(&variable.name, value).ok(&fmu);
                 fmu.setup(0.0, None).ok(&fmu);
                 fmu.enter_initialization().ok(&fmu);
-                let said = fmu.exit_initialization().error(&fmu);
-                says(&said, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
+                let text = fmu.exit_initialization().error(&fmu);
+                says(&text, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
             }
         }
     }
 }
 
 /// A missing sensor is no error for the estimator; plant and controller cannot continue without their inputs.
-/// Fails if plant and controller compute with what is not finite.
+/// Fails if plant and controller compute with non-finite inputs.
 #[test]
-fn inputs_that_are_no_numbers_end_the_step_or_the_validity() {
+fn non_finite_inputs_fail_the_step_or_invalidate_the_estimate() {
     for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
         let fmu = Fmu::started(model, &[]);
         fmu.set(name, f64::NAN).ok(&fmu);

@@ -2,8 +2,8 @@
 
 use super::*;
 
-/// Categories of the messages of an estimator without currents that misses a sample, and of a wrong call.
-fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
+/// Message categories of an estimator without currents that misses a sample, and of a wrong call.
+fn logged_categories(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
     const ESTIMATOR: &str = "AlgebraicEstimator";
     let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
     for (on, categories) in switches {
@@ -14,7 +14,7 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     }
     fmu.start(0.0, None);
     for step in 0..100 {
-        // A sample that is missing begins another window, which is an event. Without currents the matrix of the equations is
+        // A missing sample starts another window, which is an event. Without currents the matrix of the equations is
         // 0 once the window is full.
         let position = 1e-6 * f64::from(step % 3);
         for name in ["Ym", "Zm"] {
@@ -33,9 +33,9 @@ fn categories_heard(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> 
     categories
 }
 
-/// A controller uses new force constants from its first sample on. Fails if an event is told as an error.
+/// A controller uses new force constants from its first sample on. Fails if an event is reported as an error.
 #[test]
-fn an_event_is_told_once() {
+fn an_event_is_reported_once() {
     let fmu = Request { logging: true, ..Request::of(CONTROLLER) }.instantiate(CONTROLLER).expect("an instance");
     fmu.set("update.time", 0.0).ok(&fmu);
     fmu.start(0.0, None);
@@ -51,14 +51,14 @@ fn an_event_is_told_once() {
     assert_eq!(message.instance, "instance");
 }
 
-/// Every category of the model description, switched on with nothing else and off with all others on. Nothing is ever said
-/// in `logStatusWarning` and `logStatusFatal`, so that theirs is a matter of what else is heard.
-/// Fails if two categories share a bit, if a category that is switched on brings others with it, if errors cannot be switched off by
-/// name, and if a singular matrix is an event like any other.
+/// Every category of the model description, switched on alone and off alone. No message has the categories
+/// `logStatusWarning` and `logStatusFatal`; switching them must not affect others.
+/// Fails if two categories share a bit, if switching one on enables others, if errors cannot be switched off by
+/// name, or if a singular matrix is reported as an event.
 #[test]
 fn every_category_is_switched_alone() {
-    let said = ["logEvents", "logSingularLinearSystems", "logStatusError"];
-    assert_eq!(categories_heard(true, &[]), said);
+    let used = ["logEvents", "logSingularLinearSystems", "logStatusError"];
+    assert_eq!(logged_categories(true, &[]), used);
     let model = magnetic_bearing::fmu::find(PLANT).expect("a model of this project");
     let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
     let declared: Vec<_> = document.descendants().filter(|node| node.has_tag_name("Category")).collect();
@@ -66,32 +66,31 @@ fn every_category_is_switched_alone() {
     for category in declared.iter().map(|node| node.attribute("name").expect("a name")) {
         let all = category == "logAll";
         // Errors are reported unless they are switched off by name.
-        let on = categories_heard(false, &[(false, &["logStatusError"]), (true, &[category])]);
-        let wanted: Vec<_> = said.into_iter().filter(|said| all || *said == category).collect();
+        let on = logged_categories(false, &[(false, &["logStatusError"]), (true, &[category])]);
+        let wanted: Vec<_> = used.into_iter().filter(|used| all || *used == category).collect();
         assert_eq!(on, wanted, "{category} alone");
-        let off = categories_heard(true, &[(false, &[category])]);
+        let off = logged_categories(true, &[(false, &[category])]);
         let wanted: Vec<_> =
-            if all { vec!["logStatusError"] } else { said.into_iter().filter(|said| *said != category).collect() };
+            if all { vec!["logStatusError"] } else { used.into_iter().filter(|used| *used != category).collect() };
         assert_eq!(off, wanted, "all but {category}");
-        // Off and on again is on.
-        let again = categories_heard(true, &[(false, &[category]), (true, &[category])]);
-        assert_eq!(again, said, "{category} off and on");
+        let again = logged_categories(true, &[(false, &[category]), (true, &[category])]);
+        assert_eq!(again, used, "{category} off and on");
     }
-    // No list of categories is all of them, and a list of several switches each.
+    // An empty list stands for all categories; a list of several switches each.
     let errors = ["logStatusError"];
-    assert_eq!(categories_heard(false, &[]), errors, "off from the start");
-    assert_eq!(categories_heard(false, &[(true, &[])]), said, "all on");
-    assert_eq!(categories_heard(true, &[(false, &[])]), errors, "all off");
-    let two = categories_heard(false, &[(true, &["logEvents", "logSingularLinearSystems"]), (false, &["logEvents"])]);
-    assert_eq!(two, said[1..], "two on, one of them off");
+    assert_eq!(logged_categories(false, &[]), errors, "off from the start");
+    assert_eq!(logged_categories(false, &[(true, &[])]), used, "all on");
+    assert_eq!(logged_categories(true, &[(false, &[])]), errors, "all off");
+    let two = logged_categories(false, &[(true, &["logEvents", "logSingularLinearSystems"]), (false, &["logEvents"])]);
+    assert_eq!(two, used[1..], "two on, one of them off");
 }
 
-/// Fails if a list with an unknown category switches the known ones, and if the message does not name the unknown one.
+/// Fails if a list with an unknown category switches the known ones, or if the message does not name the unknown one.
 #[test]
 fn a_list_with_an_unknown_category_switches_nothing() {
     let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
     fmu.set_logging(false, &[]).ok(&fmu);
-    // Errors are reported even while logging is off: otherwise nobody could tell why a simulation ended.
+    // Errors are reported even with logging off: otherwise the reason for the end of a simulation would be lost.
     says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
     let unknown = ["logNonsense", "logevents", "logEvents ", ""];
     for name in unknown {
@@ -108,7 +107,7 @@ struct Caller {
     frees: bool,
 }
 
-/// A logger that uses its instance: it reads, steps, resets, also in another thread, and frees it.
+/// A logger that uses its instance: it reads, steps, resets, steps in another thread, and frees it.
 unsafe extern "C" fn call_back(
     environment: fmi2ComponentEnvironment,
     _: fmi2String,
@@ -141,10 +140,10 @@ unsafe extern "C" fn call_back(
     }
 }
 
-/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the entry guard lets a
-/// second call in: then this process ends in endless recursion, or the instance is freed in the middle of its call.
+/// Loggers of importers call back, for instance to read the time, and so do other threads meanwhile. Fails if the entry guard admits a
+/// second call: this process then ends in endless recursion, or the instance is freed during its call.
 #[test]
-fn a_logger_that_calls_back_is_turned_away() {
+fn a_logger_that_calls_back_is_refused() {
     for frees in [false, true] {
         let caller =
             Box::new(Caller { component: null_mut::<std::ffi::c_void>().into(), answers: Vec::new().into(), frees });
@@ -166,7 +165,7 @@ fn a_logger_that_calls_back_is_turned_away() {
                 assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
                 assert_eq!(caller.answers.take(), [error; 5]);
             }
-            // The call has ended, and the instance is as it was.
+            // After the call the instance is unchanged.
             assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), fmi2Status::fmi2OK);
             assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), fmi2Status::fmi2OK);
             call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));

@@ -1,8 +1,8 @@
-//! The smallest force, modulated.
+//! Modulation of the smallest force.
 
 use super::*;
 
-/// Smallest force of the magnets of each bearing, in N, by the currents asked for, of a rotor in the centre.
+/// Smallest magnet force of each bearing, in N, from the commanded currents, for a centred rotor.
 fn smallest_n<const N: usize, const K: usize, const B: usize>(
     rotor: &RotorConfig<f64, B>,
     current_a: [f64; K],
@@ -18,36 +18,37 @@ fn smallest_n<const N: usize, const K: usize, const B: usize>(
     smallest_n
 }
 
-/// Each bearing has its own frequency, and the rotor rests. Fails if the phase is that of the sample instead of that of the force, or if the
+/// A rotor at rest, each bearing with its own frequency. Fails if the phase is that of the sample instead of that of the force, or if the
 /// current loop lags.
 #[test]
 fn a_modulated_smallest_force_moves_nothing() {
-    /// Motion, in m: held currents move nothing; along a polygon of forces, the force between two samples is no polygon.
+    /// Motion, in m. Held currents cause none; with voltage drive the forces between two samples are not exactly linear.
     const RADIUS_M: f64 = 1e-9;
-    /// Resultant against that without modulation, in N, of forces of 100 N.
+    /// Change of the resultant by modulation, in N, of forces of 100 N.
     const RESULTANT_N: f64 = 3e-3;
-    fn holds<const N: usize, const K: usize, const B: usize, const G: usize>(case: &Loop<N, K, B, G>, part: f64) {
+    fn holds<const N: usize, const K: usize, const B: usize, const G: usize>(case: &Loop<N, K, B, G>, limit: f64) {
         for ((name, case), ahead) in case.drives().into_iter().zip([1.5, 2.0]) {
             let TrackingConfig { f0_n, modulation_hz, .. } = case.controller.law;
             let mut without = case.clone();
             without.controller.law.modulation = 0.0;
             let (with, without) = (case.run(), without.run());
-            // The load is there before the first current flows; the observer takes it up within 20 ms.
+            // The load acts before the first current flows; the observer compensates it within 20 ms.
             tracked(name, &with, 0.05, 0.4, RADIUS_M);
             for k in 500..with.len() - 2 {
                 for axis in 0..N {
                     let force = |records: &[Record<N, K>]| records[k].output.force_n[axis];
                     below(&format!("{name}: resultant, N"), (force(&with) - force(&without)).abs(), RESULTANT_N);
                 }
-                let asked_a = with[k].output.current_a;
-                let smallest = smallest_n::<N, K, B>(&case.plant.rotor, asked_a, case.plant.lambda_nm2_a2);
+                let commanded_a = with[k].output.current_a;
+                let smallest = smallest_n::<N, K, B>(&case.plant.rotor, commanded_a, case.plant.lambda_nm2_a2);
                 for b in 0..B {
                     let sine = (TAU * modulation_hz[b] * (k as f64 + ahead) * 1e-4).sin();
                     let wanted_n = f0_n[b] * (1.0 + 0.5 * sine);
-                    below(&format!("{name}: smallest force of {b}"), (smallest[b] / wanted_n - 1.0).abs(), part);
+                    below(&format!("{name}: smallest force of {b}"), (smallest[b] / wanted_n - 1.0).abs(), limit);
                 }
-                for (asked, flowing) in asked_a.into_iter().zip(with[k + 2].measured_a) {
-                    below(&format!("{name}: flowing current against that asked for, A"), (flowing - asked).abs(), 1e-5);
+                for (commanded, flowing) in commanded_a.into_iter().zip(with[k + 2].measured_a) {
+                    let what = format!("{name}: flowing current against that asked for, A");
+                    below(&what, (flowing - commanded).abs(), 1e-5);
                 }
             }
         }
@@ -58,12 +59,12 @@ fn a_modulated_smallest_force_moves_nothing() {
     holds(&spindle, 1e-4);
 }
 
-/// Guesses wrong by two, noise, and an update at 0.2 s: the rotor stays within 1 µm, up to a tenth.
+/// Guesses wrong by a factor of two, noise, and an update at 0.2 s: the rotor stays within 1.1 µm.
 ///
-/// Fails with voltage drive (3.2 µm) if the perturbation is handed the difference of the forces measured at the instant of the
-/// update, which are noise in good part, instead of those asked for.
+/// Fails with voltage drive (3.2 µm) if the perturbation absorbs the difference of the measured, noisy forces at the update
+/// instead of the commanded ones.
 #[test]
-fn a_modulated_smallest_force_hardly_moves_a_rotor_whose_constants_are_not_known() {
+fn a_modulated_smallest_force_hardly_moves_a_rotor_with_unknown_constants() {
     /// Measured: 0.76 and 0.99 µm, both in the first 10 ms after the update.
     const RADIUS_M: f64 = 1.1e-6;
     for (name, case) in [("current", Loop::at_rest()), ("voltage", Loop::at_rest().with_voltage())] {
@@ -79,7 +80,7 @@ fn a_modulated_smallest_force_hardly_moves_a_rotor_whose_constants_are_not_known
     }
 }
 
-/// A controller at rest with a modulation, and its smallest force at each sample, over F_0 and less 1; `tune` may change the
+/// The smallest force at each sample, over F_0 and less 1, of a controller of a rotor at rest; `tune` may change the
 /// modulation before a sample.
 fn modulation(config: ControllerConfig, samples: u64, tune: impl Fn(&mut Controller, u64)) -> Vec<f64> {
     let mut config = ControllerConfig { law: TrackingConfig { modulation: 0.5, ..config.law }, ..config };
@@ -98,10 +99,10 @@ fn modulation(config: ControllerConfig, samples: u64, tune: impl Fn(&mut Control
     parts
 }
 
-/// Fails if the phase is summed up step by step.
+/// Fails if the phase is accumulated step by step.
 #[test]
 fn the_phase_of_the_modulation_does_not_drift() {
-    // 110 Hz are 11 revolutions in 1000 samples of 0.1 ms: the phase of any sample is exact in whole numbers.
+    // 110 Hz are 11 periods in 1000 samples of 0.1 ms: integers give the phase of any sample exactly.
     let parts = modulation(ControllerConfig::default(), 1_000_000, |_, _| ());
     for (k, part) in parts.iter().enumerate().skip(999_000) {
         let phase = ((22 * k + 33) % 2000) as f64 / 2000.0;
@@ -110,7 +111,7 @@ fn the_phase_of_the_modulation_does_not_drift() {
 }
 
 #[test]
-fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
+fn tuning_the_modulation_does_not_make_its_phase_jump() {
     let tuned_hz = |k: u64| if (100..250).contains(&k) { 1700.0 } else { 110.0 };
     let parts = modulation(ControllerConfig::default(), 400, |controller, k| {
         controller.retune(0.5, [tuned_hz(k)]).expect("a sound frequency");
@@ -122,7 +123,7 @@ fn tuned_modulation_goes_on_without_a_jump_of_its_phase() {
         }
         below("modulation against its sine", (part - 0.5 * (TAU * phase).sin()).abs(), 1e-9);
     }
-    // Switched off and on again, it is where it would have been.
+    // The phase advances while the modulation is off.
     let pause = |controller: &mut Controller, k| {
         let part = if (100..250).contains(&k) { 0.0 } else { 0.5 };
         controller.retune(part, [110.0]).expect("a sound part");

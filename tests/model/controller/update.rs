@@ -14,8 +14,7 @@ fn greatest<const K: usize>(of: [f64; K]) -> f64 {
     of.into_iter().fold(0.0, f64::max)
 }
 
-/// At sample 0.2 s the currents move by no more than they do on their own in two samples. Without noise, whose steps would hide that of the
-/// update.
+/// At the update at 0.2 s the currents change by no more than otherwise in two samples. Without noise, which would hide the change.
 #[test]
 fn currents_do_not_jump_when_lambda_changes() {
     fn update<const N: usize, const K: usize>(records: &[Record<N, K>], usual_from: usize) -> [[f64; K]; 2] {
@@ -25,10 +24,10 @@ fn currents_do_not_jump_when_lambda_changes() {
     }
     let [usual, at_update] = update(&Loop::paper().run(), 1500);
     below("step of a current at the update, A", greatest(at_update), 2.0 * greatest(usual));
-    for (name, case) in Loop::study(3000.0).wrong().without_noise().drives() {
+    for (name, case) in Loop::study(3000.0).with_wrong_guesses().without_noise().drives() {
         let [usual, at_update] = update(&case.run(), 1000);
         for (at_update, usual) in at_update.into_iter().zip(usual) {
-            // The perturbation estimate still moves as the old λ made it move, and the new λ asks for other currents for that.
+            // The perturbation estimate still moves as with the old λ, for which the new λ needs other currents.
             below(&format!("{name}: step of a current at the update, A"), at_update, 2.0 * usual);
         }
     }
@@ -46,11 +45,11 @@ fn currents_do_not_jump_when_lambda_changes() {
     }
 }
 
-/// Guesses wrong by two, unbalance in two planes, modulated smallest forces, noise: the tracking after the update, and the load, which only then is found.
+/// Guesses wrong by a factor of two, unbalance in two planes, modulated smallest forces, noise: tracking and load estimate after the update.
 #[test]
 fn after_the_update_the_load_is_found() {
     let speeds = [(3000.0, 1e-6), (6000.0, 3e-6)].into_iter().flat_map(|(rpm, limit_m)| {
-        let drives = Loop::study(rpm).wrong().drives();
+        let drives = Loop::study(rpm).with_wrong_guesses().drives();
         drives.into_iter().flat_map(move |(name, case)| (1..=3).map(move |seed| (name, case.clone(), seed, limit_m)))
     });
     for (name, mut case, seed, limit_m) in speeds {
@@ -64,7 +63,7 @@ fn after_the_update_the_load_is_found() {
     }
 }
 
-/// Largest distance of the currents of two runs, in A, over the samples with t in `[from, to)`.
+/// Largest difference between the currents of two runs, in A, over the samples with t in `[from, to)`.
 fn apart<const N: usize, const K: usize>(
     with: &[Record<N, K>],
     without: &[Record<N, K>],
@@ -79,13 +78,13 @@ fn apart<const N: usize, const K: usize>(
     pairs.map(distance).fold(0.0, f64::max)
 }
 
-/// An estimate that jumps by 5 % at 0.2 s to the true values, beside one that does not jump, and one that changes by up to
-/// 0.1 % from sample to sample, beside one that is right.
+/// An estimate that jumps by 5 % at 0.2 s to the true values, against one that does not jump; and one that changes by up to
+/// 0.1 % from sample to sample, against the true one.
 ///
-/// Limits of the distance of the currents, in A: at a jump of λ, soon after it, and while λ changes from sample to sample.
-/// Fails if the smallest force stays at `F_0` when λ changes, or if the perturbation does.
+/// `limits_a`: difference of the currents at a jump of λ, soon after it, and while λ changes from sample to sample.
+/// Fails if the smallest force stays at `F_0` when λ changes, or if the perturbation estimate is not adapted.
 #[test]
-fn estimates_taken_over_directly_make_no_bump() {
+fn estimates_used_directly_make_no_bump() {
     fn off<const K: usize>(lambda: [f64; K]) -> [f64; K] {
         std::array::from_fn(|k| lambda[k] * [1.05, 0.95][k % 2])
     }
@@ -104,27 +103,27 @@ fn estimates_taken_over_directly_make_no_bump() {
         };
         let jumps = run(case, |lambda, k| if k < 2000 { off(lambda) } else { lambda });
         let (stays, right) = (run(case, |lambda, _| off(lambda)), run(case, |lambda, _| lambda));
-        let say = |which: &str| format!("{what}: {which}");
+        let label = |which: &str| format!("{what}: {which}");
         assert_eq!(apart(&jumps, &stays, [0.0, 0.19995], asked), 0.0);
         assert!(apart(&jumps, &stays, [0.19995, 0.20005], asked) > 0.0, "the estimate is used at once");
-        below(&say("currents asked for at the jump, A"), apart(&jumps, &stays, [0.2, 0.20005], asked), at_once);
-        below(&say("currents asked for soon after, A"), apart(&jumps, &stays, [0.2, 0.20055], asked), soon);
+        below(&label("currents asked for at the jump, A"), apart(&jumps, &stays, [0.2, 0.20005], asked), at_once);
+        below(&label("currents asked for soon after, A"), apart(&jumps, &stays, [0.2, 0.20055], asked), soon);
         let flowing = apart(&jumps, &stays, [0.2, 0.20055], |r| r.measured_a);
-        below(&say("currents that flow soon after, A"), flowing, soon);
-        below(&say("currents in the end, A"), apart(&jumps, &right, [0.3, 0.4], asked), 1e-4);
+        below(&label("currents that flow soon after, A"), flowing, soon);
+        below(&label("currents in the end, A"), apart(&jumps, &right, [0.3, 0.4], asked), 1e-4);
         let worst =
             |records: &[Record<N, K>]| (0..N).map(|a| largest(records, 0.2, 0.4, |r| r.error_m[a])).fold(0.0, f64::max);
         let least = worst(&jumps) <= worst(&stays);
-        assert!(least, "{}", say("the motion is disturbed more by the jump than by a wrong λ"));
+        assert!(least, "{}", label("the motion is disturbed more by the jump than by a wrong λ"));
         let changing = run(noisy, |lambda, k| {
             let random = |j: usize| ((k * 7919 + j * 104_729) % 1009) as f64 / 504.5 - 1.0;
             std::array::from_fn(|j| lambda[j] * (1.0 + 1e-3 * random(j)))
         });
         let right = run(noisy, |lambda, _| lambda);
-        below(&say("currents with a changing λ, A"), apart(&changing, &right, [0.05, 0.4], asked), changing_a);
+        below(&label("currents with a changing λ, A"), apart(&changing, &right, [0.05, 0.4], asked), changing_a);
     }
-    // Magnets carry 1.7 to 4 A, of which a jump of 5 % would be 40 to 100 mA. Measured are 5 to 9 mA at once, 10 to 18 mA
-    // within 0.5 ms, in which the currents begin to go where the better λ takes them, and 1.3 to 3.0 mA with a changing λ.
+    // Magnets carry 1.7 to 4 A; a jump of λ by 5 % would change that by 40 to 100 mA. Measured: 5 to 9 mA at once, 10 to 18 mA
+    // within 0.5 ms, as the currents start to follow the better λ, and 1.3 to 3.0 mA with a changing λ.
     let planar = [0.012, 0.024, 0.004];
     for (name, case) in Loop::paper().drives() {
         for modulation in [0.0, 0.5, 1.0] {
@@ -133,16 +132,16 @@ fn estimates_taken_over_directly_make_no_bump() {
             holds(&case, &case, &format!("{name} drive, modulation {modulation}"), planar);
         }
     }
-    // Measured are 2 mA at once, 14 mA soon after.
+    // Measured: 2 mA at once, 14 mA soon after.
     let spindle = [0.005, 0.024, 0.02];
     for ((name, mut case), (_, noisy)) in Loop::ideal(3000.0).drives().into_iter().zip(Loop::study(3000.0).drives()) {
-        // The axial force is greatest at the jump: where it changes its sign, it goes over from one magnet to the other.
+        // The axial force peaks at the jump: at a change of sign it would pass from one magnet to the other.
         case.controller.reference.paths[2].frequency_hz = 61.25;
         holds(&case, &noisy, &format!("spindle, {name} drive"), spindle);
     }
 }
 
-/// Outputs of a controller of a rotor at rest, after each of the samples whose estimates are given.
+/// Outputs of the controller of a rotor at rest for a sequence of estimates.
 fn updated(update: UpdateMode, update_time_s: f64, estimates: &[([f64; 3], bool)]) -> Vec<ControllerOutput> {
     let mut config = ControllerConfig::default();
     (config.law.update, config.law.update_time_s) = (update, update_time_s);
@@ -165,7 +164,7 @@ fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
         [UpdateMode::AtTime, UpdateMode::Never].map(|mode| updated(mode, at_time_s, &estimates).swap_remove(2000));
     assert_eq!(with.lambda_used_nm2_a2, lambda);
     for a in 0..2 {
-        // The feedback asks for the same total; the observer has moved what the model now explains.
+        // The total force stays; the observer gives up the part of the perturbation that the model now explains.
         let total = |o: &ControllerOutput| o.force_n[a] + o.perturbation_n[a];
         below("total force, N", (total(&with) - total(&without)).abs(), 1e-9);
         assert!((with.perturbation_n[a] - without.perturbation_n[a]).abs() > 1.0, "the perturbation has moved");
@@ -173,13 +172,13 @@ fn a_change_of_lambda_moves_neither_the_rotor_nor_force_and_perturbation() {
 }
 
 #[test]
-fn lambda_is_taken_over_once_at_its_time_and_only_if_it_is_of_use() {
+fn lambda_is_updated_once_at_its_time_and_only_if_usable() {
     use UpdateMode::{AtTime, Never, WhenValid};
     let (first, good, other) = ([4e-6; 3], [2e-6; 3], [3e-6; 3]);
     let used = |mode, time_s, estimates: &[([f64; 3], bool)]| {
         updated(mode, time_s, estimates).iter().map(|output| output.lambda_used_nm2_a2).collect::<Vec<_>>()
     };
-    // A time that is short of a sample by its last bits.
+    // A time a rounding error after a sample instant.
     let found = used(AtTime, 2e-4 * (1.0 + 1e-12), &[(other, true), (other, true), (good, true), (other, true)]);
     assert_eq!(found, [first, first, good, good], "not before its time, and once");
     let found = used(AtTime, 0.0, &[(good, false), (good, true), (other, true)]);

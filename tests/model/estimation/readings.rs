@@ -1,10 +1,10 @@
-//! Samples that are missing, stuck, wild, wrapped, or of a rotor that does not turn.
+//! Missing, stuck, wild and wrapped samples, and a rotor that does not turn.
 
 use super::*;
 
-/// A gap keeps what was learnt; the verdict names the reason meanwhile.
+/// A gap keeps the accumulated information; meanwhile the verdict names the reason.
 #[test]
-fn gaps_keep_what_was_learnt() {
+fn gaps_keep_the_accumulated_information() {
     type Spoil = fn(&mut EstimatorInput);
     let spoilt: [(Spoil, Verdict); 9] = [
         (|input| input.position_m[1] = f64::NAN, Verdict::BadSample),
@@ -28,10 +28,10 @@ fn gaps_keep_what_was_learnt() {
     let rotor = noisy(5, 3001);
     let good = rotor.inputs(Hold::HeldBefore);
     for noise in [NOISE, (0.0, 0.0)] {
-        let estimator = estimator(told(config(&rotor), noise));
+        let estimator = estimator(with_noise(config(&rotor), noise));
         let undisturbed = run(&estimator, &good).0.pop().expect("samples");
         for (spoil, verdict) in spoilt {
-            // Single samples that are missing are bridged; the estimate goes on.
+            // Single missing samples are bridged.
             let lasting = |j: usize| {
                 [Verdict::Disabled, Verdict::Contact].contains(&verdict) || j >= 1000 + STUCK_SAMPLES as usize
             };
@@ -59,9 +59,9 @@ fn gaps_keep_what_was_learnt() {
     }
 }
 
-/// Samples of the start may be missing as well: the noise is then found later.
+/// Missing samples at the start delay the noise estimate.
 #[test]
-fn a_gap_while_the_noise_is_sought() {
+fn a_gap_while_the_noise_is_estimated() {
     let rotor = noisy(6, 2001);
     let mut inputs = rotor.inputs(Hold::HeldBefore);
     for j in [0, 30, 61, 90] {
@@ -72,7 +72,7 @@ fn a_gap_while_the_noise_is_sought() {
     assert_never_wrong("gaps at the start", &rotor, &outputs);
 }
 
-/// The controller answers what is missing here, so that the samples after a gap do not count; where none counts for long, there is no estimate.
+/// The controller reacts to the missing samples too, so that those after a gap do not count; if none counts for long, there is no estimate.
 #[test]
 fn gaps_too_frequent_are_named() {
     let rotor = noisy(8, 6001);
@@ -85,7 +85,7 @@ fn gaps_too_frequent_are_named() {
     assert_never_wrong("frequent gaps", &rotor, &outputs);
 }
 
-/// An outlier of a position is left out; several in a row are no noise of a sensor.
+/// A single outlier of a position is excluded; several in a row are not sensor noise.
 #[test]
 fn outliers_are_left_out() {
     let rotor = noisy(9, 4001);
@@ -133,16 +133,15 @@ fn the_angle_may_be_wrapped() {
         let other = run(&estimator, &wrapped).0.pop().expect("samples");
         assert_eq!(one.verdict, other.verdict);
         for k in 0..3 {
-            // Rounding of the angle may end a quarter of a revolution a sample later.
+            // Rounding of the angle may end a quarter of a revolution one sample later, and give a sample other instruments.
             let off = (one.lambda_hat[k] - other.lambda_hat[k]).abs() / one.lambda_std[k];
-            // A sample at the edge of a cell of the instruments may fall on either side.
             assert!(off < 0.1, "lambda[{}] is off by {off} standard deviations", k + 1);
         }
         assert!((one.unbalance_phase_rad[0] - other.unbalance_phase_rad[0]).abs() < 1e-3);
     }
 }
 
-/// A speed that is not that of the angle in rad is named, whichever of both is wrong.
+/// A speed that disagrees with the angle is named, whichever of the two is wrong.
 #[test]
 fn angle_and_speed_in_other_units() {
     type Change = fn(&mut EstimatorInput);
@@ -174,28 +173,28 @@ fn a_balanced_rotor_needs_no_unbalance() {
     assert_eq!((without.unbalance_kg_m[0], without.unbalance_phase_rad[0]), (0.0, 0.0));
     assert!(without.lambda_std[1] < 0.6 * with.lambda_std[1], "an unknown less: {without:?}\n{with:?}");
 
-    // No angle is connected: it stays at 0, while the rotor turns.
+    // The angle is not connected: it stays at 0 while the rotor turns.
     let mut inputs = rotor.inputs(Hold::HeldBefore);
     inputs.iter_mut().for_each(|input| input.theta_rad = 0.0);
     let outputs = run(&estimator(balanced), &inputs).0;
     assert!(outputs.last().expect("samples").valid, "{:?}", outputs.last());
     assert_never_wrong("balanced, no angle", &rotor, &outputs);
 
-    // An unbalance that is told not to be there is seen, or the estimate is not valid.
+    // An unbalance excluded by the configuration invalidates the estimate.
     let rotor = noisy(9, 5001);
     let outputs = rotor.identify(EstimatorConfig { identify_unbalance: false, ..config(&rotor) });
     let last = outputs.last().expect("samples");
     assert!(!last.valid, "an unbalance of 20 N that is denied: {last:?}");
 }
 
-/// Without an angle the unbalance cannot be told: what comes out is right, or not valid.
+/// Without an angle the unbalance cannot be identified: the estimate is right or not valid.
 #[test]
 fn no_angle_is_connected() {
     let rotor = noisy(10, 5001);
     let mut inputs = rotor.inputs(Hold::HeldBefore);
     inputs.iter_mut().for_each(|input| input.theta_rad = 0.0);
     for noise in [(0.0, 0.0), NOISE] {
-        let outputs = run(&estimator(told(config(&rotor), noise)), &inputs).0;
+        let outputs = run(&estimator(with_noise(config(&rotor), noise)), &inputs).0;
         assert_never_wrong(&format!("no angle, told {noise:?}"), &rotor, &outputs);
     }
 }
@@ -203,23 +202,23 @@ fn no_angle_is_connected() {
 #[test]
 fn a_rotor_at_rest_is_right_or_not_valid() {
     for noise in [(0.0, 0.0), NOISE, (1e-6, 1e-2)] {
-        for told_noise in [(0.0, 0.0), NOISE] {
+        for known_noise in [(0.0, 0.0), NOISE] {
             let rest = Rotor { radius_m: [0.0; 2], omega_rad_s: 0.0, noise, samples: 5001, ..unbalanced() };
-            let outputs = rest.identify(told(config(&rest), told_noise));
+            let outputs = rest.identify(with_noise(config(&rest), known_noise));
             let last = outputs.last().expect("samples");
-            // Noise that the controller feeds back excites a little.
+            // Noise in the feedback excites the rotor a little.
             if noise == (0.0, 0.0) {
-                assert!(outputs.iter().all(|output| !output.valid), "noise {noise:?}, told {told_noise:?}");
+                assert!(outputs.iter().all(|output| !output.valid), "noise {noise:?}, told {known_noise:?}");
                 assert_eq!(last.lambda_hat, [4e-6; 3]);
             }
-            if told_noise == noise || told_noise == (0.0, 0.0) {
-                assert_never_wrong(&format!("at rest, {noise:?} told {told_noise:?}"), &rest, &outputs);
+            if known_noise == noise || known_noise == (0.0, 0.0) {
+                assert_never_wrong(&format!("at rest, {noise:?} told {known_noise:?}"), &rest, &outputs);
             }
         }
     }
 }
 
-/// Amplifiers that are switched off or at their limit tell little, and nothing wrong.
+/// Amplifiers switched off or at their limit give little information, but no wrong estimate.
 #[test]
 fn currents_that_are_zero_or_limited() {
     let estimator = estimator(EstimatorConfig::default());
@@ -246,31 +245,31 @@ fn currents_that_are_zero_or_limited() {
     inputs.iter_mut().for_each(|input| input.current_a[1] = 0.0);
     let outputs = run(&Estimator::new(config(&rotor)).expect("good"), &inputs).0;
     assert!(outputs.iter().all(|output| !output.valid), "{:?}", outputs.last());
-    // Without current for a while it is soon not known, and never wrong.
+    // Without current for a while the estimate soon becomes invalid, and is never wrong.
     let rotor = noisy(13, 6001);
     let mut inputs = rotor.inputs(Hold::HeldBefore);
     inputs[1500..2000].iter_mut().for_each(|input| input.current_a[1] = 0.0);
     for noise in [NOISE, (0.0, 0.0)] {
-        let outputs = run(&Estimator::new(told(config(&rotor), noise)).expect("good"), &inputs).0;
+        let outputs = run(&Estimator::new(with_noise(config(&rotor), noise)).expect("good"), &inputs).0;
         assert!(outputs[1499].valid && outputs[1500..1600].iter().any(|output| !output.valid), "told {noise:?}");
         let (worst, at, _) = confidence(&rotor, &outputs, 1600);
         assert!(worst < CONFIDENT, "told {noise:?}: {worst:.2} standard deviations at sample {at}");
     }
-    // Currents at their limit in a quarter of the samples are what flows all the same.
+    // Currents at their limit in a quarter of the samples are still the true ones.
     let limited = Rotor { limit_a: 4.0, ..noisy(12, 5001) };
     let outputs = limited.identify(config(&limited));
     assert!(assert_never_wrong("limited", &limited, &outputs) > 0, "{:?}", outputs.last());
 }
 
-/// The samples before the noise is found are not lost: what they tell is in the estimate later on.
+/// Samples from before the noise is estimated contribute to later estimates.
 #[test]
 fn the_first_samples_are_not_lost() {
     let rotor = noisy(35, 1001);
-    let outputs = |noise| rotor.identify(told(config(&rotor), noise)).pop().expect("samples");
-    let (told, found) = (outputs(NOISE), outputs((0.0, 0.0)));
+    let last = |noise| rotor.identify(with_noise(config(&rotor), noise)).pop().expect("samples");
+    let (known, estimated) = (last(NOISE), last((0.0, 0.0)));
     for k in 0..3 {
-        // The noise that is found is still 15 % too large.
-        let ratio = found.lambda_std[k] / told.lambda_std[k];
+        // The noise estimate is still 15 % too large.
+        let ratio = estimated.lambda_std[k] / known.lambda_std[k];
         assert!((0.9..1.25).contains(&ratio), "lambda[{}]: {ratio}", k + 1);
     }
 }
@@ -278,14 +277,14 @@ fn the_first_samples_are_not_lost() {
 #[test]
 fn outputs_are_finite_on_wild_inputs() {
     let mut random = Random::new(7);
-    // Seldom many orders of magnitude from the usual one, which is itself often outside the gap.
+    // Rarely off by many orders of magnitude; the usual size is itself often outside the gap.
     let mut number = |usual: f64, rare: f64| {
         let exponent = if random.normal() > 2.5 { (random.normal() * rare) as i32 } else { 0 };
         usual * random.normal() * 10.0_f64.powi(exponent)
     };
     let tolerance = Tolerance { gap_m: 1e-6, alpha_rad: 0.01, current_offset_a: 0.01, ..Tolerance::default() };
     let error = |hold, tolerance: &Tolerance, noise| {
-        told(EstimatorConfig { hold, tolerance: tolerance.clone(), ..EstimatorConfig::default() }, noise)
+        with_noise(EstimatorConfig { hold, tolerance: tolerance.clone(), ..EstimatorConfig::default() }, noise)
     };
     let mut configs = vec![
         error(Hold::HeldBefore, &Tolerance::default(), (0.0, 0.0)),

@@ -1,16 +1,16 @@
-//! Reset, states read back, and parameters that are refused, with every method.
+//! Reset, restored states, and refused parameters, for every method.
 
 use super::*;
 
 const METHODS: [Method; 3] = [Method::PaperLiteral, Method::Paper, Method::PredictionError];
 
-/// Every method, the noise told and not, with a tolerance and without.
+/// Every method, with noise known and estimated, with and without a tolerance.
 fn cases() -> Vec<(Rotor, EstimatorConfig)> {
     let (rotor, quiet) = (noisy(31, 1001), Rotor { samples: 700, ..Rotor::default() });
     let mut cases = Vec::new();
     for noise in [(0.0, 0.0), NOISE] {
         for tolerance in [Tolerance::default(), Tolerance { gap_m: 1e-6, ..Tolerance::default() }] {
-            cases.push((rotor.clone(), EstimatorConfig { tolerance, ..told(config(&rotor), noise) }));
+            cases.push((rotor.clone(), EstimatorConfig { tolerance, ..with_noise(config(&rotor), noise) }));
         }
     }
     for (method, hold) in [
@@ -61,7 +61,7 @@ fn a_state_read_back_continues_bit_for_bit() {
     }
 }
 
-/// A state of another method or window is left alone; one of the same method with other numbers is no worse than other data.
+/// A state of another method or window is not touched.
 #[test]
 fn a_foreign_state_is_refused() {
     let rotor = noisy(33, 501);
@@ -80,12 +80,12 @@ fn a_foreign_state_is_refused() {
     }
 }
 
-/// A number that is not finite would never leave the sums again, and a place outside of its ring would panic.
+/// A non-finite number would stay in the sums for ever, and an index outside its ring buffer would panic.
 #[test]
 fn a_state_that_is_not_finite_is_refused() {
     let rotor = noisy(34, 801);
     let inputs = rotor.inputs(Hold::HeldBefore);
-    // Before there is an estimate, before the noise is found, and later.
+    // Before the first estimate, before the noise is estimated, and later.
     for (method, at) in [
         (Method::PredictionError, 40),
         (Method::PredictionError, 90),
@@ -99,7 +99,7 @@ fn a_state_that_is_not_finite_is_refused() {
         let mut refused = 0;
         for from in (0..bytes.len() - 8).step_by(53) {
             let mut spoilt = bytes.clone();
-            // The end of nearly every number that these bytes are put into is not a number.
+            // Nearly every number that ends in these bytes is NaN.
             spoilt[from..from + 8].fill(0xff);
             let Ok(mut back) = postcard::from_bytes::<EstimatorState>(&spoilt) else { continue };
             if format!("{back:?}").contains("NaN") {
@@ -113,10 +113,10 @@ fn a_state_that_is_not_finite_is_refused() {
     }
 }
 
-/// Beside what is refused of every model.
+/// In addition to the checks common to all models.
 #[test]
-fn what_a_method_cannot_have_is_named() {
-    // Two checks may refuse one value.
+fn unsuitable_parameters_of_a_method_are_named() {
+    // Two checks may refuse the same value.
     let names = |config: EstimatorConfig| -> Vec<String> {
         let found = Estimator::new(config).err().unwrap_or_default();
         let mut names: Vec<_> = found.iter().map(|invalid| invalid.name.to_string()).collect();
@@ -124,12 +124,12 @@ fn what_a_method_cannot_have_is_named() {
         names
     };
     let good = EstimatorConfig::default();
-    // A window that the paper's methods cannot have is none of the other one's business.
+    // Only the paper's methods check the window.
     let window = EstimatorConfig { window_s: 7e-4, epsilon_s: 1e-4, step_s: 3.3e-5, ..good.clone() };
     assert_eq!(names(window), [""; 0]);
     let tolerance = Tolerance { gap_m: 1e-3, ..Tolerance::default() };
-    // Noise is of no use to the paper's methods, and does no harm.
-    let wide = |method| told(EstimatorConfig { method, tolerance: tolerance.clone(), ..good.clone() }, NOISE);
+    // The paper's methods ignore noise.
+    let wide = |method| with_noise(EstimatorConfig { method, tolerance: tolerance.clone(), ..good.clone() }, NOISE);
     assert_eq!(METHODS.map(|method| names(wide(method))), [vec!["tolerance.s"], vec!["tolerance.s"], vec![]]);
     let balanced = |method| EstimatorConfig { method, identify_unbalance: false, ..good.clone() };
     assert_eq!(names(balanced(Method::PredictionError)), [""; 0]);

@@ -2,7 +2,7 @@
 //!
 //! Names, arguments and results are the standard's, except for [`instantiate`], which gets the list of models. All functions
 //! that take an instance share one safety contract: the instance came from [`instantiate`] and was not freed since; an array
-//! has the length given; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`], was not
+//! has the given length; an `fmi2FMUstate` is null or came from [`fmi2GetFMUstate`] or [`fmi2DeSerializeFMUstate`], was not
 //! freed since, and no other call writes or frees it meanwhile. Null pointers are refused, and so is a call on an instance
 //! during another one, for instance from its logger.
 
@@ -19,7 +19,7 @@ use super::Fmi2;
 use super::bindings::*;
 use super::sequence::{Function, State};
 use crate::fmus::Fmus;
-use crate::interface::arguments::{elements, elements_mut, finite, handed_out, text};
+use crate::interface::arguments::{elements, elements_mut, finite, finite_result, text};
 use crate::interface::component::Problem;
 use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
@@ -43,13 +43,13 @@ unsafe fn status<T>(
     answer: impl Fn(&Component, fmi2StatusKind) -> Option<T>,
 ) -> fmi2Status {
     let body = |component: &mut Component| {
-        // SAFETY: the pointer is as the contract of the exported function says.
+        // SAFETY: the pointer meets the contract of the exported function.
         let value = unsafe { elements_mut("value", value, 1)? };
         value[0] = answer(component, kind)
             .ok_or_else(|| Problem::Call(format!("the status kind {} does not have this type", kind.0)))?;
         Ok(())
     };
-    // SAFETY: the component is as the contract of the exported function says.
+    // SAFETY: the component meets the contract of the exported function.
     unsafe { enter(component, function, body) }
 }
 
@@ -90,8 +90,7 @@ fn make(
     Some(hand_out(Component::new(model, resources, logger, ())))
 }
 
-/// Makes an instance of the model with that GUID; null if that is not possible, with a message that gives the reason. This is
-/// `fmi2Instantiate` for a list of models.
+/// `fmi2Instantiate` for a list of models: makes an instance of the model with that GUID, or sends the reason and returns null.
 ///
 /// # Safety
 /// As for all functions of [this module](self).
@@ -105,7 +104,7 @@ pub unsafe fn instantiate(
     logging_on: fmi2Boolean,
 ) -> fmi2Component {
     let made = catch_unwind(|| make(fmus, name, kind, (guid, location), functions, logging_on));
-    // The message of a panic went to the standard error; there is no instance whose logger could be used.
+    // A panic has printed its message to standard error; there is no instance with a logger.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
 
@@ -127,7 +126,7 @@ c_functions! {
         nCategories: usize,
         categories: *const fmi2String,
     ) -> fmi2Status {
-        // SAFETY: component, array and texts are as this module's contract says.
+        // SAFETY: component, array and texts meet this module's contract.
         unsafe {
             enter(c, Function::SetDebugLogging, |component| {
                 component.switch_logging(loggingOn != fmi2False, elements("categories", categories, nCategories)?)
@@ -151,50 +150,50 @@ c_functions! {
         stopTime: fmi2Real,
     ) -> fmi2Status {
         let stop_s = (stopTimeDefined != fmi2False).then_some(stopTime);
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::SetupExperiment, |component| component.setup(startTime, stop_s)) }
     }
 
     /// Begins initialization.
     fn fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::EnterInitializationMode, |component| component.change(State::InitializationMode)) }
     }
 
     /// Ends initialization. The message names every invalid parameter.
     fn fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c: fmi2Component) -> fmi2Status {
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::ExitInitializationMode, Component::exit_initialization) }
     }
 
     /// Ends the run.
     fn fmi2Terminate: fmi2TerminateTYPE(c: fmi2Component) -> fmi2Status {
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::Terminate, |component| component.change(State::Terminated)) }
     }
 
     /// Resets the instance to its state after `fmi2Instantiate`.
     fn fmi2Reset: fmi2ResetTYPE(c: fmi2Component) -> fmi2Status {
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::Reset, Component::reset) }
     }
 
     /// Takes a snapshot, into an existing one if there is one.
     fn fmi2GetFMUstate: fmi2GetFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
-        // SAFETY: component and pointers are as this module's contract says.
+        // SAFETY: component and pointers meet this module's contract.
         unsafe { enter(c, Function::GetFMUstate, |component| states::get(component, FMUstate)) }
     }
 
     /// Restores a snapshot of this or another instance of the same model, including the state in the sequence of calls and the
     /// time. The snapshot remains valid.
     fn fmi2SetFMUstate: fmi2SetFMUstateTYPE(c: fmi2Component, FMUstate: fmi2FMUstate) -> fmi2Status {
-        // SAFETY: component and pointers are as this module's contract says.
+        // SAFETY: component and pointers meet this module's contract.
         unsafe { enter(c, Function::SetFMUstate, |component| states::set(component, FMUstate)) }
     }
 
     /// Frees a snapshot and sets the pointer to null; a null pointer is ignored. Any instance of this library may be used.
     fn fmi2FreeFMUstate: fmi2FreeFMUstateTYPE(c: fmi2Component, FMUstate: *mut fmi2FMUstate) -> fmi2Status {
-        // SAFETY: component and pointers are as this module's contract says.
+        // SAFETY: component and pointers meet this module's contract.
         unsafe { enter(c, Function::FreeFMUstate, |_| states::free(FMUstate)) }
     }
 
@@ -204,7 +203,7 @@ c_functions! {
         FMUstate: fmi2FMUstate,
         size: *mut usize,
     ) -> fmi2Status {
-        // SAFETY: component and pointers are as this module's contract says.
+        // SAFETY: component and pointers meet this module's contract.
         unsafe { enter(c, Function::SerializedFMUstateSize, |_| states::size(FMUstate, size)) }
     }
 
@@ -215,19 +214,19 @@ c_functions! {
         serializedState: *mut fmi2Byte,
         size: usize,
     ) -> fmi2Status {
-        // SAFETY: component and pointers are as this module's contract says.
+        // SAFETY: component and pointers meet this module's contract.
         unsafe { enter(c, Function::SerializeFMUstate, |_| states::serialize(FMUstate, serializedState.cast(), size)) }
     }
 
-    /// Makes a new snapshot from serialized bytes, of this process or another. Bytes of another model or version, truncated or
-    /// changed ones are refused.
+    /// Makes a new snapshot from bytes serialized by this process or another. Bytes of another model or version, and truncated or
+    /// changed bytes, are refused.
     fn fmi2DeSerializeFMUstate: fmi2DeSerializeFMUstateTYPE(
         c: fmi2Component,
         serializedState: *const fmi2Byte,
         size: usize,
         FMUstate: *mut fmi2FMUstate,
     ) -> fmi2Status {
-        // SAFETY: component and pointers are as this module's contract says.
+        // SAFETY: component and pointers meet this module's contract.
         unsafe { enter(c, Function::DeSerializeFMUstate, |component| states::deserialize(component, serializedState.cast(), size, FMUstate)) }
     }
 
@@ -243,7 +242,7 @@ c_functions! {
         dvUnknown: *mut fmi2Real,
     ) -> fmi2Status {
         let body = |component: &mut Component| {
-            // SAFETY: all arrays are as this module's contract says.
+            // SAFETY: all arrays meet this module's contract.
             let (unknowns, knowns, direction, derivatives) = unsafe {
                 (
                     elements("vUnknown_ref", vUnknown_ref, nUnknown)?,
@@ -254,11 +253,11 @@ c_functions! {
             };
             component.differentiate((knowns, direction), (unknowns, derivatives))
         };
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::GetDirectionalDerivative, body) }
     }
 
-    /// Sets derivatives of continuous inputs with respect to time, valid at the begin of the next step and for that step only:
+    /// Sets derivatives of continuous inputs with respect to time, valid at the start of the next step and for that step only:
     /// all of them, or none if one is refused.
     ///
     /// With derivatives d the input is `u(t) = u + Σ_j d_j (t − t_0)^j / j!` over the step from t_0, where u is the value set
@@ -272,7 +271,7 @@ c_functions! {
         value: *const fmi2Real,
     ) -> fmi2Status {
         let body = |component: &mut Component| {
-            // SAFETY: all arrays are as this module's contract says.
+            // SAFETY: all arrays meet this module's contract.
             let (references, orders, values) =
                 unsafe { (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements("value", value, nvr)?) };
             for (reference, value) in references.iter().zip(values) {
@@ -281,12 +280,12 @@ c_functions! {
             let setting = |at: usize| (references[at] as usize, orders[at], values[at]);
             component.instance.set_input_derivatives(nvr, &setting).map_err(Problem::call)
         };
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::SetRealInputDerivatives, body) }
     }
 
-    /// Derivatives of outputs with respect to time at the end of the last step, with the inputs continuing as at its end; an
-    /// input that was set since is held. Exact; 0 for sampled outputs, which are constant in between.
+    /// Derivatives of outputs with respect to time at the end of the last step, with the inputs continuing as at its end; inputs
+    /// set since then are held. Exact; 0 for sampled outputs, which are piecewise constant.
     fn fmi2GetRealOutputDerivatives: fmi2GetRealOutputDerivativesTYPE(
         c: fmi2Component,
         vr: *const fmi2ValueReference,
@@ -295,17 +294,17 @@ c_functions! {
         value: *mut fmi2Real,
     ) -> fmi2Status {
         let body = |component: &mut Component| {
-            // SAFETY: all arrays are as this module's contract says.
+            // SAFETY: all arrays meet this module's contract.
             let (references, orders, values) = unsafe {
                 (elements("vr", vr, nvr)?, elements("order", order, nvr)?, elements_mut("value", value, nvr)?)
             };
             for ((reference, order), value) in references.iter().zip(orders).zip(values) {
                 let found = component.instance.output_derivative(*reference as usize, *order).map_err(Problem::call)?;
-                *value = handed_out(component, *reference, found)?;
+                *value = finite_result(component, *reference, found)?;
             }
             Ok(())
         };
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::GetRealOutputDerivatives, body) }
     }
 
@@ -317,13 +316,13 @@ c_functions! {
         _noSetFMUStatePriorToCurrentPoint: fmi2Boolean,
     ) -> fmi2Status {
         let step = Step { time_s: currentCommunicationPoint, length_s: communicationStepSize };
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::DoStep, |component| component.step(step)) }
     }
 
     /// A step is never in progress when this is called.
     fn fmi2CancelStep: fmi2CancelStepTYPE(c: fmi2Component) -> fmi2Status {
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::CancelStep, |_| Ok(())) }
     }
 
@@ -336,7 +335,7 @@ c_functions! {
                 _ => fmi2Status::fmi2OK,
             })
         };
-        // SAFETY: all arguments are as this module's contract says.
+        // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetStatus, s, value, answer) }
     }
 
@@ -345,7 +344,7 @@ c_functions! {
         let answer = |component: &Component, kind| {
             (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then_some(component.stage.time_s)
         };
-        // SAFETY: all arguments are as this module's contract says.
+        // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetRealStatus, s, value, answer) }
     }
 
@@ -355,7 +354,7 @@ c_functions! {
         s: fmi2StatusKind,
         value: *mut fmi2Integer,
     ) -> fmi2Status {
-        // SAFETY: all arguments are as this module's contract says.
+        // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetIntegerStatus, s, value, |_, _| None) }
     }
 
@@ -368,7 +367,7 @@ c_functions! {
         let answer = |component: &Component, kind| {
             (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2Boolean::from(component.stage.terminated))
         };
-        // SAFETY: all arguments are as this module's contract says.
+        // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }
     }
 
@@ -379,7 +378,7 @@ c_functions! {
         value: *mut fmi2String,
     ) -> fmi2Status {
         let answer = |_: &Component, kind| (kind == fmi2StatusKind::fmi2PendingStatus).then_some(c"".as_ptr());
-        // SAFETY: all arguments are as this module's contract says.
+        // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetStringStatus, s, value, answer) }
     }
 }

@@ -3,7 +3,7 @@
 use super::Component;
 use crate::fmi2::bindings::*;
 use crate::fmi2::sequence::Function;
-use crate::interface::arguments::{Passed, boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::arguments::{CValue, boolean, elements, elements_mut, finite_result, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::Problem;
 use crate::interface::guard::enter;
@@ -13,7 +13,7 @@ use crate::variable::Value;
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn get<T: Passed>(
+unsafe fn get<T: CValue>(
     component: fmi2Component,
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
@@ -22,20 +22,20 @@ unsafe fn get<T: Passed>(
     type_name: &str,
 ) -> fmi2Status {
     let body = |component: &mut Component| {
-        // SAFETY: the arrays are as the contract of the exported function says.
+        // SAFETY: the arrays meet the contract of the exported function.
         let (references, values) =
             unsafe { (elements("vr", references, count)?, elements_mut("value", values, count)?) };
         let read = T::read(component, references, values);
         for (reference, value) in references.iter().zip(values).skip(read) {
             let found = component.instance.get(*reference as usize).map_err(Problem::call)?;
             if let Value::Real(number) = found {
-                handed_out(component, *reference, number)?;
+                finite_result(component, *reference, number)?;
             }
             *value = take(&found).ok_or_else(|| Problem::Call(wrong_type(component, *reference, type_name, &found)))?;
         }
         Ok(())
     };
-    // SAFETY: the component is as the contract of the exported function says.
+    // SAFETY: the component meets the contract of the exported function.
     unsafe { enter(component, function, body) }
 }
 
@@ -48,7 +48,7 @@ fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn set<T: Passed + Copy>(
+unsafe fn set<T: CValue + Copy>(
     component: fmi2Component,
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
@@ -56,7 +56,7 @@ unsafe fn set<T: Passed + Copy>(
     wrap: impl Fn(T) -> Result<Value, String>,
 ) -> fmi2Status {
     let body = |component: &mut Component| {
-        // SAFETY: the arrays are as the contract of the exported function says.
+        // SAFETY: the arrays meet the contract of the exported function.
         let (references, values) = unsafe { (elements("vr", references, count)?, elements("value", values, count)?) };
         if T::write(component, references, values) {
             return Ok(());
@@ -67,7 +67,7 @@ unsafe fn set<T: Passed + Copy>(
         let setting = |at: usize| (references[at] as usize, wrap(values[at]).expect("all values were checked"));
         component.instance.set_all(count, &setting).map_err(Problem::call)
     };
-    // SAFETY: the component is as the contract of the exported function says.
+    // SAFETY: the component meets the contract of the exported function.
     unsafe { enter(component, function, body) }
 }
 
@@ -80,11 +80,11 @@ c_functions! {
         value: *mut fmi2String,
     ) -> fmi2Status {
         let body = |component: &mut Component| {
-            // SAFETY: the arrays are as this module's contract says.
+            // SAFETY: the arrays meet this module's contract.
             let (references, values) = unsafe { (elements("vr", vr, nvr)?, elements_mut("value", value, nvr)?) };
             component.read_texts(references, values)
         };
-        // SAFETY: the component is as this module's contract says.
+        // SAFETY: the component meets this module's contract.
         unsafe { enter(c, Function::GetString, body) }
     }
 }
@@ -102,7 +102,7 @@ macro_rules! accessors {
         c_functions! {$(
             #[doc = $about]
             fn $name: $type(c: fmi2Component, vr: *const fmi2ValueReference, nvr: usize, value: $of) -> fmi2Status {
-                // SAFETY: all arguments, the texts among them, are as this module's contract says.
+                // SAFETY: all arguments, the texts among them, meet this module's contract.
                 unsafe { $way(c, Function::$function, (vr, nvr), value, $($how),+) }
             }
         )*}

@@ -2,7 +2,7 @@
 //!
 //! Names, arguments and results are the standard's, except for [`instantiate`], which gets the list of models. All functions
 //! that take an instance share one safety contract: the instance came from [`instantiate`] and was not freed since; an array
-//! has the length given; an `fmi3FMUState` is null or came from [`fmi3GetFMUState`] or [`fmi3DeserializeFMUState`], was not
+//! has the given length; an `fmi3FMUState` is null or came from [`fmi3GetFMUState`] or [`fmi3DeserializeFMUState`], was not
 //! freed since, and no other call writes or frees it meanwhile. Null pointers are refused, and so is a call on an instance
 //! during another one, for instance from its logger.
 
@@ -22,7 +22,7 @@ use super::sequence::{Function, State};
 use super::{Fmi3, Options};
 use crate::Standard;
 use crate::fmus::Fmus;
-use crate::interface::arguments::{element_mut, elements, elements_mut, handed_out, text};
+use crate::interface::arguments::{element_mut, elements, elements_mut, finite_result, text};
 use crate::interface::component::Problem;
 use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
@@ -33,7 +33,7 @@ use crate::resources::Resources;
 type Component = component::Component<Fmi3>;
 type Logger = logger::Logger<Fmi3>;
 
-/// How an importer asks for an instance.
+/// An importer's request for an instance.
 pub struct Request {
     /// Name of the instance.
     pub name: fmi3String,
@@ -41,13 +41,13 @@ pub struct Request {
     pub token: fmi3String,
     /// Whether messages are wanted.
     pub logging_on: fmi3Boolean,
-    /// Whether events are handled in a mode of their own.
+    /// Whether events are handled in event mode.
     pub event_mode: fmi3Boolean,
     /// The folder `resources`, as a path; null if there is none.
     pub resources: fmi3String,
-    /// Handed back with every message.
+    /// Passed back with every message.
     pub environment: fmi3InstanceEnvironment,
-    /// Takes messages.
+    /// Receives messages.
     pub log: fmi3LogMessageCallback,
 }
 
@@ -81,14 +81,14 @@ fn make(fmus: &'static Fmus, request: &Request) -> Option<fmi3Instance> {
     Some(hand_out(Component::new(model, resources, logger, options)))
 }
 
-/// Makes an instance for co-simulation of the model with that token; null if that is not possible, with a message that gives the
-/// reason. This is `fmi3InstantiateCoSimulation` for a list of models.
+/// `fmi3InstantiateCoSimulation` for a list of models: makes an instance of the model with that token, or sends the reason and
+/// returns null.
 ///
 /// # Safety
 /// The texts are null or end with a zero byte; callback and environment belong together and stay valid as long as the instance.
 pub unsafe fn instantiate(fmus: &'static Fmus, request: Request) -> fmi3Instance {
     let made = catch_unwind(|| make(fmus, &request));
-    // The message of a panic went to the standard error; there is no instance whose logger could be used.
+    // A panic has printed its message to standard error; there is no instance with a logger.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
 
@@ -105,7 +105,7 @@ c_functions! {
         nCategories: usize,
         categories: *const fmi3String,
     ) -> fmi3Status {
-        // SAFETY: instance, array and texts are as this module's contract says.
+        // SAFETY: instance, array and texts meet this module's contract.
         unsafe {
             enter(instance, Function::SetDebugLogging, |component| {
                 component.switch_logging(loggingOn != 0, elements("categories", categories, nCategories)?)
@@ -130,7 +130,7 @@ c_functions! {
         stopTime: fmi3Float64,
     ) -> fmi3Status {
         let stop_s = (stopTimeDefined != 0).then_some(stopTime);
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe {
             enter(instance, Function::EnterInitializationMode, |component| {
                 component.setup(startTime, stop_s)?;
@@ -141,7 +141,7 @@ c_functions! {
 
     /// Ends initialization. The message names every invalid parameter.
     fn fmi3ExitInitializationMode: fmi3ExitInitializationModeTYPE(instance: fmi3Instance) -> fmi3Status {
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe {
             enter(instance, Function::ExitInitializationMode, |component: &mut Component| {
                 component.exit_initialization()?;
@@ -150,9 +150,9 @@ c_functions! {
         }
     }
 
-    /// Begins the handling of an event. No model needs it: its own events are handled within a step.
+    /// Begins the handling of an event. No model needs it, because models handle their own events within a step.
     fn fmi3EnterEventMode: fmi3EnterEventModeTYPE(instance: fmi3Instance) -> fmi3Status {
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe {
             enter(instance, Function::EnterEventMode, |component: &mut Component| {
                 if !component.options.event_mode {
@@ -180,7 +180,7 @@ c_functions! {
             ("valuesOfContinuousStatesChanged", valuesOfContinuousStatesChanged),
             ("nextEventTimeDefined", nextEventTimeDefined),
         ];
-        // SAFETY: instance and pointers are as this module's contract says.
+        // SAFETY: instance and pointers meet this module's contract.
         unsafe {
             enter(instance, Function::UpdateDiscreteStates, |_| {
                 let time = element_mut("nextEventTime", nextEventTime)?;
@@ -195,19 +195,19 @@ c_functions! {
 
     /// Ends the handling of an event.
     fn fmi3EnterStepMode: fmi3EnterStepModeTYPE(instance: fmi3Instance) -> fmi3Status {
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::EnterStepMode, |component| component.change(State::StepMode)) }
     }
 
     /// Ends the run.
     fn fmi3Terminate: fmi3TerminateTYPE(instance: fmi3Instance) -> fmi3Status {
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::Terminate, |component| component.change(State::Terminated)) }
     }
 
     /// Resets the instance to its state after `fmi3InstantiateCoSimulation`.
     fn fmi3Reset: fmi3ResetTYPE(instance: fmi3Instance) -> fmi3Status {
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::Reset, Component::reset) }
     }
 
@@ -223,7 +223,7 @@ c_functions! {
         lastSuccessfulTime: *mut fmi3Float64,
     ) -> fmi3Status {
         let step = Step { time_s: currentCommunicationPoint, length_s: communicationStepSize };
-        // SAFETY: instance and pointers are as this module's contract says.
+        // SAFETY: instance and pointers meet this module's contract.
         unsafe {
             enter(instance, Function::DoStep, |component: &mut Component| {
                 let event = element_mut("eventHandlingNeeded", eventHandlingNeeded)?;
@@ -241,20 +241,20 @@ c_functions! {
 
     /// Takes a snapshot, into an existing one if there is one.
     fn fmi3GetFMUState: fmi3GetFMUStateTYPE(instance: fmi3Instance, FMUState: *mut fmi3FMUState) -> fmi3Status {
-        // SAFETY: instance and pointers are as this module's contract says.
+        // SAFETY: instance and pointers meet this module's contract.
         unsafe { enter(instance, Function::GetFMUState, |component| states::get(component, FMUState)) }
     }
 
     /// Restores a snapshot of this or another instance of the same model, including the state in the sequence of calls and the
     /// time. The snapshot remains valid.
     fn fmi3SetFMUState: fmi3SetFMUStateTYPE(instance: fmi3Instance, FMUState: fmi3FMUState) -> fmi3Status {
-        // SAFETY: instance and pointer are as this module's contract says.
+        // SAFETY: instance and pointer meet this module's contract.
         unsafe { enter(instance, Function::SetFMUState, |component| states::set(component, FMUState)) }
     }
 
     /// Frees a snapshot and sets the pointer to null; a null pointer is ignored. Any instance of this library may be used.
     fn fmi3FreeFMUState: fmi3FreeFMUStateTYPE(instance: fmi3Instance, FMUState: *mut fmi3FMUState) -> fmi3Status {
-        // SAFETY: instance and pointers are as this module's contract says.
+        // SAFETY: instance and pointers meet this module's contract.
         unsafe { enter(instance, Function::FreeFMUState, |_| states::free(FMUState)) }
     }
 
@@ -264,7 +264,7 @@ c_functions! {
         FMUState: fmi3FMUState,
         size: *mut usize,
     ) -> fmi3Status {
-        // SAFETY: instance and pointers are as this module's contract says.
+        // SAFETY: instance and pointers meet this module's contract.
         unsafe { enter(instance, Function::SerializedFMUStateSize, |_| states::size(FMUState, size)) }
     }
 
@@ -275,21 +275,21 @@ c_functions! {
         serializedState: *mut fmi3Byte,
         size: usize,
     ) -> fmi3Status {
-        // SAFETY: instance, pointer and array are as this module's contract says.
+        // SAFETY: instance, pointer and array meet this module's contract.
         unsafe {
             enter(instance, Function::SerializeFMUState, |_| states::serialize(FMUState, serializedState, size))
         }
     }
 
-    /// Makes a new snapshot from serialized bytes, of this process or another. Bytes of another model or version, truncated or
-    /// changed ones are refused.
+    /// Makes a new snapshot from bytes serialized by this process or another. Bytes of another model or version, and truncated or
+    /// changed bytes, are refused.
     fn fmi3DeserializeFMUState: fmi3DeserializeFMUStateTYPE(
         instance: fmi3Instance,
         serializedState: *const fmi3Byte,
         size: usize,
         FMUState: *mut fmi3FMUState,
     ) -> fmi3Status {
-        // SAFETY: instance, array and pointer are as this module's contract says.
+        // SAFETY: instance, array and pointer meet this module's contract.
         unsafe {
             enter(instance, Function::DeserializeFMUState, |component| {
                 states::deserialize(component, serializedState, size, FMUState)
@@ -311,7 +311,7 @@ c_functions! {
         nSensitivity: usize,
     ) -> fmi3Status {
         let body = |component: &mut Component| {
-            // SAFETY: all arrays are as this module's contract says.
+            // SAFETY: all arrays meet this module's contract.
             let (unknowns, knowns, seed, sensitivity) = unsafe {
                 (
                     elements("unknowns", unknowns, nUnknowns)?,
@@ -320,16 +320,16 @@ c_functions! {
                     elements_mut("sensitivity", sensitivity, nSensitivity)?,
                 )
             };
-            let knowns = each(component, knowns, "nSeed", seed.len())?;
-            let unknowns = each(component, unknowns, "nSensitivity", sensitivity.len())?;
+            let knowns = indices_of(component, knowns, "nSeed", seed.len())?;
+            let unknowns = indices_of(component, unknowns, "nSensitivity", sensitivity.len())?;
             component.differentiate((&knowns, seed), (&unknowns, sensitivity))
         };
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::GetDirectionalDerivative, body) }
     }
 
     /// Derivatives of outputs with respect to time at the end of the last step, with the inputs held. Exact; 0 for sampled
-    /// outputs, which are constant in between.
+    /// outputs, which are piecewise constant.
     fn fmi3GetOutputDerivatives: fmi3GetOutputDerivativesTYPE(
         instance: fmi3Instance,
         valueReferences: *const fmi3ValueReference,
@@ -339,7 +339,7 @@ c_functions! {
         nValues: usize,
     ) -> fmi3Status {
         let body = |component: &mut Component| {
-            // SAFETY: all arrays are as this module's contract says.
+            // SAFETY: all arrays meet this module's contract.
             let (references, orders, values) = unsafe {
                 (
                     elements("valueReferences", valueReferences, nValueReferences)?,
@@ -347,24 +347,24 @@ c_functions! {
                     elements_mut("values", values, nValues)?,
                 )
             };
-            // One order for each reference, which holds for all elements of an array.
+            // The order of a reference applies to all elements of its array.
             let mut values = values.iter_mut();
             let count: usize = references.iter().map(|reference| size_of_variable(component, *reference)).sum();
             if count != nValues {
                 return Err(wrong_count("nValues", nValues, count));
             }
             for (reference, order) in references.iter().zip(orders) {
-                let indices = each(component, std::slice::from_ref(reference), "nValues", size_of_variable(component, *reference))?;
+                let indices = indices_of(component, std::slice::from_ref(reference), "nValues", size_of_variable(component, *reference))?;
                 for index in indices.iter() {
                     let found = component.instance.output_derivative(*index as usize, *order).map_err(Problem::call)?;
                     if let Some(value) = values.next() {
-                        *value = handed_out(component, *index, found)?;
+                        *value = finite_result(component, *index, found)?;
                     }
                 }
             }
             Ok(())
         };
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::GetOutputDerivatives, body) }
     }
 }

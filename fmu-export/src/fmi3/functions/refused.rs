@@ -1,4 +1,4 @@
-//! Functions of what co-simulation does not need. They are there because importers look for all functions of the standard.
+//! Functions that co-simulation does not need, defined because importers look for all functions of the standard.
 
 use super::{Component, Logger};
 use crate::fmi3::bindings::*;
@@ -20,7 +20,7 @@ const SCHEDULED: &str = "it belongs to scheduled execution; this FMU is for co-s
 /// # Safety
 /// As for all functions of this module.
 unsafe fn refuse(instance: fmi3Instance, function: Function, why: &str) -> fmi3Status {
-    // SAFETY: the instance is as the contract of the exported function says.
+    // SAFETY: the instance meets the contract of the exported function.
     unsafe { enter(instance, function, |_: &mut Component| Err(Problem::call(why))) }
 }
 
@@ -38,7 +38,7 @@ macro_rules! refused {
         c_functions! {$(
             /// Not offered.
             fn $name: $type(instance: fmi3Instance, $($argument: $of),*) -> fmi3Status {
-                // SAFETY: the instance is as this module's contract says.
+                // SAFETY: the instance meets this module's contract.
                 unsafe { refuse(instance, Function::$function, $why) }
             }
         )*}

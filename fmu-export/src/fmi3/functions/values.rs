@@ -5,15 +5,14 @@ use std::borrow::Cow;
 use super::Component;
 use crate::fmi3::bindings::*;
 use crate::fmi3::sequence::Function;
-use crate::interface::arguments::{Passed, boolean, elements, elements_mut, handed_out, text_value};
+use crate::interface::arguments::{CValue, boolean, elements, elements_mut, finite_result, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::{Outcome, Problem};
 use crate::interface::guard::enter;
 use crate::variable::{Type, Value};
 
-/// The indices of the variables that value references stand for: of all elements in turn if it is an array. `count` values go
-/// with them.
-pub(super) fn each<'r>(
+/// The indices of the variables of value references, for an array those of all its elements; `count` is the number of their values.
+pub(super) fn indices_of<'r>(
     component: &Component,
     references: &'r [fmi3ValueReference],
     name: &str,
@@ -26,7 +25,7 @@ pub(super) fn each<'r>(
             Err(wrong_count(name, count, references.len()))
         };
     };
-    // Not more than the importer has room for, whatever the references are.
+    // At most the importer's number of values, whatever the references.
     let mut indices = Vec::with_capacity(references.len().max(count).min(elements.len()));
     for reference in references {
         let size = elements.get(*reference as usize).copied().unwrap_or(1);
@@ -74,14 +73,14 @@ fn check(component: &Component, index: u32, fits: impl Fn(&Type) -> bool, asked:
     Err(Problem::Call(format!("{name} is not of type {asked} but {found}")))
 }
 
-/// Value references and their number, as the importer passes them.
+/// Value references and their number, as passed by the importer.
 type References = (*const fmi3ValueReference, usize);
 
 /// Reads the variables of one type.
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn get<T: Passed>(
+unsafe fn get<T: CValue>(
     instance: fmi3Instance,
     function: Function,
     (references, count): References,
@@ -89,17 +88,17 @@ unsafe fn get<T: Passed>(
     read: impl Fn(&mut Component, u32) -> Result<T, Problem>,
 ) -> fmi3Status {
     let body = |component: &mut Component| {
-        // SAFETY: the arrays are as the contract of the exported function says.
+        // SAFETY: the arrays meet the contract of the exported function.
         let (references, values) =
             unsafe { (elements("valueReferences", references, count)?, elements_mut("values", values, n_values)?) };
-        let indices = each(component, references, "nValues", n_values)?;
+        let indices = indices_of(component, references, "nValues", n_values)?;
         let done = T::read(component, &indices, values);
         for (index, value) in indices.iter().zip(values).skip(done) {
             *value = read(component, *index)?;
         }
         Ok(())
     };
-    // SAFETY: the instance is as the contract of the exported function says.
+    // SAFETY: the instance meets the contract of the exported function.
     unsafe { enter(instance, function, body) }
 }
 
@@ -108,8 +107,8 @@ fn value(component: &mut Component, index: u32) -> Result<Value, Problem> {
     component.instance.get(index as usize).map_err(Problem::call)
 }
 
-/// A value whose type differs from that in the table: a defect.
-fn mixed_up<T>(component: &Component, index: u32) -> Result<T, Problem> {
+/// A value whose type differs from that in the table, which is a defect.
+fn type_mismatch<T>(component: &Component, index: u32) -> Result<T, Problem> {
     Err(Problem::Run(format!("{} has a value of another type", component.name_of(index))))
 }
 
@@ -117,7 +116,7 @@ fn mixed_up<T>(component: &Component, index: u32) -> Result<T, Problem> {
 ///
 /// # Safety
 /// As for all functions of this module.
-unsafe fn set<T: Passed + Copy>(
+unsafe fn set<T: CValue + Copy>(
     instance: fmi3Instance,
     function: Function,
     (references, count): References,
@@ -126,10 +125,10 @@ unsafe fn set<T: Passed + Copy>(
     wrap: impl Fn(T) -> Result<Value, String>,
 ) -> fmi3Status {
     let body = |component: &mut Component| {
-        // SAFETY: the arrays are as the contract of the exported function says.
+        // SAFETY: the arrays meet the contract of the exported function.
         let (references, values) =
             unsafe { (elements("valueReferences", references, count)?, elements("values", values, n_values)?) };
-        let indices = each(component, references, "nValues", n_values)?;
+        let indices = indices_of(component, references, "nValues", n_values)?;
         if T::write(component, &indices, values) {
             return Ok(());
         }
@@ -143,11 +142,11 @@ unsafe fn set<T: Passed + Copy>(
         let setting = |at: usize| (indices[at] as usize, wrap(values[at]).expect("all values were checked"));
         component.instance.set_all(indices.len(), &setting).map_err(Problem::call)
     };
-    // SAFETY: the instance is as the contract of the exported function says.
+    // SAFETY: the instance meets the contract of the exported function.
     unsafe { enter(instance, function, body) }
 }
 
-/// Refuses every variable, because no model has any of that type; nothing to read or write is no error.
+/// Refuses every variable, because no model has any of that type; an empty list is no error.
 ///
 /// # Safety
 /// As for all functions of this module.
@@ -158,11 +157,11 @@ unsafe fn none_of(
     asked: &str,
 ) -> fmi3Status {
     let body = |component: &mut Component| {
-        // SAFETY: the array is as the contract of the exported function says.
+        // SAFETY: the array meets the contract of the exported function.
         let references = unsafe { elements("valueReferences", references, count)? };
         references.iter().try_for_each(|index| check(component, *index, |_| false, asked))
     };
-    // SAFETY: the instance is as the contract of the exported function says.
+    // SAFETY: the instance meets the contract of the exported function.
     unsafe { enter(instance, function, body) }
 }
 
@@ -196,15 +195,15 @@ c_functions! {
         nValues: usize,
     ) -> fmi3Status {
         let body = |component: &mut Component| {
-            // SAFETY: the arrays are as this module's contract says.
+            // SAFETY: the arrays meet this module's contract.
             let (references, values) = unsafe {
                 (elements("valueReferences", valueReferences, nValueReferences)?, elements_mut("values", values, nValues)?)
             };
-            let indices = each(component, references, "nValues", nValues)?;
+            let indices = indices_of(component, references, "nValues", nValues)?;
             indices.iter().try_for_each(|index| check(component, *index, is_string, "String"))?;
             component.read_texts(&indices, values)
         };
-        // SAFETY: the instance is as this module's contract says.
+        // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::GetString, body) }
     }
 }
@@ -214,7 +213,7 @@ macro_rules! only {
     ($kind:ident, $fits:ident, $asked:literal) => {
         |component: &mut Component, index: u32| {
             check(component, index, $fits, $asked)?;
-            let Value::$kind(value) = value(component, index)? else { return mixed_up(component, index) };
+            let Value::$kind(value) = value(component, index)? else { return type_mismatch(component, index) };
             Ok(value.into())
         }
     };
@@ -233,7 +232,7 @@ macro_rules! accessors {
                 nValues: usize,
             ) -> fmi3Status {
                 let references = (valueReferences, nValueReferences);
-                // SAFETY: all arguments, the texts among them, are as this module's contract says.
+                // SAFETY: all arguments, the texts among them, meet this module's contract.
                 unsafe { $way(instance, Function::$function, references, (values, nValues), $($how),+) }
             }
         )*}
@@ -270,8 +269,8 @@ fn float(component: &mut Component, index: u32) -> Result<f64, Problem> {
         return Ok(component.stage.time_s);
     }
     match value(component, index)? {
-        Value::Real(value) => handed_out(component, index, value),
-        _ => check(component, index, is_float, "Float64").and_then(|()| mixed_up(component, index)),
+        Value::Real(value) => finite_result(component, index, value),
+        _ => check(component, index, is_float, "Float64").and_then(|()| type_mismatch(component, index)),
     }
 }
 
@@ -291,7 +290,7 @@ macro_rules! other_types {
                 nValueReferences: usize,
                 $($argument: $of),*
             ) -> fmi3Status {
-                // SAFETY: all arguments are as this module's contract says.
+                // SAFETY: all arguments meet this module's contract.
                 unsafe { none_of(instance, Function::$function, (valueReferences, nValueReferences), $asked) }
             }
         )*}
