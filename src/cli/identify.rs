@@ -168,7 +168,7 @@ impl Arguments {
             stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
         }
         if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
-            return Err(refused("lag: currents that are held are wanted, --hold heldAfter or heldBefore"));
+            return Err(refused("lag: expected held currents, --hold heldAfter or heldBefore"));
         }
         let methods = methods(method)?;
         let columns: Vec<_> = bearing.columns.iter().chain(&self.column).cloned().collect();
@@ -200,17 +200,18 @@ impl Arguments {
             identify::track(samples, &estimator, every)
         });
         let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
-        let as_likely = holds.filter(|_| wanted.is_none()).map_or_else(Vec::new, |holds| holds.as_likely(currents));
-        let question = Question { stated, holds, as_likely, slow_force: self.slow_force() };
+        let equally_likely =
+            holds.filter(|_| wanted.is_none()).map_or_else(Vec::new, |holds| holds.equally_likely(currents));
+        let question = Question { stated, holds, equally_likely, slow_force: self.slow_force() };
         let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
-        let mut said = answer.as_ref().map_or_else(|| identify::said(samples, &tracks), Answer::said);
+        let mut statement = answer.as_ref().map_or_else(|| identify::statement(samples, &tracks), Answer::statement);
         if answer.is_some() && samples.rotation != Rotation::Unknown {
-            said.tables.extend(tracks[0].progress());
+            statement.tables.extend(tracks[0].progress());
         }
-        said.tables.splice(..0, holds.and_then(|holds| holds.table(currents)));
-        let not_valid = (said.valid == Some(false)).then(|| said.verdict.clone());
-        let (document, said) = (said.json.clone(), vec![said]);
-        let results = Results { recordings, tracks, said, answer, document, not_valid, ..Results::default() };
+        statement.tables.splice(..0, holds.and_then(|holds| holds.table(currents)));
+        let not_valid = (statement.valid == Some(false)).then(|| statement.verdict.clone());
+        let (document, statements) = (statement.json.clone(), vec![statement]);
+        let results = Results { recordings, tracks, statements, answer, document, not_valid, ..Results::default() };
         Ok((results, columns, bearing))
     }
 
@@ -401,22 +402,26 @@ fn open(path: &Path) -> Result<Box<dyn io::Read>> {
 }
 
 fn print_results(results: &Results, paths: &[PathBuf]) {
-    let is_each = results.said.len() > 1;
+    let is_each = results.statements.len() > 1;
     for (path, samples) in paths.iter().zip(&results.recordings) {
         say!("{}", path.display());
         for note in &samples.notes {
             say!("  {note}");
         }
     }
-    for (said, path) in results.said.iter().zip(paths) {
+    for (statement, path) in results.statements.iter().zip(paths) {
         if is_each {
             say!();
             say!("{}", path.display());
         }
-        for words in [&said.told, &said.verdict].into_iter().chain(&said.findings).filter(|words| !words.is_empty()) {
+        for words in [&statement.assumptions, &statement.verdict]
+            .into_iter()
+            .chain(&statement.findings)
+            .filter(|words| !words.is_empty())
+        {
             print::paragraph(words);
         }
-        for table in &said.tables {
+        for table in &statement.tables {
             say!();
             print::table(table);
         }

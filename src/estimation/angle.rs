@@ -97,7 +97,7 @@ impl Rotation {
         if self.samples <= 4 {
             return;
         }
-        let r = exp(-step_s / self.memory_s());
+        let r = exp(-step_s / self.time_constant_s());
         let q = 1.0 - r;
         self.theta_rad += (1.0 - r * r * r) * error;
         self.omega_rad_s += 1.5 * q * q * (1.0 + r) * error / step_s;
@@ -110,7 +110,7 @@ impl Rotation {
     }
 
     /// Time constant of the filter, s.
-    fn memory_s(&self) -> f64 {
+    fn time_constant_s(&self) -> f64 {
         TIME_S * cbrt(sqrt(self.noise_rad2))
     }
 
@@ -118,7 +118,7 @@ impl Rotation {
     pub fn is_settling(&self, step_s: f64) -> bool {
         // No time constant exceeds that for noise of 1 rad, at which every angle is a jump.
         let time_s = f64::from(self.samples) * step_s;
-        time_s < SETTLED * TIME_S && time_s < SETTLED * self.memory_s()
+        time_s < SETTLED * TIME_S && time_s < SETTLED * self.time_constant_s()
     }
 
     /// Whether the measured speed is not that of the angle: in other units, with the wrong sign, missing. A tenth is more than the error of an encoder;

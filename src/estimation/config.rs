@@ -242,15 +242,15 @@ pub enum Verdict {
     BadSample,
     /// The rotor is in contact
     Contact,
-    /// A position sensor reads the same all the time
+    /// A position sensor is stuck
     ///
     /// To the last bit over many samples, while others move.
     Stuck,
-    /// The latest samples contradict the earlier ones; what they told is discarded
+    /// The latest samples contradict the earlier ones, which are discarded
     Changed,
     /// The excitation does not determine all unknowns
     Singular,
-    /// A force constant came out zero or negative
+    /// An estimated force constant is zero or negative
     NotPositive,
     /// The model does not explain the motion
     ///

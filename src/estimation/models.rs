@@ -40,7 +40,7 @@ const UNEXPLAINED_LIMIT: f64 = 4.0;
 const SCATTER_S: f64 = 0.5;
 
 /// Exponent of the weights of the models of change in the mean square of their distances, for the reason given at `FORCE_TEMPER`. With 0.5 the ratio of
-/// rms error to total standard deviation of drawn bearings fell below 0.7 (test `drawn_bearings_with_noise_told`).
+/// rms error to total standard deviation of drawn bearings fell below 0.7 (test `drawn_bearings_with_known_noise`).
 const CHANGE_TEMPER: f64 = 0.6;
 
 /// The models of the backward force: none, or Gaussian with these fractions of its tolerance, from a tenth of a newton to a few newtons.

@@ -40,7 +40,10 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
             for (l, other) in alpha_rad.iter().enumerate().take(k) {
                 // Four magnets are two opposed pairs, whose magnets pull alternately: their currents distinguish them.
                 let sine = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
-                let wanted = format!("an angle off the line of magnet {}, whose force could not be told apart,", l + 1);
+                let wanted = format!(
+                    "an angle off the line of magnet {}, from whose force it could not be distinguished,",
+                    l + 1
+                );
                 let name = format!("alpha[{}]", k + 1);
                 checks.require(sine >= SMALLEST_SINE, name, format_args!("{alpha} rad"), wanted);
             }
@@ -64,7 +67,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
             checks.require(holds, "Tf", format_args!("{} s", self.window_s), wanted);
         }
         let is_long = self.epsilon_s >= self.window_s * (1.0 - slack);
-        let wanted = "at least Tf, for there is no estimate before the first window is full,";
+        let wanted = "at least Tf, the time to fill the first window,";
         checks.require(is_long, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
     }
 

@@ -41,7 +41,7 @@ fn paper(name: &Path, scenario: &Scenario) -> Option<Paper> {
 /// The estimators of a scenario: those beside the loop, or that of the loop if there are none. Each is the element whose
 /// columns are `element.lambdaHat[1]`, …, and its label in legends.
 pub(super) fn methods(scenario: &Scenario) -> Vec<[String; 2]> {
-    match scenario.observers() {
+    match scenario.compared_estimators() {
         [] => vec![["estimator", scenario.method("estimator").unwrap_or("estimator")].map(String::from)],
         beside => beside.iter().map(|element| [element.name.clone(), element.name.clone()]).collect(),
     }
@@ -78,7 +78,7 @@ fn answers(scenario: &Scenario, run: &Run) -> Vec<(&'static str, Markup)> {
     const BEST: &str = "predictionError";
     const USED: &str = "estimator";
     let used = answer(scenario, run, USED);
-    let beside = scenario.observers().iter().any(|element| element.name == BEST);
+    let beside = scenario.compared_estimators().iter().any(|element| element.name == BEST);
     let is_better = used.is_some() && beside && scenario.method(USED) != Some(BEST);
     let best = is_better.then(|| answer(scenario, run, BEST)).flatten();
     [(BEST, best), (USED, used)].into_iter().filter_map(|(element, answer)| Some((element, answer?))).collect()

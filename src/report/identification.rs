@@ -13,7 +13,7 @@ use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards};
 use crate::simulation::scenario::Scenario;
 use crate::studies::identify::likelihood::{BenchEstimate, Change, Estimate, Identification};
-use crate::studies::identify::{Answer, Said, Samples, Track, Twin, axial};
+use crate::studies::identify::{Answer, Samples, Statement, Track, Twin, axial};
 
 /// Names of the magnets in legends.
 const NAMES: [&str; 4] = ["λ₁", "λ₂", "λ₃", "λ₄"];
@@ -32,7 +32,7 @@ pub struct Results {
     /// Answers for an axis, one from each recording.
     pub axes: Vec<axial::Answer>,
     /// Statements on all recordings together, or on each.
-    pub said: Vec<Said>,
+    pub statements: Vec<Statement>,
     /// Statements on several of them together.
     pub summary: Vec<String>,
     /// The same as JSON.
@@ -72,24 +72,24 @@ pub fn page(title: &str, command: &str, results: &Results) -> String {
         Some(axis) => figures.extend(run.axis(axis)),
         None => figures.push(run.currents()),
     }
-    if results.said.iter().all(|said| said.valid.is_none()) {
+    if results.statements.iter().all(|statement| statement.valid.is_none()) {
         figures.extend(run.on_line(tracks));
     }
-    let tables = results.said.iter().flat_map(|said| said.tables.clone()).collect();
+    let tables = results.statements.iter().flat_map(|statement| statement.tables.clone()).collect();
     let report = Report { title, command, tables, time_s: Some(&run.time_s), ..Report::default() };
     report.page(&first(results), &figures)
 }
 
 /// Verdict, estimates, and the data and parameters behind them.
-fn first(Results { recordings, answer, said, .. }: &Results) -> Markup {
-    let class = |said: &Said| match said.valid {
+fn first(Results { recordings, answer, statements, .. }: &Results) -> Markup {
+    let class = |statement: &Statement| match statement.valid {
         Some(true) => "verdict good",
         Some(false) => "verdict bad",
         None => "verdict",
     };
     html! {
-        @for said in said {
-            p class=(class(said)) { (said.verdict) }
+        @for statement in statements {
+            p class=(class(statement)) { (statement.verdict) }
             @if let Some((answer, found)) = answer.as_ref().and_then(|answer| Some((answer, answer.found.as_ref()?))) {
                 (cards(recordings[0].machine, &found.lambda.iter().map(|of| Some([of.value, of.total_std])).collect::<Vec<_>>(), None))
                 p.soft {
@@ -100,8 +100,8 @@ fn first(Results { recordings, answer, said, .. }: &Results) -> Markup {
                     }
                 }
             }
-            p { (said.told) }
-            ul { @for finding in &said.findings { li { (finding) } } }
+            p { (statement.assumptions) }
+            ul { @for finding in &statement.findings { li { (finding) } } }
         }
         ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
     }
@@ -111,7 +111,7 @@ fn first(Results { recordings, answer, said, .. }: &Results) -> Markup {
 fn budget(found: &Identification, machine: &Machine) -> Figure {
     let of_bearing = |(bearing, magnets): (&Bearing, Range<usize>)| {
         let lines: Vec<_> = found.budget_of(bearing, &magnets).collect();
-        let stated = |line: &BenchEstimate| if line.parameter.is_open() { " (stated)" } else { "" };
+        let stated = |line: &BenchEstimate| if line.parameter.is_uncertain() { " (stated)" } else { "" };
         let name = |line: &&BenchEstimate| format!("{}{}", line.parameter.name, stated(line));
         let names: Vec<String> = lines.iter().map(name).collect();
         let mut plot = Plot::new(("part of the standard deviation of λ", PlotUnit::PERCENT), ("", PlotUnit::ONE));
@@ -121,7 +121,7 @@ fn budget(found: &Identification, machine: &Machine) -> Figure {
         }
         (bearing.name().to_owned(), plot.height(90.0 + 38.0 * names.len() as f64))
     };
-    let caption = "What each parameter of the bench contributes to the standard deviation of λ: with its tolerance if one is stated, \
+    let caption = "Contribution of each bench parameter to the standard deviation of λ: with its tolerance if one is stated, \
                    otherwise with that of a typical bench, which is not in the ± above.";
     let plots = machine.magnets_of_bearings().into_iter().map(of_bearing).collect();
     Figure::new("budget", "Budget", plots, caption.into())
@@ -189,7 +189,7 @@ impl<'s> Drawn<'s> {
             }
         }
         let mut caption = String::from(
-            "The answer from all samples, with a band of two standard deviations; parts in which λ or the load is another are shaded. ",
+            "The answer from all samples, with a band of two standard deviations; parts with a different λ or load are shaded. ",
         );
         caption += if has_on_line {
             "For comparison the on-line estimator, which knows at each instant only the samples before it, beside the answer (dashed)."
@@ -306,11 +306,11 @@ impl<'s> Drawn<'s> {
         let recorded = [("Position", position), ("Currents", current)];
         let left = [("Slow force", slow), ("Prediction errors", errors)];
         let [recorded, left] = [recorded, left].map(|of| of.map(|(name, plot)| (name.to_owned(), shaded(plot))).into());
-        let caption = format!("What is shaded was left out.{}", self.which);
+        let caption = format!("Shaded intervals were left out.{}", self.which);
         let of_force = "The force that the law does not explain, with a band of two standard deviations, and the errors of predictions.";
         [
             Figure::new("recorded", "Recording", recorded, caption),
-            Figure::new("slow", "What the law leaves", left, of_force.to_owned() + self.which),
+            Figure::new("slow", "Unexplained force", left, of_force.to_owned() + self.which),
         ]
     }
 

@@ -15,7 +15,7 @@ const INSTANTS_S: [f64; 2] = [0.1, 0.2];
 
 /// All tables; with `paper` the scenario is the paper's, and its numbers are added for comparison.
 pub fn all(scenario: &Scenario, run: &Run, paper: bool) -> Vec<Table> {
-    let compared = scenario.observers().len() > 1;
+    let compared = scenario.compared_estimators().len() > 1;
     let mut tables = vec![if compared { comparison(scenario, run, paper) } else { constants(scenario, run) }];
     tables.extend(unbalance(scenario, run));
     tables.extend(balance(scenario, run));
@@ -56,7 +56,7 @@ fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
 
 /// The greatest error of P(20) taken literally, if it was run.
 fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64]) -> String {
-    if !scenario.observers().iter().any(|element| element.name == "paperLiteral") {
+    if !scenario.compared_estimators().iter().any(|element| element.name == "paperLiteral") {
         return String::new();
     }
     let of_magnet = |(k, truth): (usize, &f64)| {

@@ -124,7 +124,7 @@ impl Sweep {
         let name = scenario.map(PathBuf::from).or(named).unwrap_or_else(|| DEFAULT_SCENARIO.into());
         let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
-        scenario.remove_observers();
+        scenario.remove_compared();
         let findings: Vec<String> =
             columns.iter().filter_map(|column| scenario.settable(split(column).0).err()).collect();
         if !findings.is_empty() {

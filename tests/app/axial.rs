@@ -24,7 +24,7 @@ fn index(name: &str) -> usize {
 /// A mass below one magnet whose gap is estimated.
 fn below_one_magnet(mass_kg: f64, load_n: f64) -> Axis {
     let mut axis = Axis::new(mass_kg, vec![1]);
-    axis.told[index("pX")] = Some(load_n);
+    axis.known[index("pX")] = Some(load_n);
     axis.estimated[index("s")] = true;
     axis
 }
@@ -50,7 +50,7 @@ fn recordings_of_a_real_bench() {
     for (((run, recording), answer), [ki, ks]) in RUNS.iter().zip(&recordings).zip(&answers).zip(STATICS) {
         let text = [recording.notes.clone(), answer.findings.clone()].concat().join(" ");
         assert!(answer.valid, "{run}: {}", answer.verdict);
-        says(&text, &["start at rest", "repeat the one before", "% weaker than the law", "slow force"]);
+        says(&text, &["start at rest", "repeat the previous row", "% weaker than the law", "slow force"]);
         says(&text, &["noise of the position grows"]);
         below("ki", (answer.operating[1].value / ki - 1.0).abs(), 0.02);
         below("ks", (answer.operating[2].value / ks - 1.0).abs(), 0.04);
@@ -159,7 +159,7 @@ impl Levitation {
             return Axis { at_m: Some(0.0), ..below_one_magnet(MASS_KG, self.load_n) };
         }
         let mut axis = Axis::new(MASS_KG, vec![0, 1]);
-        axis.told[index("s")] = Some(self.gap_m);
+        axis.known[index("s")] = Some(self.gap_m);
         axis.at_m = Some(0.0);
         axis
     }

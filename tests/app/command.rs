@@ -170,7 +170,7 @@ fn invalid_arguments_exit_with_2() {
         ("identify bench.csv --csv ./bench.csv", &["this is the recording"]),
         ("identify bench.csv ./bench.csv", &["this recording is given twice"]),
         ("identify bench.csv --speed nan", &["a speed in rpm"]),
-        ("identify bench.csv --set m=", &["--set m=: a value is wanted"]),
+        ("identify bench.csv --set m=", &["--set m=: expected a value"]),
         ("identify bench.csv --rate 10", &["a rate"]),
         ("identify bench.csv --step 1kg", &["a time above 0"]),
         ("identify bench.csv --rate 10kHz --step 100us", &["--rate"]),

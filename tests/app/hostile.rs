@@ -7,7 +7,7 @@ use std::f64::consts::TAU;
 use crate::montecarlo::recorded;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::montecarlo::hostile::altered::{self, Alter, Missing, Readings};
-use magnetic_bearing::studies::montecarlo::hostile::{self, Asked, Case, Trial, VALID_FROM_S};
+use magnetic_bearing::studies::montecarlo::hostile::{self, Case, Requirement, Trial, VALID_FROM_S};
 use magnetic_bearing::studies::montecarlo::{NOISE, nominal};
 
 /// Seeds not used for tuning.
@@ -40,9 +40,9 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
             misses.push(format!("noise known {known}: {wrong} of {runs} runs are wrong, limit {MOST_WRONG}"));
         }
     }
-    for (case, trials) in cases.iter().zip(&found).filter(|(case, _)| case.course.asked != Asked::Nothing) {
+    for (case, trials) in cases.iter().zip(&found).filter(|(case, _)| case.course.asked != Requirement::Nothing) {
         let valid = trials.iter().map(|trial| trial.valid).sum::<f64>() / trials.len() as f64;
-        if case.course.asked == Asked::Valid && (valid.is_nan() || valid < LEAST_VALID) {
+        if case.course.asked == Requirement::Valid && (valid.is_nan() || valid < LEAST_VALID) {
             misses.push(format!("{}: valid {:.0} % of the time, limit {LEAST_VALID}", case.title(), 100.0 * valid));
         }
         let changes = trials.iter().map(|trial| trial.changes).max().unwrap_or(0);
@@ -120,7 +120,7 @@ fn validity_and_its_changes_are_counted() {
 fn an_estimate_that_follows_a_drift_is_right() {
     let courses = hostile::courses();
     let course = courses.iter().find(|course| course.name == "λ drifts 2 %/s").expect("a course");
-    let scenario = Case { course, told: true }.scenario(FIRST_SEED, 0);
+    let scenario = Case { course, noise_is_known: true }.scenario(FIRST_SEED, 0);
     let drift = |row: usize| 1.0 + 0.02 * row as f64 * 1e-4;
     let follows = judged(&scenario, |name, values| {
         if name.starts_with("estimator.lambdaHat") {

@@ -189,7 +189,7 @@ fn a_negative_lag_is_none() {
 fn equally_likely_readings_widen_the_deviation() {
     let samples = samples_of(&run(montecarlo::NOISE, 0.1).1);
     let asked = question(&samples, &[]);
-    let open = Question { as_likely: vec![Hold::Linear], ..asked.clone() };
+    let open = Question { equally_likely: vec![Hold::Linear], ..asked.clone() };
     let [alone, both] = [asked, open].map(|question| identify::answer(std::slice::from_ref(&samples), question));
     let [alone, both] = [is_right("alone", &alone), is_right("with another reading", &both)];
     for (alone, both) in alone.lambda.iter().zip(&both.lambda) {
@@ -249,12 +249,12 @@ fn results_as_json_table_and_page() {
     let (_, recording) = run(montecarlo::NOISE, 0.1);
     let samples = samples_of(&recording);
     let tracks = vec![track(&samples, &config(&samples))];
-    let said = vec![identify::said(&samples, &tracks)];
-    let json = &said[0].json;
+    let statements = vec![identify::statement(&samples, &tracks)];
+    let json = &statements[0].json;
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
     assert_eq!(identify::recording(&tracks).columns.len(), 13);
-    let results = Results { recordings: vec![samples], tracks, said, ..Results::default() };
+    let results = Results { recordings: vec![samples], tracks, statements, ..Results::default() };
     let page = identification::page("A <title>", "command", &results);
     assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 5);
 }
@@ -266,7 +266,7 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
             stated.know(at, likelihood::Knowledge::Tolerance(std));
         }
     }
-    Question { stated, holds: None, as_likely: Vec::new(), slow_force: None }
+    Question { stated, holds: None, equally_likely: Vec::new(), slow_force: None }
 }
 
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
@@ -297,8 +297,8 @@ fn the_answer_covers_the_whole_recording() {
     {
         assert!(answer.verdict.contains(note) && answer.findings.is_empty(), "{}", answer.verdict);
         let found = is_right(note, answer);
-        let (recordings, said, answer) = (vec![samples.clone()], vec![answer.said()], Some(answer.clone()));
-        let page = identification::page("", "", &Results { recordings, said, answer, ..Results::default() });
+        let (recordings, statements, answer) = (vec![samples.clone()], vec![answer.statement()], Some(answer.clone()));
+        let page = identification::page("", "", &Results { recordings, statements, answer, ..Results::default() });
         for id in ["constants", "positions", "residuals", "budget", "currents"] {
             assert!(page.contains(&format!("<figure id=\"{id}\">")), "no figure {id}");
         }
@@ -312,7 +312,7 @@ fn the_answer_covers_the_whole_recording() {
     assert!(std(&wide) > 3.0 * std(&alone) && std(&twice) < 0.8 * std(&alone));
     // A typical bench limits the precision to per cents, whatever the noise.
     assert!(alone.typical().expect("estimates").iter().all(|std| (0.02..0.1).contains(std)));
-    let json = wide.said().json;
+    let json = wide.statement().json;
     for key in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "unbalance", "bench", "budget", "noise", "verdict"] {
         assert!(!json[key].is_null(), "{key}: {json}");
     }
@@ -370,7 +370,7 @@ fn a_scenario_may_state_tolerances() {
     has_stated(&[], &[("s", Some(0.02)), ("alpha[3]", Some(alpha_rad)), ("sensor.offset[z]", Some(5e-6)), ("m", None)]);
     has_stated(&["--tolerance", "s=1%"], &[("s", Some(0.01))]);
     for (table, words) in
-        [("gap = \"1 %\"\n", "gap is not a parameter of a bench"), ("s = \"wide\"\n", "a number above 0 is wanted")]
+        [("gap = \"1 %\"\n", "gap is not a parameter of a bench"), ("s = \"wide\"\n", "expected a number above 0")]
     {
         state(table);
         refuses(&folder, &["identify", "--scenario", "mine.toml", "good.csv"], &[words]);

@@ -45,7 +45,7 @@ fn is_right(what: &str, found: &Identification, bench: &Bench) {
 
 fn options(bench: &Bench) -> Options {
     let body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
-    Options { parts: vec![Part::new(body, 0, 0)], slow_force: false, leaves_out: true }
+    Options { parts: vec![Part::new(body, 0, 0)], slow_force: false, excludes_rows: true }
 }
 
 fn know(options: &mut Options, name: &str, knowledge: Knowledge) {
@@ -302,7 +302,7 @@ fn noise_may_grow_with_the_gap() {
             *position_m += 1e-6 * (1.0 + *position_m / bench.s).powf(power) * noise.standard_normal();
         }
         let mut options = options(&bench);
-        options.parts[0].beside.exponent = true;
+        options.parts[0].settings.exponent = true;
         let found = likelihood::identify(&[recording], &options).unwrap();
         let part = &found.conditions[0].parts[0];
         below(&format!("seed {seed}, noise"), (part.position_noise_m / 1e-6 - 1.0).abs(), 0.05);

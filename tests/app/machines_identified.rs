@@ -203,11 +203,11 @@ fn wrong_columns_and_options_are_named() {
         ("run.csv --machine spindle4 --set m=1", of_spindle),
         ("run.csv --machine axial --set m=1", of_spindle),
         ("run.csv --machine planar4 --scenario spindle", &["spindle describes the machine spindle"]),
-        ("run.csv --set force.slow=1", &["--set force.slow=1: 0 is wanted, or --estimate force.slow"]),
+        ("run.csv --set force.slow=1", &["--set force.slow=1: expected 0, or --estimate force.slow"]),
         ("run.csv --set force.slow=0 --estimate force.slow", &["force.slow is both set and estimated"]),
         ("run.csv --machine spindle --window 1 --method paper", &["no --window", "no --method but likelihood"]),
         ("run.csv --machine spindle --hold none", &["--hold none: expected one of heldBefore"]),
-        ("run.csv --hold linear --estimate lag", &["lag: currents that are held are wanted"]),
+        ("run.csv --hold linear --estimate lag", &["lag: expected held currents"]),
         ("run.csv --machine spindle --set s=1mm", &["--set s: the estimator of the machine"]),
         ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),
         ("run.csv --machine spindle --tolerance s=2% --tolerance foo=1", &["foo is not a", "known are m, A.s, B.s"]),
@@ -220,7 +220,7 @@ fn wrong_columns_and_options_are_named() {
 
     record(&folder, &SPINDLE, |text| text.replace("plant.theta", "none").replace("plant.omegam", "nothing"));
     let (_, errors) = exits(3, &folder, &["identify", "run.csv", "--machine", "spindle"]);
-    says(&errors, &["neither angle nor speed was recorded: --speed RPM is wanted"]);
+    says(&errors, &["neither angle nor speed was recorded: give --speed RPM"]);
     let document = identified(&folder, &words("run.csv --machine spindle --speed 3000"));
     assert_eq!(document["valid"], true, "{}", document["verdict"]);
 }
@@ -260,7 +260,7 @@ fn a_change_that_prevents_convergence_is_found() {
     let alpha = "--set alpha[1]=1.61792726 --set alpha[2]=3.65484245 --set alpha[3]=5.67819631";
     let bearing = format!("--set m=10.9894680891 --set s=0.455791368mm {alpha}");
     let document = identified(&folder, &words(&format!("{} {bearing}", foreign("change"))));
-    says(&document["findings"].to_string(), &["to 240 ms of recording 1 the force constants are others"]);
+    says(&document["findings"].to_string(), &["to 240 ms of recording 1 the force constants differ"]);
     finds(&document, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
 }
 

@@ -183,7 +183,7 @@ fn a_rate_may_be_stated() {
     says(&refused(&stamps, "9600 Hz"), &["104.1667 µs apart, the time stamps 100.01 µs"]);
     // A single change of the stamps does not determine the rate.
     let coarse = BENCH.with_times("time [s]", |j| text(0, at(j)));
-    says(&refused(&coarse, ""), &["rounded to 1 s in", "known to 50 % only; --rate is wanted"]);
+    says(&refused(&coarse, ""), &["rounded to 1 s in", "known to 50 % only; give --rate"]);
     assert_eq!(read(&coarse, "10kHz").expect("a usable recording").step_s, 1e-4);
 
     for (text, step_s) in
@@ -333,7 +333,7 @@ fn all_errors_of_a_header_are_reported_at_once() {
                 "Zm (column Zm): the unit furlong is none of m, mm, µm, nm, mil",
                 "im[1]: several columns match this name: im1, im1; choose one: rename the others",
                 "im[2] (column i2): the unit kA is none of A, mA",
-                "im[3]: no column of this name; the current of magnet 3 is wanted: --column im[3]=…",
+                "im[3]: no column of this name, expected the current of magnet 3: --column im[3]=…",
                 "--column theta=Winkel: there is no column Winkel",
                 "--column Xm: Xm is no signal",
                 "the header has the columns Zeit, a.Ym, b.Ym, Zm, im1, im1, i2, Strom",
@@ -355,7 +355,7 @@ fn sensors_that_are_not_connected_are_named() {
     for (at, value, words) in [
         (1, 12e-6, "Ym reads 12 µm throughout, while the currents vary: is the sensor connected?"),
         (2, 0.0, "Zm reads 0 µm throughout"),
-        (4, 0.0, "im[2] is 0 throughout, which says nothing of magnet 2"),
+        (4, 0.0, "im[2] is 0 throughout, which gives no information about magnet 2"),
     ] {
         let mut values = Bench { rows: 400, ..BENCH }.values();
         values.iter_mut().for_each(|row| row[at] = value);
@@ -372,7 +372,7 @@ fn a_row_written_twice_is_excluded() {
     let twice = [&lines[..500], &lines[499..]].concat().join("\n");
     let [once, twice] =
         [&text, &twice].map(|text| Samples::read(text.as_bytes(), &Reading::default()).expect("usable"));
-    says(&twice.notes.join("\n"), &["repeat the one before with its time: line 501"]);
+    says(&twice.notes.join("\n"), &["repeat the previous row with its time: line 501"]);
     assert_eq!((once.position_m, once.start_s), (twice.position_m, twice.start_s));
 }
 

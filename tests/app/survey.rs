@@ -116,17 +116,17 @@ fn balanced(seed: u64) -> (String, Scenario) {
     let mut draw = Draw::new(seed);
     let mut scenario = open("unbalanced");
     let voltage = draw.chance(0.4);
-    let omega = draw.scale(1500.0, 6000.0) * TAU / 60.0;
-    let radius = [draw.scale(20e-6, 90e-6), draw.scale(20e-6, 90e-6)];
-    cases::path(&mut scenario, radius, (3, 0.0), omega);
+    let omega = draw.log_uniform(1500.0, 6000.0) * TAU / 60.0;
+    let radius = [draw.log_uniform(20e-6, 90e-6), draw.log_uniform(20e-6, 90e-6)];
+    cases::trajectory(&mut scenario, radius, (3, 0.0), omega);
     cases::unbalance(&mut scenario, 0.0, 0.0);
     for k in 1..=3 {
-        scenario.set("plant", &format!("lambda[{k}]"), draw.scale(1.4e-6, 3.5e-6));
+        scenario.set("plant", &format!("lambda[{k}]"), draw.log_uniform(1.4e-6, 3.5e-6));
     }
-    scenario.set("plant", "pY", draw.between(-30.0, 30.0));
-    scenario.set("plant", "pZ", draw.between(-40.0, 20.0));
-    let window_s = ((draw.scale(0.6, 1.8) * TAU / omega) / 1e-4).round() * 1e-4;
-    let noise = [draw.scale(0.02e-6, 0.4e-6), draw.scale(1e-3, 20e-3)];
+    scenario.set("plant", "pY", draw.uniform(-30.0, 30.0));
+    scenario.set("plant", "pZ", draw.uniform(-40.0, 20.0));
+    let window_s = ((draw.log_uniform(0.6, 1.8) * TAU / omega) / 1e-4).round() * 1e-4;
+    let noise = [draw.log_uniform(0.02e-6, 0.4e-6), draw.log_uniform(1e-3, 20e-3)];
     cases::noise(&mut scenario, noise, true);
     if voltage {
         cases::voltage_drive(&mut scenario);
@@ -193,11 +193,11 @@ fn drawn_bearings(known: bool, from: usize, over_bound: [f64; 5], valid: [f64; 5
 }
 
 #[test]
-fn drawn_bearings_with_noise_told() {
+fn drawn_bearings_with_known_noise() {
     drawn_bearings(true, 0, [1.2, 1.15, 1.15, 1.15, 1.15], [0.85, 0.95, 0.95, 0.95, 0.95]);
 }
 
 #[test]
-fn drawn_bearings_with_noise_not_told() {
+fn drawn_bearings_with_unknown_noise() {
     drawn_bearings(false, 1, [f64::INFINITY, 1.3, 1.3, 1.3, 1.3], [0.0, 0.85, 0.95, 0.95, 0.95]);
 }

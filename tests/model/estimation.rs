@@ -91,7 +91,7 @@ fn exact_data_give_exact_constants() {
             let rotor = Rotor { currents, samples: 2001, ..rotor.clone() };
             for (noise, at) in [((0.0, 0.0), None), (NOISE, Some(350)), ((1e-9, 1e-3), Some(350))] {
                 let outputs = rotor.identify(with_noise(config(&rotor), noise));
-                let what = format!("{name}, {currents:?}, noise told {noise:?}");
+                let what = format!("{name}, {currents:?}, noise known {noise:?}");
                 if let Some(at) = at {
                     assert_right(&format!("{what} at 35 ms"), &rotor, &outputs[..=at], EXACT_EARLY_PERCENT);
                 }
@@ -162,7 +162,7 @@ fn a_wrong_hold_is_detected() {
         assert!(right.last().expect("samples").valid);
         for outputs in [&half, &full] {
             let other = outputs[2000..].iter().find(|output| output.verdict != Verdict::Unexplained);
-            assert!(other.is_none(), "told {noise:?}: {other:?}");
+            assert!(other.is_none(), "known {noise:?}: {other:?}");
         }
     }
 }
@@ -207,7 +207,7 @@ fn a_step_of_lambda_is_detected() {
     for noise in [NOISE, (0.0, 0.0)] {
         let mut all_valid = 0;
         for seed in 1..=20 {
-            let what = format!("told {noise:?}, seed {seed}");
+            let what = format!("known {noise:?}, seed {seed}");
             let mut changed = Rotor::default().lambda;
             changed[seed as usize % 3] *= if seed % 2 == 0 { 1.05 } else { 0.95 };
             let rotor = Rotor { change: Some((FROM_S, changed)), ..noisy(7000 + 13 * seed, 6001) };
@@ -220,7 +220,7 @@ fn a_step_of_lambda_is_detected() {
         }
         // Where a shorter memory absorbed the change, it must expire first, which takes a quarter of a second with some seeds.
         let mean = all_valid / 20;
-        assert!(mean >= 1200, "told {noise:?}: valid in {mean} of 2600 samples after it, in the mean");
+        assert!(mean >= 1200, "known {noise:?}: valid in {mean} of 2600 samples after it, in the mean");
     }
 }
 
@@ -261,8 +261,8 @@ fn orbits_without_a_period() {
                 let rotor = Rotor { path, noise, ..noisy(600 + seed, 10_001) };
                 let outputs = rotor.identify(if known { with_noise(config(&rotor), noise) } else { config(&rotor) });
                 let (worst, at, valid) = confidence(&rotor, &outputs, 0);
-                assert!(worst < LIMIT, "{name}, {noise:?}, told {known}, seed {seed}: {worst:.2} at {at}");
-                assert!(valid > 7000, "{name}, {noise:?}, told {known}: valid {valid} of 10001");
+                assert!(worst < LIMIT, "{name}, {noise:?}, known {known}, seed {seed}: {worst:.2} at {at}");
+                assert!(valid > 7000, "{name}, {noise:?}, known {known}: valid {valid} of 10001");
             }
         }
     }
@@ -307,7 +307,7 @@ fn a_backward_force_is_never_valid_and_wrong() {
             let outputs = rotor.identify(with_noise(config(&rotor), noise));
             // The tests must detect it within a second.
             let (worst, ..) = confidence(&rotor, &outputs, 10_000);
-            assert!(worst < CONFIDENT, "told {noise:?}, seed {seed}: {worst:.1} standard deviations after 1 s");
+            assert!(worst < CONFIDENT, "known {noise:?}, seed {seed}: {worst:.1} standard deviations after 1 s");
         }
     }
 }
@@ -320,7 +320,7 @@ fn a_circle_with_unbalance_is_valid_only_when_it_is_known() {
             for seed in 1..=3 {
                 let rotor = Rotor { radius_m: [50e-6; 2], unbalance, noise, ..noisy(70 + seed, 10_001) };
                 let outputs = rotor.identify(if known { with_noise(config(&rotor), noise) } else { config(&rotor) });
-                assert_never_wrong(&format!("{noise:?}, told {known}"), &rotor, &outputs);
+                assert_never_wrong(&format!("{noise:?}, known {known}"), &rotor, &outputs);
                 for output in outputs.iter().filter(|output| output.valid) {
                     let std = (0..3).map(|k| output.lambda_std[k] / output.lambda_hat[k]).fold(0.0, f64::max);
                     assert!(std < 2.0 * STD_LIMIT, "valid with a standard deviation of {std}");

@@ -101,7 +101,7 @@ fn eight_magnets_and_two_planes_are_found_at_the_bound() {
         let paths = if rpm == 0.0 { [(0.0, 0.0, 0.0); 2] } else { FiveAxes::default().paths };
         let seeds = if rpm == 0.0 { 2101..2109 } else { 2001..2009 };
         let figures = study(seeds, noise_known, |shaft| FiveAxes { rpm, paths, ..shaft });
-        assert_efficient(&format!("{rpm} rpm, told {noise_known}, 0.1 s"), &figures, 8, limit);
+        assert_efficient(&format!("{rpm} rpm, known {noise_known}, 0.1 s"), &figures, 8, limit);
         let [percent, rad] = figures.unbalance;
         if rpm > 2000.0 {
             assert!(percent < 1.5 && rad < 0.015, "unbalance off by {percent} %, {rad} rad");

@@ -11,7 +11,7 @@ use crate::machine::AXIAL;
 use crate::report::identification::Results;
 use crate::simulation::scenario::{Scenario, suggestion, text};
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
-use crate::studies::identify::{Said, Samples, quantity};
+use crate::studies::identify::{Samples, Statement, quantity};
 use crate::variables::Choice;
 
 /// Parameters that are always known: the levitated mass, and the magnets in use.
@@ -71,20 +71,20 @@ impl Bench {
     fn set(&mut self, name: &str, value: &str, from: &str) {
         let name = without_element(name);
         let positive = |number: f64| {
-            if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: a value above 0 is wanted")) }
+            if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: expected a value above 0")) }
         };
         let result = match name {
             MASS => quantity(name, value, "kg").and_then(positive).map(|m_kg| self.axis.m_kg = m_kg),
             USED => Used::all()
                 .find(|used| used.name() == value)
                 .map(|used| self.axis.used = used.magnets())
-                .ok_or_else(|| format!("magnets.used={value}: first, second or both is wanted")),
+                .ok_or_else(|| format!("magnets.used={value}: expected first, second or both")),
             _ => match parameter(name) {
                 Some(at) => {
                     let number = quantity(name, value, PARAMETERS[at].1);
                     let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
                     let number = if signed { number } else { number.and_then(positive) };
-                    number.map(|number| self.axis.told[at] = Some(number))
+                    number.map(|number| self.axis.known[at] = Some(number))
                 }
                 None => Err(no_parameter(name)),
             },
@@ -96,7 +96,7 @@ impl Bench {
         match parameter(name) {
             Some(at) => self.axis.estimated[at] = true,
             None if matches!(name, MASS | USED) => {
-                self.errors.push(format!("{from}{name}: it cannot be estimated; --set {name}=… is wanted"));
+                self.errors.push(format!("{from}{name}: it cannot be estimated; expected --set {name}=…"));
             }
             None => self.errors.push(format!("{from}{}", no_parameter(name))),
         }
@@ -105,7 +105,7 @@ impl Bench {
     fn set_position(&mut self, name: &str, value: &str) {
         match quantity(name, value, "m") {
             Ok(at_m) if name == "Xm" => self.axis.at_m = Some(at_m),
-            Ok(_) => self.errors.push(format!("--at {name}: a position along the axis is wanted, as in Xm=10mm")),
+            Ok(_) => self.errors.push(format!("--at {name}: expected a position along the axis, as in Xm=10mm")),
             Err(why) => self.errors.push(format!("--at {why}")),
         }
     }
@@ -130,14 +130,14 @@ fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Result
         axes.push(answer(arguments, axis, path, samples, axes.first())?);
     }
     let differ = axial::agreement(&axes);
-    let said: Vec<Said> = axes.iter().map(Answer::said).collect();
+    let statements: Vec<Statement> = axes.iter().map(Answer::statement).collect();
     let mut summary = Vec::new();
-    let mut document = match said.as_slice() {
-        [said] => said.json.clone(),
+    let mut document = match statements.as_slice() {
+        [statement] => statement.json.clone(),
         all => {
             summary.push(differ.clone().unwrap_or_else(|| "The recordings agree.".into()));
-            let valid = all.iter().all(|said| said.valid != Some(false)) && differ.is_none();
-            let documents: Vec<_> = all.iter().map(|said| &said.json).collect();
+            let valid = all.iter().all(|statement| statement.valid != Some(false)) && differ.is_none();
+            let documents: Vec<_> = all.iter().map(|statement| &statement.json).collect();
             json!({"valid": valid, "differ": differ, "recordings": documents})
         }
     };
@@ -147,9 +147,10 @@ fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Result
         summary.push(format!("{}: {}", path.display(), check.verdict));
         document["check"] = check.json();
     }
-    let why = said.iter().find(|said| said.valid == Some(false)).map(|said| said.verdict.clone());
+    let why =
+        statements.iter().find(|statement| statement.valid == Some(false)).map(|statement| statement.verdict.clone());
     let not_valid = why.or(differ);
-    Ok(Results { recordings, axes, said, summary, document, not_valid, ..Results::default() })
+    Ok(Results { recordings, axes, statements, summary, document, not_valid, ..Results::default() })
 }
 
 /// Identifies the axis from a recording, linearised at the position of the first.

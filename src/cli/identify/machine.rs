@@ -72,7 +72,7 @@ impl Arguments {
         let (_, changes) = self.loads(machine);
         let (slow, changes): (Vec<_>, Vec<_>) = changes.into_iter().partition(|(path, _)| path == SLOW_FORCE);
         if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0") {
-            return Err(refused(format!("--set {SLOW_FORCE}={value}: 0 is wanted, or --estimate force.slow")));
+            return Err(refused(format!("--set {SLOW_FORCE}={value}: expected 0, or --estimate force.slow")));
         }
         if !slow.is_empty() && self.estimates.iter().any(|name| name == SLOW_FORCE) {
             return Err(refused(format!("{SLOW_FORCE} is both set and estimated")));
@@ -91,7 +91,7 @@ impl Arguments {
             }
         }
         if let Some((path, _)) = changes.iter().find(|(_, value)| value.is_empty()) {
-            return Err(refused(format!("--set {path}=: a value is wanted")));
+            return Err(refused(format!("--set {path}=: expected a value")));
         }
         let built_in = if *machine == PLANAR { "unbalanced" } else { machine.name };
         let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));

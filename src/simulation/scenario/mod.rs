@@ -285,12 +285,12 @@ impl Scenario {
     }
 
     /// Estimators that run beside the loop on the same data.
-    pub fn observers(&self) -> &[Element] {
+    pub fn compared_estimators(&self) -> &[Element] {
         self.elements.get(3..).unwrap_or_default()
     }
 
     /// Removes the estimators beside the loop.
-    pub fn remove_observers(&mut self) {
+    pub fn remove_compared(&mut self) {
         self.elements.truncate(3);
     }
 
@@ -308,7 +308,7 @@ impl Scenario {
     /// The connections, including those of the estimators beside the loop.
     pub fn connections(&self) -> Vec<Connection> {
         let mut connections = self.connected.clone();
-        for element in self.observers() {
+        for element in self.compared_estimators() {
             let of_estimator = self.connected.iter().filter(|connection| connection.to[0] == "estimator");
             connections.extend(of_estimator.map(|Connection { from, to: [_, variable] }| Connection {
                 from: from.clone(),

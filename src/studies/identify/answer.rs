@@ -11,7 +11,7 @@ use nalgebra::DVector;
 pub(super) use self::judge::implausible;
 use self::judge::{judge, moved};
 pub(super) use self::recorded::{read_as, recording};
-pub(super) use self::words::words_on_dynamics;
+pub(super) use self::words::dynamics_remark;
 use super::agreement::disagreement;
 use super::diagnosis::{self, Trial};
 use super::likelihood::{self, DELAY, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
@@ -44,7 +44,7 @@ pub struct Question {
     /// The meanings of the current samples, if they were compared.
     pub holds: Option<Holds>,
     /// Other meanings that are as likely, if none is stated.
-    pub as_likely: Vec<Hold>,
+    pub equally_likely: Vec<Hold>,
     /// Whether a slow force is estimated; if this is not stated, the likelihood decides.
     pub slow_force: Option<bool>,
 }
@@ -95,7 +95,7 @@ enum Details {
 #[must_use]
 pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
-        let verdict = "Not valid: neither angle nor speed was recorded: --speed RPM is wanted, 0 at rest.".into();
+        let verdict = "Not valid: neither angle nor speed was recorded: give --speed RPM, 0 at rest.".into();
         let finding = "The unbalance, which turns with the rotor, is not known then, and with it neither force constants, ki and ks nor the \
                        load.";
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
@@ -105,8 +105,8 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     let other = |hold: Hold| -> Vec<Recording> {
         all.iter().zip(recordings).map(|(of, samples)| read_as(of, samples, &stated, hold)).collect()
     };
-    let as_likely: Vec<Vec<Recording>> = question.as_likely.iter().map(|hold| other(*hold)).collect();
-    let judged = identify_and_judge(&all, as_likely.iter().map(|other| (other, true)), question);
+    let equally_likely: Vec<Vec<Recording>> = question.equally_likely.iter().map(|hold| other(*hold)).collect();
+    let judged = identify_and_judge(&all, equally_likely.iter().map(|other| (other, true)), question);
     let mut answer = worded(with_delay(other, &all, &judged).unwrap_or(judged), &all);
     for (samples, recording) in recordings.iter().zip(&all) {
         if let Some(off) = speed_error(samples, recording) {
@@ -137,17 +137,17 @@ const LONGEST_DELAY: f64 = 3.0;
 /// as likely (each with a delay), and it fits much better. The current between two samples is not known then: the difference of λ with the
 /// next likely meaning of the samples widens its standard deviation.
 fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &Judged) -> Option<Judged> {
-    let is_open = !before.question.as_likely.is_empty();
-    if before.refusal.is_none() && !is_open {
+    let is_uncertain = !before.question.equally_likely.is_empty();
+    if before.refusal.is_none() && !is_uncertain {
         return None;
     }
     let found = before.found.as_ref().filter(|found| found.converged)?;
     let next = before.question.holds?.without_lag().find(|of| of.hold != before.question.stated.hold)?.hold;
     let is_delay = |at: &usize| {
         let parameter = &found.bench[*at].parameter;
-        plain(&parameter.name) == DELAY && !parameter.is_open()
+        plain(&parameter.name) == DELAY && !parameter.is_uncertain()
     };
-    let delays: Vec<usize> = if is_open {
+    let delays: Vec<usize> = if is_uncertain {
         (0..found.bench.len()).filter(is_delay).collect()
     } else {
         found.suspects.iter().map(|of| of.parameter).filter(is_delay).take(1).collect()
@@ -184,7 +184,7 @@ fn identify_and_judge<'a>(
     question: Question,
 ) -> Judged {
     let slow_force = question.slow_force.unwrap_or(false);
-    let mut options = Options { parts: question.stated.parts.clone(), slow_force, leaves_out: true };
+    let mut options = Options { parts: question.stated.parts.clone(), slow_force, excludes_rows: true };
     let mut identified = match question.slow_force {
         Some(_) => likelihood::identify(all, &options),
         None => with_slow_force(all, &mut options),
@@ -220,7 +220,7 @@ fn refusal(
     let turns: f64 = all.iter().map(Recording::turns).sum();
     if !is_at_rest && turns < least {
         let turns = significant(turns, 2);
-        let why = format!("the recording is too short: {turns} turns of the rotor, {least} at least are wanted");
+        let why = format!("the recording is too short: {turns} turns of the rotor, expected at least {least}");
         return Some(Refusal { why, details: Details::Findings });
     }
     let judge_all = |found: &Identification| {

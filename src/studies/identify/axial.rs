@@ -85,7 +85,7 @@ pub struct Axis {
     /// Magnets used, in rising order: 0 pulls along x, its gap is s − x; 1 pulls against x, its gap is s + x.
     pub used: Vec<usize>,
     /// Stated values of the unknowns, in SI units: noises and λ not as logarithms.
-    pub told: [Option<f64>; UNKNOWNS],
+    pub known: [Option<f64>; UNKNOWNS],
     /// Unknowns to be estimated although they are stated or usually known.
     pub estimated: [bool; UNKNOWNS],
     /// Position at which the result is linearised, m; the mean of the recording by default.
@@ -111,16 +111,16 @@ impl Axis {
     /// An axis with only mass and magnets known.
     #[must_use]
     pub fn new(m_kg: f64, used: Vec<usize>) -> Self {
-        Self { m_kg, used, told: [None; UNKNOWNS], estimated: [false; UNKNOWNS], at_m: None }
+        Self { m_kg, used, known: [None; UNKNOWNS], estimated: [false; UNKNOWNS], at_m: None }
     }
 
     fn is_known(&self, at: usize) -> bool {
-        self.told[at].is_some() && !self.estimated[at]
+        self.known[at].is_some() && !self.estimated[at]
     }
 
     /// Load used as the scale of forces, N: the weight on earth if none is stated.
     fn weight_n(&self) -> f64 {
-        self.told[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(GRAVITY_M_S2 * self.m_kg)
+        self.known[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(GRAVITY_M_S2 * self.m_kg)
     }
 
     pub(crate) fn slow_start_n(&self) -> f64 {
@@ -288,7 +288,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         free.push(FEEDBACK);
     }
     let mut start = rough.point;
-    if axis.told[CURRENT_NOISE].is_none() {
+    if axis.known[CURRENT_NOISE].is_none() {
         start[CURRENT_NOISE] = libm::log(current_noise(&readings));
     }
     let mut best = fit(&axis, &readings, &start, &free, usize::MAX).ok_or(failed)?;
@@ -383,7 +383,7 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     point[CURRENT_NOISE] = libm::log(current_noise_a);
     point[WALK] = libm::log(current_noise_a / (2.0 * readings.step_s.sqrt()));
     point[SLOPE] = point[WALK] + libm::log(SLOPE_START_1_S);
-    for (at, value) in axis.told.iter().enumerate() {
+    for (at, value) in axis.known.iter().enumerate() {
         if let Some(value) = value {
             point[at] = if is_logarithm(at) { libm::log(*value) } else { *value };
         }
@@ -391,23 +391,23 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     let known: Vec<usize> = rows.clone().filter(|row| readings.is_complete(*row)).collect();
     if known.len() < 100 {
         return Err(format!(
-            "the second half of the recording has {} rows with all readings, 100 at least are wanted",
+            "the second half of the recording has {} rows with all readings, expected at least 100",
             known.len()
         ));
     }
-    for (k, current) in axis.used.iter().zip(&readings.current_a).filter(|(k, _)| axis.told[**k].is_none()) {
+    for (k, current) in axis.used.iter().zip(&readings.current_a).filter(|(k, _)| axis.known[**k].is_none()) {
         if known.iter().all(|row| current[*row] == 0.0) {
             let n = k + 1;
             return Err(format!(
-                "im[{n}] is 0 throughout, which says nothing of magnet {n}: is it connected, or not used (magnets.used)?"
+                "im[{n}] is 0 throughout, which gives no information about magnet {n}: is it connected, or not used (magnets.used)?"
             ));
         }
     }
-    if let ([k], Some(load_n)) = (axis.used.as_slice(), axis.told[LOAD]) {
+    if let ([k], Some(load_n)) = (axis.used.as_slice(), axis.known[LOAD]) {
         let direction = if *k == 0 { 1.0 } else { -1.0 };
         if load_n * direction >= 0.0 {
             return Err(format!(
-                "pX = {load_n} N pulls where magnet {} pulls as well: a load in the other direction is wanted, or the other magnet \
+                "pX = {load_n} N pulls where magnet {} pulls as well: expected a load in the opposite direction, or the other magnet \
                  (magnets.used)",
                 k + 1
             ));
@@ -416,8 +416,8 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
         let current = |row: &usize| readings.current_a[0][*row];
         let along = |row: &usize| -direction * readings.x_m[*row];
         let (x, i) = (mean(known.iter().map(along)), mean(known.iter().map(current)));
-        let mut gaps = vec![axis.told[GAP].map_or(f64::NAN, |gap_m| gap_m + x)];
-        if axis.estimated[GAP] || axis.told[GAP].is_none() {
+        let mut gaps = vec![axis.known[GAP].map_or(f64::NAN, |gap_m| gap_m + x)];
+        if axis.estimated[GAP] || axis.known[GAP].is_none() {
             let slope = mean(known.iter().map(|row| (along(row) - x) * (current(row) - i)))
                 / mean(known.iter().map(|row| (along(row) - x).powi(2)));
             gaps.push(i / slope);
@@ -426,15 +426,15 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
         let guesses = gaps.into_iter().filter(|gap_m| *gap_m > 0.0 && gap_m.is_finite()).map(|gap_m| {
             let mut guess = point;
             guess[GAP] = gap_m - x;
-            if axis.told[*k].is_none() {
+            if axis.known[*k].is_none() {
                 guess[*k] = libm::log(load_n.abs() * (gap_m / i).powi(2));
             }
             guess
         });
         return most_likely(axis, readings, guesses);
     }
-    if axis.told[GAP].is_none() {
-        return Err("s is not known: --set s=… is wanted where the load is not known or there are two magnets".into());
+    if axis.known[GAP].is_none() {
+        return Err("s is not known: give --set s=… where the load is not known or there are two magnets".into());
     }
     // Force constants up to the largest, with which the mean currents carry a hundred times the weight.
     let square = |current: &Vec<f64>| mean(known.iter().map(|row| (current[*row] / point[GAP]).powi(2)));
@@ -442,10 +442,10 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     let largest = 100.0 * axis.weight_n() / pull.fold(1e-300, f64::max);
     let guesses = (0..20).map(|halved| {
         let mut guess = point;
-        for k in axis.used.iter().filter(|k| axis.told[**k].is_none()) {
+        for k in axis.used.iter().filter(|k| axis.known[**k].is_none()) {
             guess[*k] = libm::log(largest) - f64::from(halved) * std::f64::consts::LN_2;
         }
-        if axis.told[LOAD].is_none() {
+        if axis.known[LOAD].is_none() {
             let law = axis.law(&guess);
             let force = |row: &usize| {
                 let current = |k: usize| readings.current_a.get(k).map_or(0.0, |current| current[*row]);

@@ -58,7 +58,7 @@ impl Holds {
             let currents = MEANINGS[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::read_as(&of, samples, &stated, currents.hold);
-            let mut options = Options { parts: stated.parts, slow_force: false, leaves_out: true };
+            let mut options = Options { parts: stated.parts, slow_force: false, excludes_rows: true };
             let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
             let others = options.bench().filter(|of| !kept.contains(&plain(&of.name)));
             others.for_each(|of| of.knowledge = Knowledge::Exact);
@@ -82,7 +82,7 @@ impl Holds {
 
     /// Other meanings without a lag that are about as likely as the best one.
     #[must_use]
-    pub fn as_likely(&self, chosen: Currents) -> Vec<Hold> {
+    pub fn equally_likely(&self, chosen: Currents) -> Vec<Hold> {
         let is_as_good = |of: &Currents| *of != chosen && self.is_within(*of, VERY_STRONG);
         self.without_lag().filter(is_as_good).map(|of| of.hold).collect()
     }
@@ -130,6 +130,6 @@ impl Holds {
             vec![currents.name(), deficit, mark.to_owned()]
         });
         let note = "How much less likely the same data are with each reading (differences of log-likelihoods).";
-        Some(Table::new("What a current sample stands for", note, ["", "less likely by", ""], rows))
+        Some(Table::new("Meaning of a current sample", note, ["", "less likely by", ""], rows))
     }
 }

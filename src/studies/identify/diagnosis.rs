@@ -126,11 +126,11 @@ const ALTERNATIVES: &[Alternative] = &[
     (0, "the speed is half as high", |t| scale_rotation(t, 0.5), "halve theta and omega, or --speed"),
     (
         0,
-        "the speed is another",
+        "the speed differs",
         |t| drift(&t.recording).into_iter().for_each(|[off, ..]| scale_rotation(t, 1.0 + off)),
         SPEED,
     ),
-    (0, "the gap is another", |t| free(t, "s"), GAP),
+    (0, "the gap differs", |t| free(t, "s"), GAP),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
@@ -261,7 +261,7 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
 /// Proposals, the best first; empty if nothing fits better than the stated values.
 pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut trial = stretch(trial, 1);
-    trial.options.leaves_out = false;
+    trial.options.excludes_rows = false;
     let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let bearings: Vec<_> = trial.machine.bearings.iter().filter(|of| of.is_radial).collect();
     let each = |alternative: &'static Alternative| {

@@ -35,7 +35,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
                 rows.len(),
                 instant(rows[0])
             ));
-            // Beside clipped readings, only those with inward noise remain: a biased sample.
+            // PartSettings clipped readings, only those with inward noise remain: a biased sample.
             for row in rows {
                 let end = (row + 1 + BESIDE_CLIPPED).min(values.len());
                 values[row.saturating_sub(BESIDE_CLIPPED)..end].fill(f64::NAN);
@@ -94,7 +94,7 @@ fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     low.into_iter().chain(high).map(|end| (*end, rows(*end))).collect()
 }
 
-/// Leaves out rows that repeat the one before, and the first of a run of zeros; none if most rows repeat, since nothing moves, without noise.
+/// Leaves out rows that repeat the previous row, and the first of a run of zeros; none if most rows repeat, since nothing moves, without noise.
 fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
     let count = columns.first()?.1.len();
     let is_repeated = |row: usize| (1..count).contains(&row) && columns.iter().all(|(_, of)| of[row] == of[row - 1]);
@@ -108,7 +108,7 @@ fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
         rows.iter().for_each(|row| values[*row] = f64::NAN);
     }
     let percent = significant(100.0 * rows.len() as f64 / count as f64, 2);
-    Some(format!("{} rows ({percent} %) repeat the one before; left out.", rows.len()))
+    Some(format!("{} rows ({percent} %) repeat the previous row; left out.", rows.len()))
 }
 
 /// Runs of equal readings that are too long for chance: if a fraction p of the readings equals the one before, a run of n occurs in N

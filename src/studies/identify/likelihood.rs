@@ -93,7 +93,7 @@ impl Recording {
 
 /// Settings of a part of the motion other than its bench.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Beside {
+pub struct PartSettings {
     /// Known loads, N or N·m, by coordinate; empty if there are none.
     pub load_n: Vec<Option<f64>>,
     /// Whether κ, the factor between statics and dynamics, is a bench parameter. It needs a known load.
@@ -104,7 +104,7 @@ pub struct Beside {
     pub exponent: bool,
 }
 
-impl Beside {
+impl PartSettings {
     /// Whether a known load gives forces a scale of their own, apart from accelerations.
     #[must_use]
     pub fn is_loaded(&self) -> bool {
@@ -122,7 +122,7 @@ pub struct Part {
     /// Index of its first magnet.
     pub magnets: usize,
     /// Further settings.
-    pub beside: Beside,
+    pub settings: PartSettings,
     /// Bench parameters.
     pub parameters: Vec<BenchParameter>,
 }
@@ -131,16 +131,16 @@ impl Part {
     /// A part whose bench is exactly as stated.
     #[must_use]
     pub fn new(body: Body, positions: usize, magnets: usize) -> Self {
-        let beside = Beside::default();
-        let parameters = parameters(&body, &beside);
-        Self { body, positions, magnets, beside, parameters }
+        let settings = PartSettings::default();
+        let parameters = parameters(&body, &settings);
+        Self { body, positions, magnets, settings, parameters }
     }
 
     /// The same with other settings; the knowledge of its bench stays.
     #[must_use]
-    pub fn with(mut self, change: impl FnOnce(&mut Beside)) -> Self {
-        change(&mut self.beside);
-        let mut parameters = parameters(&self.body, &self.beside);
+    pub fn with(mut self, change: impl FnOnce(&mut PartSettings)) -> Self {
+        change(&mut self.settings);
+        let mut parameters = parameters(&self.body, &self.settings);
         for parameter in &mut parameters {
             if let Some(before) = by_name(&self.parameters, &parameter.name) {
                 parameter.knowledge = self.parameters[before].knowledge;
@@ -158,7 +158,7 @@ pub struct Options {
     /// Whether an unexplained slow force is estimated, a random walk along every coordinate.
     pub slow_force: bool,
     /// Whether rows inconsistent with the others are left out.
-    pub leaves_out: bool,
+    pub excludes_rows: bool,
 }
 
 impl Options {
@@ -169,9 +169,9 @@ impl Options {
 
     /// The same with the position delay of a typical bench, where neither a delay nor a lag is stated.
     pub(super) fn late(mut self) -> Self {
-        let parts = self.parts.iter_mut().filter(|part| !part.beside.lag);
+        let parts = self.parts.iter_mut().filter(|part| !part.settings.lag);
         let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| plain(&of.name) == DELAY);
-        delays.filter(|of| !of.is_open()).for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
+        delays.filter(|of| !of.is_uncertain()).for_each(|of| of.knowledge = Knowledge::Tolerance(of.typical));
         self
     }
 }
@@ -188,7 +188,7 @@ pub enum Failed {
         wanted: usize,
     },
     /// Some rows are inconsistent with the others, and none may be left out.
-    #[error("some of the rows contradict the rest")]
+    #[error("some rows are inconsistent with the others")]
     Contradicted,
     /// The search diverged.
     #[error("the search does not converge: {0}")]
@@ -238,7 +238,7 @@ pub struct Conditions {
     /// Constant load by coordinate, N.
     pub load_n: Vec<Estimate>,
     /// By part of the motion.
-    pub parts: Vec<OfPart>,
+    pub parts: Vec<PartResults>,
     /// Step of each position sensor, m; 0 unless it is quantised.
     pub resolution_m: Vec<f64>,
     /// Mean of `2 λ_k i_k/gap_k²` over the recording, N/A.
@@ -255,7 +255,7 @@ pub struct Conditions {
 
 /// Results of a recording for one part of the motion.
 #[derive(Clone, Debug, PartialEq)]
-pub struct OfPart {
+pub struct PartResults {
     /// Standard deviation of the position noise, m.
     pub position_noise_m: f64,
     /// Standard deviation of the current noise, A.
@@ -365,7 +365,7 @@ pub struct Identification {
     pub contradictions: Vec<Contradiction>,
     /// Whether the covariance comes from the scores of blocks of the recording (heteroscedasticity- and autocorrelation-consistent, Newey and West
     /// 1987), because they vary more than the model predicts, instead of from the information matrix.
-    pub by_scores: bool,
+    pub covariance_from_scores: bool,
     /// Iterations of the last search.
     pub iterations: usize,
     /// Whether the last step was smaller than 5 % of a standard deviation.
@@ -394,7 +394,7 @@ impl Identification {
     /// Budget entries to display for the magnets of a bearing; with several bearings, the relevant ones.
     pub fn budget_of(&self, bearing: &Bearing, magnets: &Range<usize>) -> impl Iterator<Item = &BenchEstimate> {
         self.bench.iter().filter(|line| {
-            let is_usual = line.parameter.is_open() || line.parameter.in_typical_bench;
+            let is_usual = line.parameter.is_uncertain() || line.parameter.in_typical_bench;
             let counts = || line.contribution[magnets.clone()].iter().any(|part| *part >= MIN_SHOWN);
             is_usual && (bearing.prefix.is_empty() || counts())
         })
@@ -406,7 +406,7 @@ impl Identification {
     }
 
     /// Results of all recordings for all parts of the motion.
-    pub(super) fn parts(&self) -> impl Iterator<Item = &OfPart> {
+    pub(super) fn parts(&self) -> impl Iterator<Item = &PartResults> {
         self.conditions.iter().flat_map(|conditions| &conditions.parts)
     }
 
@@ -460,7 +460,7 @@ impl Identification {
         self.suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
         let contradictions = other.contradictions.into_iter();
         self.contradictions.extend(contradictions.map(|of| Contradiction { part: of.part + parts, ..of }));
-        self.by_scores |= other.by_scores;
+        self.covariance_from_scores |= other.covariance_from_scores;
         self.iterations = self.iterations.max(other.iterations);
         self.converged &= other.converged;
         self.gain_by_slow_force += other.gain_by_slow_force;

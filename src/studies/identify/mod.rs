@@ -25,7 +25,7 @@ use serde_json::{Value as Json, json};
 pub use self::answer::{Answer, Question, answer};
 pub use self::currents::{Currents, Holds};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};
-pub use self::track::{Track, recording, said, track};
+pub use self::track::{Track, recording, statement, track};
 pub use self::twin::Twin;
 
 use self::likelihood::{BenchParameter, Body, DELAY, DYNAMICS, Knowledge, LAG, Part};
@@ -172,19 +172,19 @@ impl Stated {
     /// The meaning of its currents.
     #[must_use]
     pub fn currents(&self) -> Currents {
-        Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.beside.lag) }
+        Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.settings.lag) }
     }
 
     /// The same with this meaning of the currents. An added lag is free; an exact delay of the positions then gets a typical tolerance.
     #[must_use]
     pub fn read_as(mut self, currents: Currents) -> Self {
         let of = |part: Part| {
-            let is_new = currents.lag && !part.beside.lag;
-            let mut part = part.with(|beside| beside.lag = currents.lag);
+            let is_new = currents.lag && !part.settings.lag;
+            let mut part = part.with(|settings| settings.lag = currents.lag);
             for parameter in part.parameters.iter_mut().filter(|_| is_new) {
                 match plain(&parameter.name) {
                     LAG => parameter.knowledge = Knowledge::Free,
-                    DELAY if !parameter.is_open() => parameter.knowledge = Knowledge::Tolerance(parameter.typical),
+                    DELAY if !parameter.is_uncertain() => parameter.knowledge = Knowledge::Tolerance(parameter.typical),
                     _ => {}
                 }
             }
@@ -203,7 +203,7 @@ impl Stated {
 
     /// The known loads with their names.
     fn known_loads(&self) -> impl Iterator<Item = (String, f64)> {
-        let of = |part: &Part, n: usize| part.beside.load_n.get(n).copied().flatten();
+        let of = |part: &Part, n: usize| part.settings.load_n.get(n).copied().flatten();
         let values = self.parts.iter().flat_map(move |part| (0..part.body.coordinates()).map(move |n| of(part, n)));
         self.loads().into_iter().zip(values).filter_map(|(name, load_n)| Some((name, load_n?)))
     }
@@ -213,9 +213,9 @@ impl Stated {
         let Some(at) = self.loads().iter().position(|load| load == name) else { return false };
         let first = self.parts[0].body.coordinates();
         let (part, at) = if at < first { (0, at) } else { (1, at - first) };
-        let Part { body, beside, .. } = &mut self.parts[part];
-        beside.load_n.resize(body.coordinates(), None);
-        beside.load_n[at] = Some(load_n);
+        let Part { body, settings, .. } = &mut self.parts[part];
+        settings.load_n.resize(body.coordinates(), None);
+        settings.load_n[at] = Some(load_n);
         true
     }
 
@@ -236,12 +236,12 @@ impl Stated {
             if name != plain(name) && name != format!("{}{}", part.body.prefix(), plain(name)) {
                 continue;
             }
-            let is_identifiable = !is_dynamics || part.beside.is_loaded();
-            *part = part.clone().with(|beside| {
+            let is_identifiable = !is_dynamics || part.settings.is_loaded();
+            *part = part.clone().with(|settings| {
                 *match plain(name) {
-                    DYNAMICS => &mut beside.dynamics,
-                    LAG => &mut beside.lag,
-                    _ => &mut beside.exponent,
+                    DYNAMICS => &mut settings.dynamics,
+                    LAG => &mut settings.lag,
+                    _ => &mut settings.exponent,
                 } |= is_identifiable;
             });
             asked |= is_identifiable;
@@ -259,7 +259,7 @@ impl Stated {
 
 /// The results of one recording, or of several together, in words, tables and JSON.
 #[derive(Clone, Debug)]
-pub struct Said {
+pub struct Statement {
     /// Whether the estimates are valid; `None` for on-line methods, which are only compared.
     pub valid: Option<bool>,
     /// The reason.
@@ -267,7 +267,7 @@ pub struct Said {
     /// Further findings, in sentences.
     pub findings: Vec<String>,
     /// Parameters taken as known.
-    pub told: String,
+    pub assumptions: String,
     /// Estimates.
     pub tables: Vec<Table>,
     /// All of it as JSON, in SI units.

@@ -161,7 +161,7 @@ impl Checks<'_> {
             let (at, strongest) = (self.signals.currents.start + k, largest[k]);
             if strongest == 0.0 && currents[k].iter().any(|value| value.is_finite()) {
                 let (name, magnet) = (&self.signals.list[at].name, self.samples.machine.describe("{magnet}", "", k));
-                let words = "is 0 throughout, which says nothing of";
+                let words = "is 0 throughout, which gives no information about";
                 return Some(format!("{name} {words} {magnet}: are it and the sensor of its current connected?"));
             }
             let is_weak = strongest < CURRENT_A[0] && most < 50.0 * strongest;

@@ -177,8 +177,8 @@ impl Samples {
         if begin_s > last_s || end_s < self.start_s {
             let [begin, end, first, last] = [begin_s, end_s, self.start_s, last_s].map(time);
             return Err(format!(
-                "their times, from {begin} to {end}, and those of the positions, from {first} to {last}, have nothing in common; \
-                 one clock is wanted"
+                "their times, from {begin} to {end}, and those of the positions, from {first} to {last}, do not overlap; \
+                 expected one clock"
             ));
         }
         self.notes.extend(table.notes.iter().cloned());

@@ -15,8 +15,8 @@ pub fn quantity(name: &str, text: &str, si: &str) -> Result<f64, String> {
     // The level of a random walk is its standard deviation after one second.
     let units = units::quantity_of(si.trim_end_matches("/s0.5"));
     units::value(text, units).ok_or_else(|| match units {
-        [] => format!("{name}={text}: a number is wanted ({si})"),
-        units => format!("{name}={text}: a number is wanted, in {}", units::names(units)),
+        [] => format!("{name}={text}: expected a number ({si})"),
+        units => format!("{name}={text}: expected a number, in {}", units::names(units)),
     })
 }
 
@@ -83,7 +83,7 @@ pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize,
     let [of_own, of_absolute] = [own, absolute].map(units::quantity_of);
     let wanted = || {
         let listed = [of_own, of_absolute].map(units::names).join(", ");
-        format!("tolerance {name}={value}: a number above 0 is wanted, in {}", listed.trim_end_matches(", "))
+        format!("tolerance {name}={value}: expected a number above 0, in {}", listed.trim_end_matches(", "))
     };
     let (number, unit) = number_and_unit(value).ok_or_else(wanted)?;
     let of = |at: usize| {
@@ -96,7 +96,7 @@ pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize,
             return Err(wanted());
         }
         if own == "1" && std >= 1.0 {
-            return Err(format!("tolerance {name}={value}: less than 100 % is wanted"));
+            return Err(format!("tolerance {name}={value}: expected less than 100 %"));
         }
         Ok((at, std))
     };

@@ -8,7 +8,7 @@ use fmu_export::log::Silent;
 use fmu_export::variable::Value;
 use serde_json::{Map, Value as Json, json};
 
-use super::Said;
+use super::Statement;
 use super::samples::Samples;
 use super::units::significant;
 use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};
@@ -308,7 +308,7 @@ pub fn recording(tracks: &[Track]) -> Recording {
 
 /// The results of the methods for a recording, with the last valid estimate of each as JSON.
 #[must_use]
-pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
+pub fn statement(samples: &Samples, tracks: &[Track]) -> Statement {
     let method = |track: &Track| {
         let hold = chosen::<Hold>(&track.estimator, "hold").name();
         json!({
@@ -316,11 +316,11 @@ pub fn said(samples: &Samples, tracks: &[Track]) -> Said {
             "estimate": track.json(), "validAtEnd": track.is_valid_at_end(), "verdict": track.verdict(),
         })
     };
-    Said {
+    Statement {
         valid: None,
         verdict: String::new(),
         findings: tracks.iter().map(|track| format!("{}: {}", track.name(), track.verdict())).collect(),
-        told: String::new(),
+        assumptions: String::new(),
         tables: vec![table(tracks)],
         json: json!({
             "samples": samples.len(), "start": samples.start_s, "Ts": samples.step_s, "notes": samples.notes,

@@ -90,7 +90,7 @@ impl Twin {
         let mut scenario = base.clone();
         scenario.title = "Identified from a recording".into();
         scenario.description = verdict.into();
-        scenario.remove_observers();
+        scenario.remove_compared();
         scenario.profiles.clear();
         scenario.balance_s = None;
         // The tolerances of the estimator replace those of the bench.

@@ -93,7 +93,7 @@ pub(super) fn names(quantity: Quantity) -> String {
 /// The expected form.
 pub fn duration_s(text: &str) -> Result<f64, String> {
     let value = value(text, TIME).filter(|value| *value > 0.0);
-    value.ok_or_else(|| format!("{text}: a time above 0 is wanted, as in 100us, 0.1ms or 1e-4 s"))
+    value.ok_or_else(|| format!("{text}: expected a time above 0, as in 100us, 0.1ms or 1e-4 s"))
 }
 
 /// The sample time of a rate with its unit, `10kHz` or `9600 Hz`.
@@ -101,7 +101,7 @@ pub fn duration_s(text: &str) -> Result<f64, String> {
 /// # Errors
 /// The expected form.
 pub fn rate_s(text: &str) -> Result<f64, String> {
-    let wanted = || format!("{text}: a rate above 0 with its unit is wanted, as in 10kHz or 9600Hz");
+    let wanted = || format!("{text}: expected a rate above 0 with its unit, as in 10kHz or 9600Hz");
     let (number, unit) = number_and_unit(text).ok_or_else(wanted)?;
     let factor = match unit.to_ascii_lowercase().as_str() {
         "hz" | "s/s" => 1.0,

@@ -24,18 +24,18 @@ impl Draw {
     }
 
     /// Uniform between two numbers.
-    pub fn between(&mut self, low: f64, high: f64) -> f64 {
+    pub fn uniform(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.uniform.random::<f64>()
     }
 
     /// Uniform on a logarithmic scale between two numbers above 0.
-    pub fn scale(&mut self, low: f64, high: f64) -> f64 {
-        libm::exp(self.between(libm::log(low), libm::log(high)))
+    pub fn log_uniform(&mut self, low: f64, high: f64) -> f64 {
+        libm::exp(self.uniform(libm::log(low), libm::log(high)))
     }
 
     /// True with this probability.
     pub fn chance(&mut self, probability: f64) -> bool {
-        self.between(0.0, 1.0) < probability
+        self.uniform(0.0, 1.0) < probability
     }
 
     /// One of several, equally likely.
@@ -75,39 +75,39 @@ const LOBED: f64 = 0.5;
 pub fn drawn(base: &Scenario, seed: u64, noise_known: bool) -> Scenario {
     let mut draw = Draw::new(seed);
     let mut scenario = base.clone();
-    let (m, s) = (draw.scale(2.0, 15.0), draw.between(3e-4, 8e-4));
-    let orientation = draw.between(-PI, PI);
-    let smallest = draw.scale(1e-6, 3e-6);
+    let (m, s) = (draw.log_uniform(2.0, 15.0), draw.uniform(3e-4, 8e-4));
+    let orientation = draw.uniform(-PI, PI);
+    let smallest = draw.log_uniform(1e-6, 3e-6);
     scenario.set_everywhere("m", m);
     scenario.set_everywhere("s", s);
     for k in 1..=3 {
-        let alpha = orientation + (k - 1) as f64 * TAU / 3.0 + draw.between(-0.3, 0.3);
+        let alpha = orientation + (k - 1) as f64 * TAU / 3.0 + draw.uniform(-0.3, 0.3);
         scenario.set_everywhere(&format!("alpha[{k}]"), alpha);
-        let lambda = smallest * draw.scale(1.0, 2.0);
-        let guess = lambda * draw.between(0.7, 1.6);
+        let lambda = smallest * draw.log_uniform(1.0, 2.0);
+        let guess = lambda * draw.uniform(0.7, 1.6);
         scenario.set("plant", &format!("lambda[{k}]"), lambda);
         scenario.set_everywhere(&format!("lambda0[{k}]"), guess);
     }
     sample_time(&mut scenario, draw.one_of(&[5e-5, 1e-4, 2e-4]));
-    let frequency_hz = draw.between(40.0, 120.0);
+    let frequency_hz = draw.uniform(40.0, 120.0);
     let omega = TAU * if draw.chance(SLOW) { 1000.0 / 60.0 } else { frequency_hz };
-    let radius = [draw.between(0.04, 0.18) * s, draw.between(0.04, 0.18) * s];
-    let lobes = (draw.one_of(&[2, 3, 4]), draw.between(0.0, 0.05) * s);
+    let radius = [draw.uniform(0.04, 0.18) * s, draw.uniform(0.04, 0.18) * s];
+    let lobes = (draw.one_of(&[2, 3, 4]), draw.uniform(0.0, 0.05) * s);
     let lobes = if draw.chance(LOBED) { lobes } else { (3, 0.0) };
-    path(&mut scenario, radius, lobes, omega);
-    let force_n = draw.between(0.0, 60.0);
-    let phase = draw.between(-PI, PI);
+    trajectory(&mut scenario, radius, lobes, omega);
+    let force_n = draw.uniform(0.0, 60.0);
+    let phase = draw.uniform(-PI, PI);
     unbalance(&mut scenario, force_n / (omega * omega), phase);
-    let (load_n, direction) = (draw.between(0.0, 0.5) * 9.81 * m, draw.between(-PI, PI));
+    let (load_n, direction) = (draw.uniform(0.0, 0.5) * 9.81 * m, draw.uniform(-PI, PI));
     scenario.set("plant", "pY", load_n * libm::cos(direction));
     scenario.set("plant", "pZ", load_n * libm::sin(direction));
-    scenario.set("plant", "theta0", draw.between(-PI, PI));
+    scenario.set("plant", "theta0", draw.uniform(-PI, PI));
     // The rotor may use half of the gap.
     scenario.set("plant", "touchdown.clearance", 0.5 * s);
-    scenario.set("controller", "F0", draw.between(2.0, 5.0) * m);
-    scenario.set("controller", "bandwidth.tracking", draw.scale(500.0, 2000.0));
+    scenario.set("controller", "F0", draw.uniform(2.0, 5.0) * m);
+    scenario.set("controller", "bandwidth.tracking", draw.log_uniform(500.0, 2000.0));
     scenario.set("controller", "update.time", 0.2);
-    noise(&mut scenario, [draw.scale(5e-8, 2e-6), draw.scale(5e-3, 5e-2)], noise_known);
+    noise(&mut scenario, [draw.log_uniform(5e-8, 2e-6), draw.log_uniform(5e-3, 5e-2)], noise_known);
     scenario
 }
 
@@ -154,7 +154,7 @@ pub fn sample_time(scenario: &mut Scenario, step_s: f64) {
 }
 
 /// Sets the reference trajectory: half axes in m, number and amplitude in m of the lobes, speed in rad/s. The rotor starts on it.
-pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32, f64), omega: f64) {
+pub fn trajectory(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32, f64), omega: f64) {
     turning_at(scenario, omega);
     scenario.set("plant", "Y0", radius[0] + amplitude);
     scenario.set("plant", "Z0", 0.0);
@@ -169,7 +169,7 @@ pub fn path(scenario: &mut Scenario, radius: [f64; 2], (lobes, amplitude): (i32,
 
 /// The paper's reference trajectory at another speed.
 pub fn turn(scenario: &mut Scenario, rpm: f64) {
-    path(scenario, [30e-6, 70e-6], (3, 0.0), rpm * RPM);
+    trajectory(scenario, [30e-6, 70e-6], (3, 0.0), rpm * RPM);
 }
 
 /// Sets the unbalance, in kg·m and rad.
@@ -214,7 +214,7 @@ pub fn speed(scenario: &mut Scenario, time_s: &[f64], rpm: &[f64]) {
     add(scenario, &["pY", "pZ"], &instants, &forces.collect::<Vec<_>>());
     let first = omega.first().copied().unwrap_or(0.0);
     let radius = ["reference.rY", "reference.rZ"].map(|name| scenario.number("controller", name));
-    path(scenario, radius, (3, 0.0), first);
+    trajectory(scenario, radius, (3, 0.0), first);
 }
 
 /// Changes λ of one of three magnets, chosen by the seed, by a fraction at an instant in s.

@@ -175,7 +175,7 @@ pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 /// A study of one scenario with the default method over seeds of this noise, which the estimator knows or estimates.
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], noise_known: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
-    scenario.remove_observers();
+    scenario.remove_compared();
     let model = scenario.estimator().model_type.clone();
     for method in model.variables().iter().filter(|variable| variable.name == "method") {
         scenario.set("estimator", "method", method.start());

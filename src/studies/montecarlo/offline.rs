@@ -131,7 +131,7 @@ pub fn judge(
         if touched.is_some_and(|touched| touched < rows) {
             break;
         }
-        let question = Question { stated: stated.clone(), holds: None, as_likely: Vec::new(), slow_force: None };
+        let question = Question { stated: stated.clone(), holds: None, equally_likely: Vec::new(), slow_force: None };
         let answer = identify::answer(&[beginning(&whole, rows)], question);
         let found = answer.found.as_ref();
         let relative = |of: fn(&Estimate) -> f64| -> Vec<f64> {

@@ -41,12 +41,12 @@ pub fn studies(runs: usize) -> Vec<Study> {
 fn vary(scenario: &mut Scenario, seed: u64, _: u64) {
     let mut draw = Draw::new(seed);
     for (first, lambda) in scenario.machine.of_magnets("lambda0").iter().zip(scenario.truth()) {
-        let factor = draw.between(1.5, 2.0);
+        let factor = draw.uniform(1.5, 2.0);
         let factor = if draw.chance(0.5) { factor } else { 1.0 / factor };
         scenario.set_everywhere(first, lambda * factor);
     }
     for plane in [1, 2] {
-        scenario.set("plant", &format!("unbalance[{plane}].magnitude"), draw.between(3e-5, 1e-4));
-        scenario.set("plant", &format!("unbalance[{plane}].phase"), draw.between(-PI, PI));
+        scenario.set("plant", &format!("unbalance[{plane}].magnitude"), draw.uniform(3e-5, 1e-4));
+        scenario.set("plant", &format!("unbalance[{plane}].phase"), draw.uniform(-PI, PI));
     }
 }

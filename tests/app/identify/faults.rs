@@ -32,7 +32,7 @@ fn what_is_wrong_is_told_in_words() {
         let answer = identify::answer(&[samples], question);
         let first = answer.findings.first().cloned().unwrap_or_default();
         assert!(!answer.valid && first.contains(proposal), "{proposal}: {} {:?}", answer.verdict, answer.findings);
-        let json = answer.said().json;
+        let json = answer.statement().json;
         assert!(json["valid"] == false && json["lambdaHat"].is_null() && json["findings"].is_array(), "{json}");
     }
 }
@@ -147,7 +147,7 @@ pub fn spoilt(text: &str, columns: &[&str], change: impl Fn(usize, &str, &str) -
     read(&spoilt)
 }
 
-/// Rows that repeat the one before are excluded, few or many at a time, and not taken for a disturbance of the rotor.
+/// Rows that repeat the previous row are excluded, few or many at a time, and not taken for a disturbance of the rotor.
 #[test]
 fn repeated_rows_are_excluded() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
@@ -156,7 +156,7 @@ fn repeated_rows_are_excluded() {
             let line = row + 1;
             if line > 200 && line % 397 < 1 + line / 397 { zero.unwrap_or(above).into() } else { cell.into() }
         });
-        says(&samples.notes.join(" "), &["repeat the one before"]);
+        says(&samples.notes.join(" "), &["repeat the previous row"]);
         let answer = ask(&[samples], &[]);
         assert!(answer.valid && answer.findings.is_empty(), "{zero:?}: {} {:?}", answer.verdict, answer.findings);
     }

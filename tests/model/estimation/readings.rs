@@ -195,7 +195,7 @@ fn no_angle_is_connected() {
     inputs.iter_mut().for_each(|input| input.theta_rad = 0.0);
     for noise in [(0.0, 0.0), NOISE] {
         let outputs = run(&estimator(with_noise(config(&rotor), noise)), &inputs).0;
-        assert_never_wrong(&format!("no angle, told {noise:?}"), &rotor, &outputs);
+        assert_never_wrong(&format!("no angle, known {noise:?}"), &rotor, &outputs);
     }
 }
 
@@ -208,11 +208,11 @@ fn a_rotor_at_rest_is_right_or_not_valid() {
             let last = outputs.last().expect("samples");
             // Noise in the feedback excites the rotor a little.
             if noise == (0.0, 0.0) {
-                assert!(outputs.iter().all(|output| !output.valid), "noise {noise:?}, told {known_noise:?}");
+                assert!(outputs.iter().all(|output| !output.valid), "noise {noise:?}, known {known_noise:?}");
                 assert_eq!(last.lambda_hat, [4e-6; 3]);
             }
             if known_noise == noise || known_noise == (0.0, 0.0) {
-                assert_never_wrong(&format!("at rest, {noise:?} told {known_noise:?}"), &rest, &outputs);
+                assert_never_wrong(&format!("at rest, {noise:?} known {known_noise:?}"), &rest, &outputs);
             }
         }
     }
@@ -251,9 +251,9 @@ fn currents_that_are_zero_or_limited() {
     inputs[1500..2000].iter_mut().for_each(|input| input.current_a[1] = 0.0);
     for noise in [NOISE, (0.0, 0.0)] {
         let outputs = run(&Estimator::new(with_noise(config(&rotor), noise)).expect("good"), &inputs).0;
-        assert!(outputs[1499].valid && outputs[1500..1600].iter().any(|output| !output.valid), "told {noise:?}");
+        assert!(outputs[1499].valid && outputs[1500..1600].iter().any(|output| !output.valid), "known {noise:?}");
         let (worst, at, _) = confidence(&rotor, &outputs, 1600);
-        assert!(worst < CONFIDENT, "told {noise:?}: {worst:.2} standard deviations at sample {at}");
+        assert!(worst < CONFIDENT, "known {noise:?}: {worst:.2} standard deviations at sample {at}");
     }
     // Currents at their limit in a quarter of the samples are still the true ones.
     let limited = Rotor { limit_a: 4.0, ..noisy(12, 5001) };

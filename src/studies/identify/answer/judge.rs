@@ -55,8 +55,8 @@ pub(in crate::studies::identify) fn implausible(
             let noise_a = conditions.current_noise_a;
             let [noise, percent] = [noise_a, 100.0 * noise_a / current_rms].map(|of| significant(of, 2));
             return Some(format!(
-                "the forces would be off by as much as noise of {noise} A on the currents makes, {percent} % of their rms: they do not \
-                 belong to the motion"
+                "the errors of the forces correspond to current noise of {noise} A, {percent} % of the rms: the currents do not \
+                 match the motion"
             ));
         }
         if motion_rms > 2e-6 && conditions.position_noise_m > 0.3 * motion_rms {
@@ -82,7 +82,7 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     let worst = (0..found.lambda.len()).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
     if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
         let wanted = match relative(worst) < NOT_KNOWN {
-            true => "a longer recording, a larger path, or better knowledge of the bench is wanted",
+            true => "use a longer recording, a larger path, or better knowledge of the bench",
             false => "the model does not describe these data, or hardly anything excites the rotor",
         };
         let (name, percent, limit) = (&names[worst], significant(100.0 * relative(worst), 2), 100.0 * STD_LIMIT);
@@ -114,10 +114,10 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             for (axis, of_axis) in residuals.harmonics.iter().enumerate() {
                 if of_axis[n] > HARMONIC_CHI && residuals.amplitudes[axis][n] > HARMONIC {
                     return Some(format!(
-                        "harmonic {} of the rotor stands in the residuals of {}, {} times the noise: something turns with the shaft \
-                         that the model does not know",
-                        n + 1,
+                        "the residuals of {} contain harmonic {} of the rotor, {} times the noise: the model lacks a \
+                         synchronous effect",
                         stated.machine.readings[axis].axis,
+                        n + 1,
                         significant(residuals.amplitudes[axis][n], 2)
                     ));
                 }
@@ -129,7 +129,7 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
             if part.position_noise_m >= SILENT_M && part.correlation.abs() > COLOURED.max(chance) {
                 return Some(format!(
-                    "the residuals of neighbouring samples belong together (correlation {}): the model misses some of the motion",
+                    "the residuals are autocorrelated (neighbouring samples: {}): the model misses some of the motion",
                     significant(part.correlation, 2)
                 ));
             }

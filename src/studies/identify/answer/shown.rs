@@ -6,7 +6,7 @@ use serde_json::{Value as Json, json};
 
 use super::Answer;
 use crate::machine::Bearing;
-use crate::studies::identify::Said;
+use crate::studies::identify::Statement;
 use crate::studies::identify::likelihood::{self, BenchEstimate, BenchParameter, Identification, Knowledge};
 use crate::studies::identify::units::significant;
 use crate::table::Table;
@@ -35,7 +35,7 @@ impl Answer {
     #[must_use]
     pub fn typical(&self) -> Option<Vec<f64>> {
         let found = self.found.as_ref()?;
-        let is_hidden = |line: &&BenchEstimate| !line.parameter.is_open() && line.parameter.in_typical_bench;
+        let is_hidden = |line: &&BenchEstimate| !line.parameter.is_uncertain() && line.parameter.in_typical_bench;
         let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
             let own = lambda.total_std / lambda.value;
             let unstated = found.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
@@ -46,12 +46,12 @@ impl Answer {
 
     /// The answer in words, numbers and JSON.
     #[must_use]
-    pub fn said(&self) -> Said {
-        Said {
+    pub fn statement(&self) -> Statement {
+        Statement {
             valid: Some(self.valid),
             verdict: self.verdict.clone(),
             findings: self.findings.clone(),
-            told: self.assumptions(),
+            assumptions: self.assumptions(),
             tables: self.tables(),
             json: self.json(),
         }
@@ -147,7 +147,7 @@ impl Answer {
         let budget = found.bench.iter().map(|line| {
             json!({
                 "parameter": line.parameter.name, "unit": line.parameter.unit,
-                "tolerance": line.tolerance, "told": line.parameter.is_open(), "sensitivity": line.sensitivity,
+                "tolerance": line.tolerance, "told": line.parameter.is_uncertain(), "sensitivity": line.sensitivity,
                 "contribution": line.contribution,
             })
         });
@@ -223,7 +223,7 @@ fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> T
         let mut row = vec![
             line.parameter.name.clone(),
             format!("{} {unit}", significant(line.tolerance / factor, 2)),
-            if line.parameter.is_open() { "told" } else { "typical" }.into(),
+            if line.parameter.is_uncertain() { "told" } else { "typical" }.into(),
         ];
         row.extend(line.contribution[magnets.clone()].iter().map(|part| format!("{:.2}", 100.0 * part)));
         row.extend(line.sensitivity[magnets.clone()].iter().map(|part| format!("{:+.2}", 100.0 * part * factor)));
@@ -235,7 +235,7 @@ fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> T
     let sensitivities = numbers().map(|k| if k == 1 { "sens. 1".to_owned() } else { k.to_string() });
     let head =
         ["", "tolerance", ""].map(String::from).into_iter().chain(lambda).chain(sensitivities).chain([String::new()]);
-    let title = "Budget: what each parameter of the bench contributes to ± of λ, in %";
+    let title = "Uncertainty budget: contribution of each bench parameter to ± of λ, in %";
     let note = if magnets.start > 0 { "" } else { SENSITIVITIES };
     Table::new(title, note, head, found.budget_of(bearing, &magnets).map(row))
 }

@@ -14,7 +14,7 @@ use crate::variables::Choice;
 /// How well valid force constants are known.
 pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
-    let exact = |of: &BenchParameter| !of.is_open() || [DELAY, LAG].contains(&plain(&of.name));
+    let exact = |of: &BenchParameter| !of.is_uncertain() || [DELAY, LAG].contains(&plain(&of.name));
     let on = if stated.bench().all(exact) {
         " if the bench is exactly as stated; mind the budget"
     } else {
@@ -39,7 +39,7 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
         words.extend(harmonics(found, stated));
     }
     words.extend(quantisation(found, stated));
-    if found.by_scores {
+    if found.covariance_from_scores {
         words.push(
             "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
         );
@@ -80,10 +80,10 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
             Change::Lambda(lambda) => {
                 let each = |l: &Estimate| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std);
                 let lambda = lambda.iter().map(each).collect::<Vec<_>>().join(", ");
-                format!("From {rows} the force constants are others, {lambda} · 10⁻⁶ N·m²/A²; left out.")
+                format!("From {rows} the force constants differ, {lambda} · 10⁻⁶ N·m²/A²; left out.")
             }
             Change::Load { chi_square } => {
-                format!("From {rows} the load is another (χ² {}); left out.", significant(*chi_square, 3))
+                format!("From {rows} the load differs (χ² {}); left out.", significant(*chi_square, 3))
             }
         }
     };
@@ -159,7 +159,7 @@ fn effects(found: &Identification) -> Vec<String> {
     let of = |bench: &BenchEstimate| {
         let (name, Estimate { value, total_std, .. }) = (&bench.parameter.name, bench.estimate);
         match plain(name) {
-            DYNAMICS => Some(words_on_dynamics(along(name), 1.0 + value, total_std, "")),
+            DYNAMICS => Some(dynamics_remark(along(name), 1.0 + value, total_std, "")),
             LAG => {
                 let [lag, std] = [(value, 3), (total_std, 2)].map(|(of_s, digits)| rounded_time(of_s, digits));
                 Some(format!("The currents{} follow what is recorded, with a lag of {lag} ± {std}.", along(name)))
@@ -177,7 +177,7 @@ fn effects(found: &Identification) -> Vec<String> {
 }
 
 /// The factor κ between statics and dynamics; `worth` is appended to its value.
-pub(in crate::studies::identify) fn words_on_dynamics(of: &str, kappa: f64, std: f64, worth: &str) -> String {
+pub(in crate::studies::identify) fn dynamics_remark(of: &str, kappa: f64, std: f64, worth: &str) -> String {
     let weaker = 1.0 - 1.0 / kappa;
     let side = if weaker > 0.0 { "weaker" } else { "stronger" };
     format!(

@@ -10,9 +10,9 @@ use super::{
     SLOW, UNKNOWNS, find, mean,
 };
 use crate::estimation::STD_LIMIT;
-use crate::studies::identify::Said;
+use crate::studies::identify::Statement;
 use crate::studies::identify::agreement::disagreement;
-use crate::studies::identify::answer::words_on_dynamics;
+use crate::studies::identify::answer::dynamics_remark;
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::samples::Samples;
 use crate::studies::identify::units::{significant, time};
@@ -211,7 +211,7 @@ impl Answer {
             let Estimate { value, noise_std, .. } = self.dynamics;
             match effect.at {
                 DYNAMICS if is_valid && (value - 1.0).abs() > MENTIONED_STD * noise_std => {
-                    Some(words_on_dynamics("", value, noise_std, &format!(", {worth}")))
+                    Some(dynamics_remark("", value, noise_std, &format!(", {worth}")))
                 }
                 SLOW => Some(format!("A slow force that nothing explains wanders by {} ({worth}).", self.slow_force())),
                 EXPONENT => {
@@ -245,7 +245,7 @@ impl Answer {
         if worst.is_nan() || worst > STD_LIMIT {
             let (known, limit) = (percent(worst), 100.0 * STD_LIMIT);
             return Some(format!(
-                "ki or ks is known to {known} % only, the limit is {limit} %: a longer recording with more positions is wanted"
+                "ki or ks is known to {known} % only, the limit is {limit} %: use a longer recording with more positions"
             ));
         }
         let kappa = fit.point[DYNAMICS];
@@ -271,12 +271,12 @@ impl Answer {
 
     /// The result in words, numbers and JSON.
     #[must_use]
-    pub fn said(&self) -> Said {
-        Said {
+    pub fn statement(&self) -> Statement {
+        Statement {
             valid: Some(self.valid),
             verdict: self.verdict.clone(),
             findings: self.findings.clone(),
-            told: self.known_values(),
+            assumptions: self.known_values(),
             tables: vec![self.table()],
             json: self.json(),
         }
@@ -289,7 +289,7 @@ impl Answer {
         let known = known.map(|at| {
             let (name, unit) = PARAMETERS[at];
             let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-            format!(", {name} = {}{unit}", significant(axis.told[at].unwrap_or(0.0), 5))
+            format!(", {name} = {}{unit}", significant(axis.known[at].unwrap_or(0.0), 5))
         });
         let used: Vec<_> = axis.used.iter().map(|k| (k + 1).to_string()).collect();
         let known: String = known.collect();

@@ -12,7 +12,7 @@
 //! are read late relative to the currents. Each bearing of a shaft has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values
 //! scaled with the mass, and the axial motion has its own parameters.
 
-use super::Beside;
+use super::PartSettings;
 use super::body::Body;
 
 /// One bench parameter.
@@ -36,7 +36,7 @@ pub struct BenchParameter {
 impl BenchParameter {
     /// Whether it has a tolerance, or is free.
     #[must_use]
-    pub fn is_open(&self) -> bool {
+    pub fn is_uncertain(&self) -> bool {
         self.knowledge != Knowledge::Exact
     }
 }
@@ -125,11 +125,11 @@ pub(in crate::studies::identify) const LAG: &str = "lag";
 
 /// Bench parameters of a body by index, including κ and the lag of the currents if requested. Those of a bearing have its prefix.
 #[must_use]
-pub fn parameters(body: &Body, beside: &Beside) -> Vec<BenchParameter> {
+pub fn parameters(body: &Body, settings: &PartSettings) -> Vec<BenchParameter> {
     let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
     let magnets = body.magnets() / body.prefixes().len();
     let applies = |(scope, name, ..): &Row| match scope {
-        Scope::Machine => (*name != DYNAMICS || beside.dynamics) && (*name != LAG || beside.lag),
+        Scope::Machine => (*name != DYNAMICS || settings.dynamics) && (*name != LAG || settings.lag),
         Scope::Shaft | Scope::OnShaft => is_shaft,
         Scope::Bearing => true,
         Scope::Radial => is_radial,

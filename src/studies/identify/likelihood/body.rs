@@ -149,7 +149,7 @@ impl Part {
 
     /// Index of κ, if it is a parameter.
     fn dynamics(&self) -> Option<usize> {
-        self.beside.dynamics.then(|| self.place(self.body.prefix(), DYNAMICS))
+        self.settings.dynamics.then(|| self.place(self.body.prefix(), DYNAMICS))
     }
 
     /// Identifies this part of the motion.
@@ -178,11 +178,11 @@ impl Part {
                 base: load + coordinates,
                 all: load + coordinates + parameters.len(),
                 dynamics: self.dynamics().map(|at| load + coordinates + at),
-                commands: self.beside.lag,
+                commands: self.settings.lag,
             },
             passes: passes(coordinates, magnets),
         };
-        search::identify(recordings, &model, options.leaves_out)
+        search::identify(recordings, &model, options.excludes_rows)
     }
 
     /// Description and the parameters that change it, for N coordinates, K magnets and U unknowns of the on-line estimator. An axis has no angles.

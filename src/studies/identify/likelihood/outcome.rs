@@ -7,7 +7,7 @@ use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
 use super::search::Finished;
 use super::solve::{self, inverse, submatrix};
-use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, OfPart, Suspect, Unbalance};
+use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Suspect, Unbalance};
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
@@ -31,7 +31,7 @@ pub(super) fn report(
         bench: (0..search.model.part.parameters.len()).map(|j| of_bench(finished, j, held.contains(&j))).collect(),
         suspects: suspects(finished),
         contradictions,
-        by_scores: finished.by_scores,
+        covariance_from_scores: finished.covariance_from_scores,
         iterations: search.iterations,
         converged: search.converged,
         gain_by_slow_force,
@@ -95,11 +95,11 @@ fn conditions(
     let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
-        parts: vec![OfPart {
+        parts: vec![PartResults {
             position_noise_m: case.position_noise,
             current_noise_a: case.current_noise,
             slow_force_n: case.slow_force,
-            noise_exponent: search.model.part.beside.exponent.then_some(Estimate {
+            noise_exponent: search.model.part.settings.exponent.then_some(Estimate {
                 value: case.exponent,
                 noise_std: case.exponent_std,
                 total_std: case.exponent_std,

@@ -214,7 +214,7 @@ impl Search<'_> {
         self.model.part.parameters.iter().enumerate().all(|(j, parameter)| match parameter.knowledge {
             Knowledge::Exact => true,
             _ if layout.dynamics == Some(layout.base + j) => true,
-            Knowledge::Tolerance(_) => j == self.model.places.mass && !self.model.part.beside.is_loaded(),
+            Knowledge::Tolerance(_) => j == self.model.places.mass && !self.model.part.settings.is_loaded(),
             Knowledge::Free => false,
         })
     }
@@ -284,7 +284,7 @@ impl Search<'_> {
             let levels = steps.map(|factor| Levels { currents: [factor; 8], ..UNCHANGED });
             change = self.step_level(levels, noise_step);
         }
-        if self.model.part.beside.exponent {
+        if self.model.part.settings.exponent {
             let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..UNCHANGED });
             change = change.max(self.step_level(levels, exponent_step));
         }
@@ -435,7 +435,7 @@ fn start<'a>(
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
     prior[layout.magnets..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
     prior[layout.shared()..n].fill((0.0, 1e3 * body.m_kg()));
-    for (at, load_n) in part.beside.load_n.iter().enumerate() {
+    for (at, load_n) in part.settings.load_n.iter().enumerate() {
         let of_recordings = (0..recordings.len()).map(|r| layout.unknown(layout.load + at, r));
         of_recordings.filter_map(|at| Some((at, (*load_n)?))).for_each(|(at, load_n)| {
             (x[at], prior[at]) = (load_n, (load_n, 0.0));

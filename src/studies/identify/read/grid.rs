@@ -15,7 +15,7 @@ const NEAR: f64 = 0.05;
 /// Refuses too few rows with known values.
 pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
     let count = rows.len();
-    if count < LEAST { Err(format!("{count} samples of {of}, {LEAST} at least are wanted")) } else { Ok(()) }
+    if count < LEAST { Err(format!("{count} samples of {of}, expected at least {LEAST}")) } else { Ok(()) }
 }
 
 /// The pace of the positions, with the sample number of every row, and the number of samples; currents may have their own pace.
@@ -26,7 +26,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let at = table.known(is_timed.then_some(TIME_AT).into_iter().chain(positions));
     enough(&at, of)?;
     if !is_timed {
-        let none = || "there are no time stamps and no rate; --rate is wanted".to_owned();
+        let none = || "there are no time stamps and no rate; give --rate".to_owned();
         let place: Vec<f64> = (0..table.lines.len()).map(|row| row as f64).collect();
         let count = place.len();
         return Ok((Pace { step_s: reading.rate_s.ok_or_else(none)?, place, ..Pace::default() }, count));
@@ -49,7 +49,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     }
     if let (Some((known, why)), None) = (&pace.uncertain, reading.rate_s) {
         let percent = significant(100.0 * known, 2);
-        return Err(format!("{why}: the pace is known to {percent} % only; --rate is wanted"));
+        return Err(format!("{why}: the pace is known to {percent} % only; give --rate"));
     }
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     let tolerance = pace.uncertain.as_ref().map_or(CLOCKS, |(known, _)| *known);

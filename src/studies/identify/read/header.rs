@@ -53,7 +53,7 @@ impl Signal {
             ([], None) if is_optional => Ok(None),
             ([], None) => {
                 let or_rate = if name == TIME_NAME { ", or --rate if there is none" } else { "" };
-                Err(format!("{name}: no column of this name; {meaning} is wanted: --column {name}=…{or_rate}"))
+                Err(format!("{name}: no column of this name, expected {meaning}: --column {name}=…{or_rate}"))
             }
             (several, _) => {
                 let is_same = several.iter().all(|at| columns[*at].name == columns[several[0]].name);
@@ -215,8 +215,7 @@ pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, find
         let Some(below) = below else { continue };
         let own = unit.get_or_insert_with(|| below.clone());
         if *own != below {
-            findings
-                .push(format!("column {name}: the header says {own}, the row below it {below}; one unit is wanted"));
+            findings.push(format!("column {name}: the header says {own}, the row below it {below}; expected one unit"));
         }
     }
     true
@@ -257,7 +256,7 @@ pub(super) fn places(
         let is_same = |place: &Option<Place>| place.is_some_and(|place| place.column == column);
         if let Some(other) = places.iter().position(is_same) {
             let (one, name, column) = (&signals.list[other].name, &signal.name, &columns[column].name);
-            findings.push(format!("{one} and {name}: both are column {column}; one of its own is wanted for each"));
+            findings.push(format!("{one} and {name}: both are column {column}; expected one for each"));
         }
         let unit = signal.unit(&columns[column], reading).unwrap_or_else(|finding| {
             findings.push(finding);

@@ -296,8 +296,8 @@ impl Times {
         let (lines, (before, row)) = (listed(&lines), pairs[0]);
         let [from, to] = [before, row].map(|row| shown(self.time_s[row]));
         format!(
-            "time does not rise by a sample in {lines}, first from {from} to {to}, and no rounding explains it; one recording with \
-             rising time is wanted"
+            "time does not rise by a sample in {lines}, first from {from} to {to}, and no rounding explains it; expected one recording with \
+             rising time"
         )
     }
 

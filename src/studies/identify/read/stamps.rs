@@ -46,7 +46,7 @@ impl Stamps {
     ) -> Result<(Self, Option<String>), String> {
         let Some((whole, fraction)) = parts(first, separator) else {
             let origin = iso_ns(first)
-                .ok_or_else(|| format!("{first:?} is no time: a number or an ISO 8601 stamp is wanted"))?;
+                .ok_or_else(|| format!("{first:?} is not a time: expected a number or an ISO 8601 stamp"))?;
             return Ok((Self { unit: None, origin }, Some(format!("Time counts from {first}."))));
         };
         let value = whole as f64 + fraction;

@@ -10,7 +10,7 @@ use super::stamps::Stamps;
 use super::{Reading, Unusable, text};
 
 const NO_HEADER: &str =
-    "no header was found: a line with the names of the columns is wanted, separated by comma, semicolon or tab";
+    "no header was found: expected a line with the names of the columns, separated by comma, semicolon or tab";
 
 /// Reading stops after this many findings.
 const SHOWN: usize = 5;
@@ -141,7 +141,7 @@ impl Table {
         if findings.is_empty() { Ok(()) } else { Err(Unusable(findings)) }
     }
 
-    /// Leaves out rows that repeat the one before, including its stamp, if they are few and no other stamps are equal, as rounded ones would be.
+    /// Leaves out rows that repeat the previous row, including its stamp, if they are few and no other stamps are equal, as rounded ones would be.
     fn leave_out_repeated(&mut self) {
         let time_s = &self.columns[TIME_AT];
         let equal: Vec<usize> = (1..time_s.len()).filter(|row| time_s[*row] == time_s[*row - 1]).collect();
@@ -158,7 +158,8 @@ impl Table {
             *column = kept.iter().map(|row| column[*row]).collect();
         }
         self.lines = kept.iter().map(|row| self.lines[*row]).collect();
-        self.notes.push(format!("Rows left out because they repeat the one before with its time: {}.", listed(&lines)));
+        self.notes
+            .push(format!("Rows left out because they repeat the previous row with its time: {}.", listed(&lines)));
     }
 
     /// Adds a row; its errors go to the findings.

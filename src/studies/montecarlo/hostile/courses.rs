@@ -2,14 +2,19 @@
 
 use std::f64::consts::{PI, TAU};
 
-use super::Asked::{self, NotValid, NotWrong, Nothing, Valid};
+use super::Requirement::{self, NotValid, NotWrong, Nothing, Valid};
 use super::altered::{self, Alter, Missing};
 use super::cases::RPM;
 use super::{Course, Draw, NOISE, cases};
 use crate::simulation::scenario::Scenario;
 
 impl Course {
-    fn new(name: &str, asked: Asked, length_s: f64, set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static) -> Self {
+    fn new(
+        name: &str,
+        asked: Requirement,
+        length_s: f64,
+        set: impl Fn(&mut Scenario, u64) + Send + Sync + 'static,
+    ) -> Self {
         Self {
             name: name.into(),
             asked,
@@ -25,7 +30,7 @@ impl Course {
     }
 
     /// The nominal scenario with an error of the readings.
-    fn misread(name: &str, asked: Asked, alter: Alter) -> Self {
+    fn misread(name: &str, asked: Requirement, alter: Alter) -> Self {
         Self { alter: Some(alter), ..Self::new(name, asked, 1.0, unchanged) }
     }
 }
@@ -64,7 +69,7 @@ fn excitation() -> Vec<Course> {
             cases::sample_time(scenario, step_s);
             scenario.set("controller", "bandwidth.tracking", 0.2 / step_s);
             scenario.set("controller", "bandwidth.observer", 0.6 / step_s);
-            cases::path(scenario, [20e-6, 45e-6], (3, 0.0), 6000.0 * RPM);
+            cases::trajectory(scenario, [20e-6, 45e-6], (3, 0.0), 6000.0 * RPM);
             scale(scenario, "plant.unbalance.magnitude", 0.25);
         })
     };
@@ -140,17 +145,17 @@ fn changes() -> Vec<Course> {
 fn forces() -> Vec<Course> {
     let backward = |force_n: f64| {
         Course::new(&format!("{force_n} N backward"), Valid, 1.0, move |scenario, seed| {
-            cases::backward(scenario, force_n, Draw::new(seed).between(-PI, PI), scenario.duration_s);
+            cases::backward(scenario, force_n, Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
         })
     };
     let oscillating = |name: &str, [least_n, most_n]: [f64; 2], [least_hz, most_hz]: [f64; 2]| {
         Course::new(name, NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
-            let amplitude_n = draw.scale(least_n, most_n);
-            scenario.set("plant", "perturbation.omega", TAU * draw.between(least_hz, most_hz));
+            let amplitude_n = draw.log_uniform(least_n, most_n);
+            scenario.set("plant", "perturbation.omega", TAU * draw.uniform(least_hz, most_hz));
             for (axis, part) in [("Y", 1.0), ("Z", 0.7)] {
                 scenario.set("plant", &format!("perturbation.amplitude{axis}"), amplitude_n * part);
-                scenario.set("plant", &format!("perturbation.phase{axis}"), draw.between(-PI, PI));
+                scenario.set("plant", &format!("perturbation.phase{axis}"), draw.uniform(-PI, PI));
             }
         })
     };
@@ -158,8 +163,8 @@ fn forces() -> Vec<Course> {
     let narrow_band = |middle_hz: f64| {
         Course::new(&format!("0.5 N within 6 Hz about {middle_hz} Hz"), NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
-            let omega: [f64; 12] = std::array::from_fn(|_| TAU * (middle_hz + draw.between(-3.0, 3.0)));
-            let phases = [0, 1].map(|_| std::array::from_fn::<_, 12, _>(|_| draw.between(-PI, PI)));
+            let omega: [f64; 12] = std::array::from_fn(|_| TAU * (middle_hz + draw.uniform(-3.0, 3.0)));
+            let phases = [0, 1].map(|_| std::array::from_fn::<_, 12, _>(|_| draw.uniform(-PI, PI)));
             cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
                 // The root mean square of the sum is 0.5 N.
                 phases.map(|phases| {
@@ -175,8 +180,8 @@ fn forces() -> Vec<Course> {
     };
     let rubbing = Course::new("light rubbing", NotWrong, 1.0, |scenario, seed| {
         let mut draw = Draw::new(seed);
-        scenario.set("plant", "touchdown.clearance", draw.between(70e-6, 73e-6));
-        scenario.set("plant", "touchdown.stiffness", draw.scale(1e6, 5e7));
+        scenario.set("plant", "touchdown.clearance", draw.uniform(70e-6, 73e-6));
+        scenario.set("plant", "touchdown.stiffness", draw.log_uniform(1e6, 5e7));
     });
     vec![
         backward(0.1),
@@ -191,7 +196,7 @@ fn forces() -> Vec<Course> {
         narrow_band(140.0),
         narrow_band(230.0),
         Course::new("1 N forward at twice the speed", NotWrong, 1.0, |scenario, seed| {
-            cases::turning(scenario, 2.0, 1.0, Draw::new(seed).between(-PI, PI), scenario.duration_s);
+            cases::turning(scenario, 2.0, 1.0, Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
         }),
         Course { rubs: true, ..rubbing },
     ]
@@ -200,7 +205,7 @@ fn forces() -> Vec<Course> {
 /// Errors of the angle and speed readings.
 fn angles() -> Vec<Course> {
     let circle = |name: &str, alter: Alter| {
-        let set = |scenario: &mut Scenario, _| cases::path(scenario, [50e-6; 2], (3, 0.0), 3000.0 * RPM);
+        let set = |scenario: &mut Scenario, _| cases::trajectory(scenario, [50e-6; 2], (3, 0.0), 3000.0 * RPM);
         Course { alter: Some(alter), ..Course::new(&format!("circle, {name}"), NotWrong, 1.0, set) }
     };
     vec![
@@ -277,7 +282,7 @@ fn spindle() -> Vec<Course> {
         Course { alter: Some(altered::given_lambda(0.02)), ..late },
         spindle("first guess × 0.2", 1.0, |scenario, _| guess(scenario, 0.2)),
         spindle("0.5 N backward in bearing A", 1.0, |scenario, seed| {
-            let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).between(-PI, PI));
+            let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).uniform(-PI, PI));
             let at_m = scenario.number("plant", "A.position");
             cases::push(scenario, &["pY", "pZ", "MY", "MZ"], scenario.duration_s, |time_s| {
                 let (sin, cos) = libm::sincos(omega * time_s + phase);
@@ -321,6 +326,6 @@ fn drift(scenario: &mut Scenario, time_s: [f64; 2], fraction: f64) {
 
 /// Ramps the load at a rate in N/s, in a random direction.
 fn load_ramp(scenario: &mut Scenario, rate: f64, seed: u64) {
-    let (sin, cos) = libm::sincos(Draw::new(seed).between(-PI, PI));
+    let (sin, cos) = libm::sincos(Draw::new(seed).uniform(-PI, PI));
     cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| [rate * time_s * cos, rate * time_s * sin]);
 }

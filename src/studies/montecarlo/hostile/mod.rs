@@ -23,7 +23,7 @@ pub use courses::courses;
 
 /// Requirement on the estimates of a course.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Asked {
+pub enum Requirement {
     /// An estimate that is right, most of the time.
     Valid,
     /// No valid estimate that is wrong: something is false, or changes too fast to be identified.
@@ -42,7 +42,7 @@ pub struct Course {
     /// Short description.
     pub name: String,
     /// The requirement.
-    pub asked: Asked,
+    pub asked: Requirement,
     /// The built-in scenario that it modifies.
     base: &'static str,
     /// Sensor noise, in m and A.
@@ -65,13 +65,13 @@ pub struct Case<'a> {
     /// The course.
     pub course: &'a Course,
     /// Whether the estimator knows the noise.
-    pub told: bool,
+    pub noise_is_known: bool,
 }
 
 impl Course {
     /// Whether a run violates the requirement.
     pub fn is_wrong(&self, trial: &Trial) -> bool {
-        trial.is_beyond() || (self.asked == Asked::NotValid && trial.valid > 0.0)
+        trial.is_beyond() || (self.asked == Requirement::NotValid && trial.valid > 0.0)
     }
 }
 
@@ -82,21 +82,21 @@ fn noise(known: bool) -> &'static str {
 
 /// All courses, with the noise known and estimated.
 pub fn cases(courses: &[Course]) -> Vec<Case<'_>> {
-    let all = |told| courses.iter().map(move |course| Case { course, told });
-    let wanted = |case: &Case| case.course.only.is_none_or(|only| only == case.told);
+    let all = |noise_is_known| courses.iter().map(move |course| Case { course, noise_is_known });
+    let wanted = |case: &Case| case.course.only.is_none_or(|only| only == case.noise_is_known);
     all(true).chain(all(false)).filter(wanted).collect()
 }
 
 impl Case<'_> {
     /// The title of these runs among those of all studies.
     pub fn title(&self) -> String {
-        format!("hostile: {}, noise {}", self.course.name, noise(self.told))
+        format!("hostile: {}, noise {}", self.course.name, noise(self.noise_is_known))
     }
 
     /// The scenario of the run with this seed, in the draw numbered `attempt`.
     pub fn scenario(&self, seed: u64, attempt: u64) -> Scenario {
         let course = self.course;
-        let mut scenario = study("", &built_in(course.base), course.noise, self.told, 1).scenario;
+        let mut scenario = study("", &built_in(course.base), course.noise, self.noise_is_known, 1).scenario;
         scenario.duration_s = course.length_s;
         // Seeds of different draws are far apart.
         (course.set)(&mut scenario, seed + (attempt << 32));
@@ -149,7 +149,10 @@ pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial
 
 /// The number of runs that violate the requirement, and of all runs with a requirement.
 pub fn wrong(cases: &[Case], found: &[Vec<Trial>], known: bool) -> (usize, usize) {
-    let counted = cases.iter().zip(found).filter(|(case, _)| case.told == known && case.course.asked != Asked::Nothing);
+    let counted = cases
+        .iter()
+        .zip(found)
+        .filter(|(case, _)| case.noise_is_known == known && case.course.asked != Requirement::Nothing);
     counted.fold((0, 0), |(wrong, runs), (case, trials)| {
         (wrong + trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), runs + trials.len())
     })
@@ -170,15 +173,15 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         let square = |which: usize| at_end.iter().map(|end| end[which] * end[which]).sum::<f64>() / at_end.len() as f64;
         let of_worst = |text: String| if worst.ratio > 0.0 { text } else { "–".into() };
         let mark = match case.course.asked {
-            Asked::Valid => "",
-            Asked::NotWrong => " *",
-            Asked::NotValid => " **",
-            Asked::Nothing => " ***",
+            Requirement::Valid => "",
+            Requirement::NotWrong => " *",
+            Requirement::NotValid => " **",
+            Requirement::Nothing => " ***",
         };
         let ended = trials.iter().filter(|trial| trial.touched_s.is_some()).count();
         let ended = if ended > 0 { format!(" ({ended} ended by contact)") } else { String::new() };
         vec![
-            format!("{}, {}{mark}{ended}", case.course.name, noise(case.told)),
+            format!("{}, {}{mark}{ended}", case.course.name, noise(case.noise_is_known)),
             format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
             or_dash(worst.ratio, 1),
             of_worst(or_dash(100.0 * worst.error, 2)),

@@ -33,7 +33,7 @@ pub struct Finished<'a> {
     pub noise: DMatrix<f64>,
     pub total: DMatrix<f64>,
     /// Whether the covariance from noise is that of the scores.
-    pub by_scores: bool,
+    pub covariance_from_scores: bool,
 }
 
 impl Finished<'_> {
@@ -85,14 +85,15 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     let weights = DMatrix::from_diagonal(&prior_std.map(|std| 1.0 / (std * std)));
     let information = submatrix(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
-    let mut by_scores = false;
+    let mut covariance_from_scores = false;
     if !search.cases.iter().all(Case::has_known_noise)
         && let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.model.layout, search.cases.len()))
     {
         // A factor `weight` on the information is `weight²` on the variance of the scores.
         let scattered = &response * (scores / search.weight) * &response;
-        by_scores = (0..search.model.layout.magnets).any(|k| scattered[(k, k)] > SCORES_RATIO * noise[(k, k)]);
-        if by_scores {
+        covariance_from_scores =
+            (0..search.model.layout.magnets).any(|k| scattered[(k, k)] > SCORES_RATIO * noise[(k, k)]);
+        if covariance_from_scores {
             noise = scattered;
         }
     }
@@ -104,7 +105,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
         let scaled = DVector::from_fn(estimated.len(), |i, _| std * search.x[estimated[i]]);
         total += &scaled * scaled.transpose();
     }
-    Ok(Finished { search, blocks, normal, estimated, columns, noise, total, by_scores })
+    Ok(Finished { search, blocks, normal, estimated, columns, noise, total, covariance_from_scores })
 }
 
 /// Covariance of the sum of the scores, including that between neighbouring blocks (Newey and West 1987, one lag).
