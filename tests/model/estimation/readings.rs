@@ -19,7 +19,7 @@ fn gaps_keep_the_accumulated_information() {
     ];
     for (verdict, words) in [
         (Verdict::BadSample, "not finite"),
-        (Verdict::Stuck, "reads the same"),
+        (Verdict::Stuck, "is stuck"),
         (Verdict::Contact, "contact"),
         (Verdict::Disabled, "enable is false"),
     ] {
