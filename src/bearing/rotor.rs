@@ -192,7 +192,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     /// The machine.
     pub const MACHINE: &'static Machine = {
         let machine = Machine::of::<N, K>();
-        assert!(machine.bearings.len() == B, "the number of bearings of the machine");
+        assert!(machine.bearings.len() == B && machine.magnets() == K, "the bearings and magnets of the machine");
         machine
     };
 

@@ -186,7 +186,7 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     /// Processes one sample; call it once every T_s.
     ///
     /// The result is finite for any input, and nothing panics. After a gap in the data (a bad sample, or `enable` false) the motion is unknown, but the
-    /// information on λ is kept. A rising edge of `reset` discards everything, λ̂ included.
+    /// information on λ is kept. A rising edge of `reset` discards everything, λ̂ included, and allocates a fresh state.
     pub fn sample(
         &self,
         state: &mut StateOf<G, N, K, P>,

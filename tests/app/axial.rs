@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
 use crate::program::{self, folder, identified, pairs, read, refuses, words};
-use crate::support::{Random, below, runge_kutta, says};
+use crate::support::{Random, assert_contains, below, runge_kutta};
 use magnetic_bearing::machine::AXIAL;
 use magnetic_bearing::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use magnetic_bearing::studies::identify::{Reading, Samples};
@@ -50,8 +50,8 @@ fn recordings_of_a_real_bench() {
     for (((run, recording), answer), [ki, ks]) in RUNS.iter().zip(&recordings).zip(&answers).zip(STATICS) {
         let text = [recording.notes.clone(), answer.findings.clone()].concat().join(" ");
         assert!(answer.valid, "{run}: {}", answer.verdict);
-        says(&text, &["start at rest", "repeat the previous row", "% weaker than the law", "slow force"]);
-        says(&text, &["noise of the position grows"]);
+        assert_contains(&text, &["start at rest", "repeat the previous row", "% weaker than the law", "slow force"]);
+        assert_contains(&text, &["noise of the position grows"]);
         below("ki", (answer.operating[1].value / ki - 1.0).abs(), 0.02);
         below("ks", (answer.operating[2].value / ks - 1.0).abs(), 0.04);
         assert!((1.09..1.25).contains(&answer.dynamics.value), "{run}: κ = {}", answer.dynamics.value);
@@ -242,7 +242,7 @@ fn recordings_that_differ_are_reported() {
     let other = Levitation { lambda: [0.0, 1.3e-4], seed: 5, ..ONE };
     let again = Levitation { seed: 6, ..ONE };
     let [one, two, again] = [&ONE, &other, &again].map(|mass| mass.answer(&mass.record(8000)).0);
-    says(&axial::agreement([&one, &two]).expect("they differ"), &["The recordings differ", "by", "%"]);
+    assert_contains(&axial::agreement([&one, &two]).expect("they differ"), &["The recordings differ", "by", "%"]);
     assert_eq!(axial::agreement([&one, &again]), None);
 }
 
@@ -259,13 +259,13 @@ fn the_command() {
         assert!(json["operatingPoint"][name].is_f64(), "{name}: {json}");
     }
     let page = read(&folder, "report/index.html");
-    says(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
+    assert_contains(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
     // The saved answer agrees up to rounding.
     let again = identified(&folder, &words("mpc.csv.gz --scenario found.toml"));
     let [first, second] = [&json, &again].map(|json| program::number(&json["operatingPoint"]["ki"]));
     below("ki of the saved scenario", (first / second - 1.0).abs(), 1e-3);
     let far = identified(&folder, &words(&arguments.replace("Xm=10mm", "Xm=30mm")));
-    says(&far["findings"].to_string(), &["x = 30 mm is outside the positions of the recording"]);
+    assert_contains(&far["findings"].to_string(), &["x = 30 mm is outside the positions of the recording"]);
     assert!(!json["findings"].to_string().contains("outside"), "{json}");
     let beyond = format!("{bench} {load}").replace("Xm=10mm", "Xm=-1m");
     let pulls = format!("{bench} {load} --set pX=-1N");

@@ -1,7 +1,7 @@
 //! Commands on all machines.
 
 use crate::program::{cell, folder, open, swept};
-use crate::support::{between, says};
+use crate::support::{assert_contains, between};
 use magnetic_bearing::machine::{MACHINES, Machine};
 use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
 use magnetic_bearing::studies::design::{self, Conditions, design};
@@ -42,7 +42,7 @@ fn a_sweep_of_every_machine_covers_all_magnets() {
                 assert!(cell(row, &format!("{plane} [kg.m]")) > 0.0, "{name}: {plane}");
             }
         }
-        says(&rows[2]["status"], &[&magnets[1]]);
+        assert_contains(&rows[2]["status"], &[&magnets[1]]);
     }
 }
 
@@ -126,6 +126,6 @@ fn names_of_another_machine_are_one_finding() {
     ] {
         let findings = Scenario::parse("test.toml", &text).err().expect("names of another machine").findings;
         assert_eq!(findings.len(), 1, "{findings:?}");
-        says(&findings[0], words);
+        assert_contains(&findings[0], words);
     }
 }

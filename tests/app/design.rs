@@ -1,7 +1,7 @@
 //! The standard deviations that `design` predicts against those of runs.
 
 use crate::program::open;
-use crate::support::{between, says};
+use crate::support::{assert_contains, between};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::design::{self, Conditions, design, worst_in_the_end};
 use magnetic_bearing::studies::montecarlo::{self, NOISE};
@@ -40,7 +40,7 @@ fn modulation_is_recommended_where_the_excitation_is_weak() {
     let strong = conditions(3000.0, 0.1);
     let precisions = design(&unbalanced(), &strong).expect("a good scenario");
     assert!(!design::is_modulation_recommended(&precisions), "{precisions:?}");
-    says(&design::advice(&unbalanced(), &strong, &precisions), &["The reference trajectory excites enough"]);
+    assert_contains(&design::advice(&unbalanced(), &strong, &precisions), &["The reference trajectory excites enough"]);
     // At rest modulation is recommended; `commands` tests that for every machine.
     let rest = conditions(0.0, 0.2);
     let precisions = design(&unbalanced(), &rest).expect("a good scenario");
@@ -66,7 +66,7 @@ fn no_advice_without_a_valid_estimate() {
         let advice = design::advice(&unbalanced(), &conditions, &precisions);
         let absent = ["enough:", "0.00 %", "NaN", "inf"];
         assert!(!absent.iter().any(|word| advice.contains(word)), "{advice}");
-        says(&advice, &["The limit of a valid estimate"]);
+        assert_contains(&advice, &["The limit of a valid estimate"]);
         let table = design::table(&unbalanced(), &conditions, &precisions);
         assert!(!table.rows.iter().flatten().any(|cell| ["0.00", "NaN", "inf"].contains(&&**cell)), "{:?}", table.rows);
     }

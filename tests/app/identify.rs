@@ -4,7 +4,7 @@ mod faults;
 
 use crate::bench::Bench;
 use crate::program::{self, csv, folder, identified, number, open, pairs, refuses, run_to_end};
-use crate::support::{between, library, says};
+use crate::support::{assert_contains, between, library};
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification::{self, Results};
@@ -214,7 +214,7 @@ fn a_recording_with_all_imperfections() {
     let reading = Reading { columns, units: pairs(&[("theta", "deg")]), ..Reading::default() };
     let samples = Samples::read(text.as_bytes(), &reading).expect("a usable recording");
     assert!((samples.step_s - 1e-4).abs() < 1e-9, "{} s", samples.step_s);
-    says(&samples.notes.join(" "), &["gaps"]);
+    assert_contains(&samples.notes.join(" "), &["gaps"]);
     let track = track(&samples, &EstimatorConfig { hold: Hold::HeldBefore, ..config(&samples) });
     (0..samples.len()).filter(|row| track.of("valid")[*row] == 1.0).for_each(|row| is_within(&track, row));
     assert!(track.last_valid().is_some(), "{}", track.verdict());
@@ -236,7 +236,7 @@ fn unusable_tables_are_refused_with_the_reason() {
         (&format!("{header}0,1x,0,1,1,1\n"), "is no number"),
         (&with_times(|j| (j - 25.0).abs()), back),
     ] {
-        says(&Samples::read(text.as_bytes(), &Reading::default()).expect_err(words).to_string(), &[words]);
+        assert_contains(&Samples::read(text.as_bytes(), &Reading::default()).expect_err(words).to_string(), &[words]);
     }
     // An uneven sampling rate is accepted if the table is resampled.
     let uneven = with_times(|j| 1e-4 * (j + 0.4 * j.sin()));
@@ -344,7 +344,7 @@ fn tolerances_have_units() {
         ("s", "150%", "less than 100 %"),
         ("m", "wide", "in %, ppm, kg, g"),
     ] {
-        says(&identify::tolerance(name, value, &stated).expect_err("refused"), &[words]);
+        assert_contains(&identify::tolerance(name, value, &stated).expect_err("refused"), &[words]);
     }
 }
 
@@ -412,7 +412,7 @@ fn currents_may_have_a_separate_table() {
     }
     let columns = pairs(&[("im[1]", "Coil A"), ("im[2]", "Coil B"), ("im[3]", "Coil C")]);
     let apart = with(currents, &Reading { columns, ..Reading::default() }).expect("usable recordings");
-    says(&apart.notes.join(" "), &["of their own"]);
+    assert_contains(&apart.notes.join(" "), &["of their own"]);
     let [one, other] = [&read(&whole), &apart].map(|samples| {
         let track = track(samples, &config(samples));
         estimate(&track, track.last_valid().expect("an estimate"))[0]
@@ -441,7 +441,7 @@ fn currents_may_have_a_separate_table() {
         assert!((100..160).contains(&missing), "{missing} samples without a current");
     }
     let refused = with("time,im[1]\n0,1\n".into(), &Reading::default()).expect_err("two are missing").to_string();
-    says(&refused, &["im[2]"]);
+    assert_contains(&refused, &["im[2]"]);
 }
 
 /// A recording of a bench.

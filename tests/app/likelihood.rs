@@ -98,9 +98,9 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
 /// A bench with all errors or none converges to within its deviations, from short recordings to more rows than the likelihood is trusted for.
 #[test]
 fn all_parameters_of_a_bench_are_found_at_once() {
-    let imperfect = [(60_101, 0.5), (60_102, 0.5), (60_103, 7.0)];
+    let imperfect = [(60_101, 0.5), (60_103, 6.0)];
     let imperfect = imperfect.map(|(seed, seconds)| drawn(seed, Bench { seconds, ..Bench::default() }));
-    let exact = (Bench { seconds: 3.0, seed: 45, ..Bench::default() }, vec![0.0; 28]);
+    let exact = (Bench { seconds: 1.0, seed: 45, ..Bench::default() }, vec![0.0; 28]);
     for (bench, truth) in imperfect.into_iter().chain([exact]) {
         let what = format!("seed {}", bench.seed);
         let mut options = options(&bench);

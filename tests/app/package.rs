@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::{Arc, LazyLock};
 
 use crate::program::{folder, open};
-use crate::support::{MODELS, says};
+use crate::support::{MODELS, assert_contains};
 use fmu_export::package::{Written, binaries_of, platform};
 use fmu_export::variable::{Type, Value, Variable};
 use fmu_export::{ModelType, Standard};
@@ -137,7 +137,7 @@ fn an_fmu_contains_exactly_its_members() {
         ];
         assert!(members.keys().eq(wanted.iter().map(|(file, _)| file)), "{name}: {:?}", members.keys());
         for (file, words) in wanted.iter().filter(|(_, words)| !words.is_empty()) {
-            says(&text(&members, file), words);
+            assert_contains(&text(&members, file), words);
         }
         let page = text(&members, "documentation/index.html");
         for variable in kind.variables() {
@@ -260,7 +260,7 @@ fn systems_connect_existing_variables_and_name_existing_files() {
         for (prefix, space) in SPACES {
             assert_eq!(root.lookup_namespace_uri(Some(prefix)), Some(space), "{file}");
         }
-        says(&text, &["<ssd:SystemStructureDescription ", "version=\"1.0\""]);
+        assert_contains(&text, &["<ssd:SystemStructureDescription ", "version=\"1.0\""]);
         are_of(root, file, &["ssd", "ssc", "osp", "oms"]);
         // OMSimulator opens all structures of an archive, reads its step at the end of the system, and requires distinct names.
         assert!(names.insert(root.attribute("name").expect("a name").to_owned()), "{file}: its name is another's");
@@ -354,7 +354,7 @@ fn parameter_sets_have_the_values_of_the_scenarios() {
             let text = text(&system, &file);
             let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
             let root = document.root_element();
-            says(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
+            assert_contains(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
             are_of(root, &file, &["ssv", "ssc"]);
             let units = named(root, "Parameter").filter_map(|node| node.first_element_child()?.attribute("unit"));
             has_units(root, &file, units);

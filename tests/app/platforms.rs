@@ -4,7 +4,7 @@
 
 use crate::package::members;
 use crate::program::{folder, run, write};
-use crate::support::{MODELS, says};
+use crate::support::{MODELS, assert_contains};
 use fmu_export::Standard;
 use fmu_export::package::platforms::{Binaries, PLATFORMS, by_name};
 use magnetic_bearing::package::built_library;
@@ -220,7 +220,7 @@ fn the_command_refuses_invalid_binaries() {
     ] {
         let (found, _, errors) = package(&folder, given);
         assert_eq!(found, code, "{given:?}: {errors}");
-        says(&errors, words);
+        assert_contains(&errors, words);
         assert!(!folder.join("out").exists(), "{given:?}: nothing is written");
     }
 }

@@ -7,7 +7,7 @@ use std::process::{Command, Output};
 
 use serde_json::Value as Json;
 
-use crate::support::says;
+use crate::support::assert_contains;
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::{self, Run};
@@ -115,7 +115,7 @@ pub fn estimate(of: &Json) -> [f64; 2] {
 pub fn refuses(folder: &Path, arguments: &[&str], words: &[&str]) {
     let (out, err) = exits(2, folder, arguments);
     assert_eq!(out, "", "{arguments:?}");
-    says(&err, words);
+    assert_contains(&err, words);
 }
 
 /// Pairs of names, or of a name and a value, as owned strings.

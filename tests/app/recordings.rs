@@ -5,7 +5,7 @@ use std::io::Write;
 use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
 
 use crate::program::pairs;
-use crate::support::{Random, says};
+use crate::support::{Random, assert_contains};
 
 /// A recording of an orbit with uniformly distributed noise of 0.1 µm and 10 mA.
 struct Bench {
@@ -162,7 +162,7 @@ fn stamps_that_contradict_a_constant_rate_are_refused_and_named() {
     for (name, stamp, words) in cases {
         let text = BENCH.with_times("time [s]", stamp);
         let error = Samples::read(text.as_bytes(), &Reading::default()).expect_err(name).to_string();
-        says(&error, words);
+        assert_contains(&error, words);
         assert!(!error.contains("--resample"), "{name}: {error}");
     }
 }
@@ -175,15 +175,15 @@ fn a_rate_may_be_stated() {
     };
     let refused = |text: &str, rate: &str| read(text, rate).expect_err("refused").to_string();
     let none = BENCH.with_times("Nr", |j| Some(j.to_string()));
-    says(&refused(&none, ""), &["--rate"]);
+    assert_contains(&refused(&none, ""), &["--rate"]);
     let samples = read(&none, "10kHz").expect("a usable recording");
     assert_eq!((samples.step_s, samples.len(), samples.start_s), (1e-4, BENCH.rows, 0.0));
     let stamps = BENCH.with_times("time [s]", |j| text(7, 1.0001 * at(j)));
     assert_eq!(read(&stamps, "10 kHz").expect("clocks may differ").step_s, 1e-4);
-    says(&refused(&stamps, "9600 Hz"), &["104.1667 µs apart, the time stamps 100.01 µs"]);
+    assert_contains(&refused(&stamps, "9600 Hz"), &["104.1667 µs apart, the time stamps 100.01 µs"]);
     // A single change of the stamps does not determine the rate.
     let coarse = BENCH.with_times("time [s]", |j| text(0, at(j)));
-    says(&refused(&coarse, ""), &["rounded to 1 s in", "known to 50 % only; give --rate"]);
+    assert_contains(&refused(&coarse, ""), &["rounded to 1 s in", "known to 50 % only; give --rate"]);
     assert_eq!(read(&coarse, "10kHz").expect("a usable recording").step_s, 1e-4);
 
     for (text, step_s) in
@@ -247,10 +247,10 @@ fn encodings_separators_and_decimal_commas() {
     }
     let whole = zipped(text.as_bytes());
     let error = Samples::read(&whole[..whole.len() / 2], &reading).expect_err("half a file").to_string();
-    says(&error, &["the text cannot be read"]);
+    assert_contains(&error, &["the text cannot be read"]);
     // Decimal commas in a table that is separated by commas would shift the columns.
     let error = Samples::read(text.replace(';', ",").as_bytes(), &reading).expect_err("more cells than the header has");
-    says(&error.to_string(), &["14 cells, the header has 7; decimal commas need another separator"]);
+    assert_contains(&error.to_string(), &["14 cells, the header has 7; decimal commas need another separator"]);
 }
 
 const NAMES: [&str; 8] = ["time", "Ym", "Zm", "im[1]", "im[2]", "im[3]", "theta", "omega"];
@@ -312,7 +312,7 @@ fn units_have_many_names() {
         (0..40).map(|j| format!("{},{},{},{},1,1,0.{j:02}\n", 0.1 * f64::from(j), j % 7, 0.01, 1200)).collect();
     let samples = Samples::read((bare + &rows).as_bytes(), &Reading::default()).expect("a usable recording");
     assert_eq!((samples.step_s, samples.position_m[0][3], samples.current_a[0][3]), (1e-4, 3e-6, 1.2));
-    says(&samples.notes.join("\n"), &["theta has no unit; it is taken to be in rad."]);
+    assert_contains(&samples.notes.join("\n"), &["theta has no unit; it is taken to be in rad."]);
 }
 
 #[test]
@@ -346,7 +346,7 @@ fn all_errors_of_a_header_are_reported_at_once() {
             &["Ym: the header says m, the row below it µm"],
         ),
     ] {
-        says(&Samples::read(text.as_bytes(), reading).expect_err(text).to_string(), words);
+        assert_contains(&Samples::read(text.as_bytes(), reading).expect_err(text).to_string(), words);
     }
 }
 
@@ -361,7 +361,7 @@ fn sensors_that_are_not_connected_are_named() {
         values.iter_mut().for_each(|row| row[at] = value);
         let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], SI, [1.0; 8], &values);
         let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
-        says(&samples.implausible(&[5e-4]).join("\n"), &[words]);
+        assert_contains(&samples.implausible(&[5e-4]).join("\n"), &[words]);
     }
 }
 
@@ -372,7 +372,7 @@ fn a_row_written_twice_is_excluded() {
     let twice = [&lines[..500], &lines[499..]].concat().join("\n");
     let [once, twice] =
         [&text, &twice].map(|text| Samples::read(text.as_bytes(), &Reading::default()).expect("usable"));
-    says(&twice.notes.join("\n"), &["repeat the previous row with its time: line 501"]);
+    assert_contains(&twice.notes.join("\n"), &["repeat the previous row with its time: line 501"]);
     assert_eq!((once.position_m, once.start_s), (twice.position_m, twice.start_s));
 }
 

@@ -14,7 +14,7 @@ use quick_xml::events::Event as Xml;
 use serde_json::Value as Json;
 
 use crate::program::{column, run_to_end, scenario_and_run};
-use crate::support::says;
+use crate::support::assert_contains;
 
 /// Limit of the data, so that the page of a long run can be mailed and opens quickly.
 const DATA_LIMIT_BYTES: usize = 2_000_000;
@@ -174,19 +174,19 @@ fn the_page_is_complete_and_loads_nothing() {
     }
     assert_eq!(PAGE.matches("<figure").count(), expected.len());
     let table = "Tracking before and after the update";
-    says(&PAGE, &[table, "<th scope=\"col\" class=\"number\">before", "<td class=\"number\">1.8000</td>"]);
-    says(&PAGE, &["<details>", "<code>lambda[3]</code>", "simulate 'my file.toml'"]);
+    assert_contains(&PAGE, &[table, "<th scope=\"col\" class=\"number\">before", "<td class=\"number\">1.8000</td>"]);
+    assert_contains(&PAGE, &["<details>", "<code>lambda[3]</code>", "simulate 'my file.toml'"]);
     // Both axes and the zones.
     let sensitivity = figure(&PAGE, "sensitivity");
     assert!(traces(sensitivity, "y").len() == 2 && traces(sensitivity, "z").len() == 2);
-    says(&data(sensitivity)[0]["layout"]["shapes"].to_string(), &["zone A: below 3 (9.5 dB)"]);
+    assert_contains(&data(sensitivity)[0]["layout"]["shapes"].to_string(), &["zone A: below 3 (9.5 dB)"]);
     assert!(*PAGE == page_of(&PAPER.0, &run_to_end(&PAPER.0)), "the same run makes the same page");
 }
 
 #[test]
 fn the_first_screen_states_the_answer_and_the_verdict() {
     let answer = answer(&PAGE);
-    says(answer, &["Valid", "all tests pass", "1.7999 ± 0.0063", "truth 1.8000, error −0.0038 %"]);
+    assert_contains(answer, &["Valid", "all tests pass", "1.7999 ± 0.0063", "truth 1.8000, error −0.0038 %"]);
     // The animation and one plot, before any table.
     assert_eq!(data(answer).len(), 2);
     assert!(PAGE.find("id=\"answer\"").unwrap() < PAGE.find("<table").unwrap());
@@ -196,8 +196,8 @@ fn the_first_screen_states_the_answer_and_the_verdict() {
     // The best estimate comes first, then that of the controller. Each states its own limit; the load in phase with the trajectory affects
     // only the paper's method.
     let (best, used) = answer.split_once("the estimate that the controller uses").expect("a heading");
-    says(best, &["<code>predictionError</code>", "below 5 %"]);
-    says(used, &["<code>paper</code>", "below 25 %", "look like magnets weaker"]);
+    assert_contains(best, &["<code>predictionError</code>", "below 5 %"]);
+    assert_contains(used, &["<code>paper</code>", "below 25 %", "look like magnets weaker"]);
     assert!(!best.contains("<code>paper</code>") && !best.contains("look like magnets weaker"), "{best}");
     // A failed verdict is stated with its reason and time.
     let disabled = 3.0;
@@ -207,7 +207,7 @@ fn the_first_screen_states_the_answer_and_the_verdict() {
         }
     });
     let words = ["Not valid", "since 0.3 s: the input enable is false", "It was valid until 0.2999 s"];
-    says(self::answer(&failed), &words);
+    assert_contains(self::answer(&failed), &words);
 }
 
 #[test]
@@ -352,5 +352,5 @@ fn text_is_escaped() {
     (scenario.title, scenario.description) = (text.into(), text.into());
     let page = experiment::page(text.as_ref(), text, &scenario, &Run { error: Some(text.into()), ..run });
     assert_sound(&page);
-    says(&page, &["a &lt; b &amp; &quot;c&quot;"]);
+    assert_contains(&page, &["a &lt; b &amp; &quot;c&quot;"]);
 }

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::program::{cell, folder, read, rows, write};
-use crate::support::{below, says};
+use crate::support::{assert_contains, below};
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
 fn opened(name: &str, scenario: Option<&str>) -> Sweep {
@@ -20,7 +20,7 @@ fn a_failing_case_is_a_row_with_its_message() {
     for (n, (row, words)) in rows.iter().zip(["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"]).enumerate()
     {
         assert_eq!(row["case"], (n + 1).to_string());
-        says(&row["status"], &[words]);
+        assert_contains(&row["status"], &[words]);
     }
     assert_ne!(rows[4]["status"], "ok", "a load of 100 kN pushes the rotor through the backup bearing into a magnet");
     assert_eq!(rows[3]["lambdaHat[1] [N.m2/A2]"], "");
@@ -67,7 +67,7 @@ fn rows_of_different_designs_or_scenarios_are_not_mixed() {
         ("cases.csv", None, "title = 1\nstep", "no rows of a sweep"),
     ] {
         write(&folder, "rows.csv", content);
-        says(&opened(design, scenario).run(&out).expect_err(words).to_string(), &[words]);
+        assert_contains(&opened(design, scenario).run(&out).expect_err(words).to_string(), &[words]);
         assert_eq!(read(&folder, "rows.csv"), content, "{words}");
     }
 }
@@ -106,7 +106,7 @@ fn errors_of_a_design_are_named() {
     ] {
         write(&folder, "wrong.csv", text);
         let error = Sweep::open(&folder.join("wrong.csv"), scenario.map(Path::new)).err();
-        says(&error.expect("nothing is right in it").to_string(), words);
+        assert_contains(&error.expect("nothing is right in it").to_string(), words);
     }
     for (cases, range, words) in [
         ("1000000000000", "{ from = 1, to = 2 }", "cases = 1000000000000 is refused: expected at most"),
@@ -115,6 +115,6 @@ fn errors_of_a_design_are_named() {
     ] {
         let text = format!("cases = {cases}\nseed = 1\nsampling = \"monteCarlo\"\n[ranges]\nplant.m = {range}\n");
         write(&folder, "wrong.toml", text);
-        says(&Sweep::open(&folder.join("wrong.toml"), None).err().expect(words).to_string(), &[words]);
+        assert_contains(&Sweep::open(&folder.join("wrong.toml"), None).err().expect(words).to_string(), &[words]);
     }
 }

@@ -11,7 +11,7 @@ use serde_json::Value as Json;
 
 use crate::package::{members, parameters};
 use crate::program::{estimate, exits, folder, identified, number, read, write};
-use crate::support::{below, says};
+use crate::support::{assert_contains, below};
 
 /// The values of the twin, which must be the same in all three files.
 fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
@@ -20,12 +20,12 @@ fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {
     let mut inside = BTreeMap::new();
     for element in ["plant", "controller", "estimator"] {
         let set = String::from_utf8_lossy(&archive[&format!("resources/identified-{element}.ssv")]);
-        says(&set, &["name=\"identified\"", "generationTool=\"magnetic-bearing "]);
+        assert_contains(&set, &["name=\"identified\"", "generationTool=\"magnetic-bearing "]);
         inside.extend(parameters(&set).into_iter().map(|(name, value)| (format!("{element}.{name}"), value)));
     }
     assert_eq!(alone, inside);
     let scenario = Scenario::open(&folder.join("twin.toml")).unwrap_or_else(|why| panic!("{why}"));
-    says(&scenario.title, &["Identified from ", ".csv"]);
+    assert_contains(&scenario.title, &["Identified from ", ".csv"]);
     let mut stated = 0;
     for element in scenario.in_loop() {
         for (index, value) in element.values() {
@@ -66,10 +66,8 @@ fn reproduces_lambda(folder: &Path, found: &Json, arguments: &[&str], deviations
 }
 
 #[test]
-fn every_machine_has_a_twin() {
-    for (machine, mass, m_kg) in
-        [("planar4", "m=6.8", 6.8), ("spindle", "m=12kg", 12.0), ("spindle4", "estimator.m=12", 12.0)]
-    {
+fn machines_of_four_magnets_have_a_twin() {
+    for (machine, mass, m_kg) in [("planar4", "m=6.8", 6.8), ("spindle4", "estimator.m=12", 12.0)] {
         let folder = folder(&format!("twin/{machine}"));
         exits(0, &folder, &["simulate", machine, "--csv", "run.csv"]);
         let found = twin_of(&folder, &["run.csv", "--machine", machine, "--set", mass]);
@@ -185,11 +183,11 @@ fn foreign_files_are_not_overwritten() {
         ("--ssp", "ours.ssp", 2, "there-is-none.csv"),
     ] {
         let before = content(name);
-        says(&exits(code, &folder, &["identify", "there-is-none.csv", option, name]).1, &[words]);
+        assert_contains(&exits(code, &folder, &["identify", "there-is-none.csv", option, name]).1, &[words]);
         assert!(before == content(name), "{option} {name}");
     }
     let (_, errors) = exits(2, &folder, &["identify", "there-is-none.csv", "--ssp", "twin.ssp", "--method", "paper"]);
-    says(&errors, &["--method likelihood"]);
+    assert_contains(&errors, &["--method likelihood"]);
 }
 
 /// A recording that is too short gets no answer and no twin; the exit code is 3, and verdict and JSON state it.
@@ -202,7 +200,7 @@ fn an_answer_that_is_not_valid_has_no_twin() {
         write(&folder, "run.csv", short.join("\n"));
         let arguments = ["identify", "run.csv", "--machine", machine, "--json", "-"];
         let (out, errors) = exits(3, &folder, &[&arguments, &FILES[..]].concat());
-        says(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
+        assert_contains(&errors, &["Not valid: the recording is too short", "The twin was not written"]);
         let document: Json = serde_json::from_str(&out).unwrap_or_else(|why| panic!("{why}: {out}"));
         assert!(document["valid"] == false && document["lambdaHat"].is_null(), "{machine}: {document}");
         for file in ["twin.toml", "twin.ssv", "twin.ssp"] {

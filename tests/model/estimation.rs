@@ -6,7 +6,7 @@ mod state;
 use std::f64::consts::PI;
 
 use crate::rotor::{Currents, Path, Rotor, STEP_S, largest, unbalanced};
-use crate::support::{Random, below, between, says};
+use crate::support::{Random, assert_contains, below, between};
 use magnetic_bearing::estimation::{
     CONDITION_CAP, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
     STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,

@@ -71,7 +71,7 @@ pub type SpindleConfig = magnetic_bearing::plant::PlantConfigOf<f64, 5, 8, 3>;
 
 /// Asserts that a message contains all of these words.
 #[track_caller]
-pub fn says(message: &str, words: &[&str]) {
+pub fn assert_contains(message: &str, words: &[&str]) {
     for word in words {
         assert!(message.contains(word), "`{word}` is missing in: {message}");
     }

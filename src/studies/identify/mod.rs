@@ -279,7 +279,6 @@ pub struct Statement {
 pub fn one_revolution(samples: &Samples) -> f64 {
     let speed_rad_s = mean(samples.omega_rad_s.iter().copied()).abs();
     let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };
-    // At most 0.2 s, at least eight samples.
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
 }
 

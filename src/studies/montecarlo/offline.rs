@@ -76,11 +76,6 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples
         rotation: Rotation::Both,
         ..Samples::default()
     };
-    // The delay applies to positions alone.
-    let delay_s = of("delay").abs();
-    for (theta, omega) in samples.theta_rad.iter_mut().zip(&samples.omega_rad_s) {
-        *theta += omega * delay_s;
-    }
     let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
     let gain = [1.0 + common + half, 1.0 + common - half];
     let offset = [of("sensor.offset[y]"), of("sensor.offset[z]")];

@@ -17,9 +17,9 @@ fn refused_parameters_end_the_initialization_with_all_their_names() {
         }
         fmu.enter_initialization().ok(&fmu);
         let text = fmu.exit_initialization().error(&fmu);
-        says(&text, &["fmi2ExitInitializationMode", "expected"]);
+        assert_contains(&text, &["fmi2ExitInitializationMode", "expected"]);
         for (name, _) in values {
-            says(&text, &[&format!("{name} = ")]);
+            assert_contains(&text, &[&format!("{name} = ")]);
         }
         assert_eq!(state_of(&fmu), 'e', "{model}");
         fmu.reset().ok(&fmu);
@@ -46,7 +46,7 @@ fn crash(fmu: &Fmu) -> (f64, String) {
 fn an_error_in_a_step_ends_the_run_and_a_reset_allows_another() {
     let fmu = Fmu::started(PLANT, &[]);
     let (time_s, text) = crash(&fmu);
-    says(&text, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
+    assert_contains(&text, &["fmi2DoStep", "leaves the gap", "magnet 1"]);
     assert_eq!(state_of(&fmu), 'e');
     let (mut status, mut last_s) = (fmi2Status::fmi2OK, -1.0);
     let c = fmu.component();
@@ -104,7 +104,7 @@ fn non_finite_parameters_are_refused_by_name() {
                 fmu.setup(0.0, None).ok(&fmu);
                 fmu.enter_initialization().ok(&fmu);
                 let text = fmu.exit_initialization().error(&fmu);
-                says(&text, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
+                assert_contains(&text, &["fmi2ExitInitializationMode", &variable.name, &value.to_string()]);
             }
         }
     }
@@ -117,7 +117,7 @@ fn non_finite_inputs_fail_the_step_or_invalidate_the_estimate() {
     for (model, name) in [(PLANT, "i[2]"), (PLANT, "omega"), ("FlatnessController", "Zm")] {
         let fmu = Fmu::started(model, &[]);
         fmu.set(name, f64::NAN).ok(&fmu);
-        says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep", name, "NaN"]);
+        assert_contains(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep", name, "NaN"]);
     }
     let fmu = Fmu::started("AlgebraicEstimator", &[]);
     for name in ["Ym", "im[3]", "theta"] {

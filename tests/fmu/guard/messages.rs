@@ -25,7 +25,7 @@ fn logged_categories(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String>
     assert_eq!(fmu.step(0.0, -1.0), fmi2Status::fmi2Error);
     let messages = fmu.take_messages();
     for message in messages.iter().filter(|message| message.category == "logSingularLinearSystems") {
-        says(&message.text, &["does not determine all unknowns"]);
+        assert_contains(&message.text, &["does not determine all unknowns"]);
     }
     let mut categories: Vec<_> = messages.into_iter().map(|message| message.category).collect();
     categories.sort();
@@ -47,7 +47,7 @@ fn an_event_is_reported_once() {
     let messages = fmu.take_messages();
     let [message] = &messages[..] else { panic!("expected one event: {messages:?}") };
     assert_eq!((message.status, message.category.as_str()), (fmi2Status::fmi2OK, "logEvents"));
-    says(&message.text, &["force constants", "2e-6"]);
+    assert_contains(&message.text, &["force constants", "2e-6"]);
     assert_eq!(message.instance, "instance");
 }
 
@@ -91,13 +91,13 @@ fn a_list_with_an_unknown_category_switches_nothing() {
     let fmu = Request::of(PLANT).instantiate(PLANT).expect("an instance");
     fmu.set_logging(false, &[]).ok(&fmu);
     // Errors are reported even with logging off: otherwise the reason for the end of a simulation would be lost.
-    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+    assert_contains(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
     let unknown = ["logNonsense", "logevents", "logEvents ", ""];
     for name in unknown {
         let said = fmu.set_logging(false, &["logStatusError", name]).error(&fmu);
-        says(&said, &["fmi2SetDebugLogging: ", &format!("{name} is not a category")]);
+        assert_contains(&said, &["fmi2SetDebugLogging: ", &format!("{name} is not a category")]);
     }
-    says(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
+    assert_contains(&fmu.step(0.0, TS).error(&fmu), &["fmi2DoStep"]);
 }
 
 /// Data of a logger that calls back into its instance.

@@ -23,7 +23,7 @@ fn gaps_keep_the_accumulated_information() {
         (Verdict::Contact, "contact"),
         (Verdict::Disabled, "enable is false"),
     ] {
-        says(&verdict.to_string(), &["not valid: ", words]);
+        assert_contains(&verdict.to_string(), &["not valid: ", words]);
     }
     let rotor = noisy(5, 3001);
     let good = rotor.inputs(Hold::HeldBefore);

@@ -31,8 +31,6 @@ const CONVERGED: f64 = 0.05;
 const ROUGH: f64 = 1.0;
 /// Longest step of a bench parameter, in typical tolerances: without it the search misses a bench of the test `all_parameters_of_a_bench_are_found_at_once`.
 const MAX_STEP: f64 = 3.0;
-/// Smaller changes of the logarithm of a noise level need no second update.
-const NOISE_SETTLED: f64 = 0.002;
 /// Prior standard deviation of a free parameter, in typical tolerances: too wide to matter.
 const FREE_STD: f64 = 1e3;
 /// A free parameter with a standard deviation above this many typical tolerances is not determined by the data.
@@ -323,15 +321,6 @@ impl Search<'_> {
         with.into_iter().fold(f64::NEG_INFINITY, f64::max) - without
     }
 
-    /// Updates noise levels until they hardly change, at most three times; returns the first change of a logarithm.
-    fn settle_noise(&mut self) -> f64 {
-        let first = self.noise();
-        if first > NOISE_SETTLED && self.noise() > NOISE_SETTLED {
-            self.noise();
-        }
-        first
-    }
-
     /// Current point of the search.
     fn point(&self) -> Point {
         let noise =
@@ -387,8 +376,7 @@ impl Search<'_> {
             }
             if iteration + 1 >= UNSMOOTHED {
                 self.smooth();
-                // Process noise follows λ σ_i: noise levels must fit the point before its likelihood counts.
-                largest = largest.max(self.settle_noise());
+                largest = largest.max(self.noise());
             }
             if iteration > UNSMOOTHED && largest < limit {
                 self.converged = true;
