@@ -181,7 +181,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
     rows.extend(peaks(scenario, sensitivities));
     let names = stretches.iter().map(|stretch| stretch.name);
     let note = format!(
-        "Over the last {}; where there was an update, and the speed is the same, also over those before it. Zones of ISO 14839-3: A below \
+        "Over the last {}, and over those before the update if the speed is the same. Zones of ISO 14839-3: A below \
          3, B below 4, C below 5.",
         interval(&run.recording, &stretches)
     );

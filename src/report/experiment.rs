@@ -108,7 +108,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
         verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
             Some(at) => {
                 let until_s = instant(run.recording.time_s[at]);
-                format!(" It was valid until {until_s}; what is shown is that estimate.")
+                format!(" It was valid until {until_s}; that estimate is shown.")
             }
             None => " It was never valid.".into(),
         };
@@ -209,7 +209,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         @if let Some((_, best)) = answers.first() { (best) }
         (figures::first(&signals))
         @if let Some((_, used)) = answers.get(1) {
-            h2 { "Beside it: the estimate that the controller uses" }
+            h2 { "The estimate that the controller uses" }
             (used)
         }
     };

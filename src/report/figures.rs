@@ -375,8 +375,8 @@ fn errors(run: &Signals) -> Figure {
         }
         plot
     });
-    let caption = "Errors in decades (solid) beside two stated standard deviations (dashed). An error of the bench that no \
-                   tolerance states is in no standard deviation.";
+    let caption = "Errors in decades (solid) beside two stated standard deviations (dashed), which do not cover bench errors \
+                   without a stated tolerance.";
     run.figure("errors", "Errors of the estimates", plots, caption)
 }
 

@@ -51,7 +51,7 @@ impl Report<'_> {
                 }
                 @if let Some(time_s) = self.time_s { p.soft { (summary_of(time_s)) } }
                 @if !self.command.is_empty() {
-                    p.soft { "This page is made by" }
+                    p.soft { "Command of this page:" }
                     pre { code { (self.command) } }
                 }
             }
@@ -80,7 +80,7 @@ impl Report<'_> {
                 (plot::notice())
             }
             main { (main) }
-            footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a name in a legend to switch its line." }
+            footer.soft { "Plots: plotly.js (MIT). Drag to zoom, double-click for all, click a legend entry to hide or show its line." }
             (plot::scripts())
         };
         frame::page(self.title, &body)
@@ -109,7 +109,7 @@ fn summary_of(time_s: &[f64]) -> String {
     };
     let samples = time_s.len();
     let thinned = if samples <= plot::MAX_UNTHINNED {
-        "each of them is drawn"
+        "all drawn"
     } else {
         "of which the plots show the smallest and the largest value of short intervals"
     };

@@ -380,7 +380,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     };
     if study.offline.is_none() {
         let lost = outcome.trials.iter().map(|trial| trial.lost).sum::<usize>();
-        note += &format!(" Valid estimates ceased to be valid {lost} times.");
+        note += &format!(" Valid estimates became invalid {lost} times.");
     }
     let left: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.left).collect();
     if !left.is_empty() {
