@@ -105,7 +105,7 @@ fn never_confident_and_wrong() {
             let scenario = scenario_of(base, settings, method, noise, known);
             let (outputs, _) = outputs(&scenario, 0.3);
             // A synchronous force along a line is partly a backward force. While the noise level is being estimated it passes for noise;
-            // docs/uncertainty.md, "What is not seen".
+            // docs/uncertainty.md, "Undetected errors".
             let backward = method == 3 && !known && name.starts_with("the paper's perturbation");
             // A slowly changing load is nearly constant over the first revolutions.
             let slow = method == 3 && name == "slow perturbation";
