@@ -195,7 +195,7 @@ fn the_first_screen_states_the_answer_and_the_verdict() {
     assert_eq!(animation["events"][0][1], "update");
     // The best estimate comes first, then that of the controller. Each states its own limit; the load in phase with the trajectory affects
     // only the paper's method.
-    let (best, used) = answer.split_once("the estimate that the controller uses").expect("a heading");
+    let (best, used) = answer.split_once("The estimate that the controller uses").expect("a heading");
     assert_contains(best, &["<code>predictionError</code>", "below 5 %"]);
     assert_contains(used, &["<code>paper</code>", "below 25 %", "look like magnets weaker"]);
     assert!(!best.contains("<code>paper</code>") && !best.contains("look like magnets weaker"), "{best}");

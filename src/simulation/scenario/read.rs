@@ -441,7 +441,7 @@ pub fn flatten(table: &toml::Table) -> Vec<(String, &toml::Value)> {
     leaves(table, &|_| false)
 }
 
-/// As [`flatten`], but tables for which `is_leaf` holds are leaves.
+/// The same, but tables for which `is_leaf` holds are leaves as well.
 pub fn leaves<'t>(table: &'t toml::Table, is_leaf: &dyn Fn(&toml::Table) -> bool) -> Vec<(String, &'t toml::Value)> {
     let mut found = Vec::new();
     for (key, value) in table {
