@@ -379,6 +379,8 @@ impl Search<'_> {
                 largest = largest.max(self.noise());
             }
             if iteration > UNSMOOTHED && largest < limit {
+                // Suspects are ranked with noise levels that fit the last point.
+                self.noise();
                 self.converged = true;
                 break;
             }
