@@ -169,8 +169,8 @@ pub fn judge(
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
     let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording)?, get("valid")?);
     let lambda = machine.of_magnets("lambda");
-    let step = used.iter().filter_map(|k| profile_of(scenario, &lambda[*k])).find(|profile| profile.hold);
-    let step_s = step.map(|profile| profile.time_s[0]);
+    let jump = used.iter().filter_map(|k| profile_of(scenario, &lambda[*k])).find(|profile| profile.hold);
+    let jump_s = jump.map(|profile| profile.time_s[0]);
     let detection_s = DETECTION_REVOLUTIONS * TAU / scenario.number("plant", "omega").abs().max(1.0);
     let time_s = &recording.time_s;
     let rows = touched.unwrap_or(time_s.len());
@@ -191,7 +191,7 @@ pub fn judge(
         ..Trial::default()
     };
     for row in 0..rows {
-        let after_s = step_s.map(|step_s| time_s[row] - step_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
+        let after_s = jump_s.map(|jump_s| time_s[row] - jump_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
         trial.lost += usize::from(row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0);
         let mut worst = Worst::default();
         for estimate in estimates.iter().filter(|_| valid[row] == 1.0) {
@@ -207,7 +207,7 @@ pub fn judge(
             trial.worst = worst;
         }
     }
-    let bounds = step_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
+    let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
     let planes: Vec<_> = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase")).collect();
     for (at, instant_s) in instants_s.iter().enumerate() {
         let Some(row) = (0..rows).find(|row| time_s[*row] >= instant_s - 0.5 * scenario.step_s) else { break };
