@@ -10,9 +10,9 @@
 //! and Filtering Theory*, section 8.3 for the extended filter). Missing readings are skipped: the filter predicts
 //! across any pattern of gaps.
 
-#![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
-
 use std::ops::Range;
+
+use nalgebra::{SMatrix, SVector};
 
 use super::{Axis, CURRENT_NOISE, DELAY, FEEDBACK, Law, SLOPE, SLOW, WALK};
 
@@ -61,8 +61,8 @@ pub(super) type Row = [[f64; 2]; 3];
 #[derive(Clone, Debug)]
 pub(super) struct Filter {
     law: Law,
-    x: [f64; N],
-    p: [[f64; N]; N],
+    x: SVector<f64, N>,
+    p: SMatrix<f64, N, N>,
     row: usize,
 }
 
@@ -70,34 +70,31 @@ impl Filter {
     /// Starts at the first row with all readings.
     pub(super) fn new(axis: &Axis, law: Law, readings: &Readings) -> Option<Self> {
         let row = readings.rows.clone().find(|row| readings.is_complete(*row))?;
-        let mut filter = Self { law, x: [0.0; N], p: [[0.0; N]; N], row };
+        let mut filter = Self { law, x: SVector::zeros(), p: SMatrix::zeros(), row };
         filter.x[0] = readings.x_m[row];
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
-            filter.p[3 + k][3 + k] = START_STD_A * START_STD_A;
-            filter.p[SLOPES + k][SLOPES + k] =
+            filter.p[(3 + k, 3 + k)] = START_STD_A * START_STD_A;
+            filter.p[(SLOPES + k, SLOPES + k)] =
                 if law.values[SLOPE] > 0.0 { START_STD_A_S * START_STD_A_S } else { 0.0 };
         }
         filter.reset_motion(readings.step_s);
         let start_n = if law.values[SLOW] > 0.0 { axis.slow_start_n() } else { 0.0 };
-        filter.p[2][2] = start_n * start_n;
+        filter.p[(2, 2)] = start_n * start_n;
         Some(filter)
     }
 
     /// Resets speed and the uncertainty of position and speed; the position stays.
     fn reset_motion(&mut self, h: f64) {
         let start_std_m = START_STD * self.law.reference_m;
-        for r in 0..2 {
-            for c in 0..N {
-                (self.p[r][c], self.p[c][r]) = (0.0, 0.0);
-            }
-        }
-        (self.p[0][0], self.p[1][1]) = (start_std_m.powi(2), (start_std_m / h).powi(2));
+        self.p.fixed_rows_mut::<2>(0).fill(0.0);
+        self.p.fixed_columns_mut::<2>(0).fill(0.0);
+        (self.p[(0, 0)], self.p[(1, 1)]) = (start_std_m.powi(2), (start_std_m / h).powi(2));
         self.x[1] = 0.0;
     }
 
     fn is_lost(&self) -> bool {
-        self.p[0][0] > (LOST * self.law.reference_m).powi(2)
+        self.p[(0, 0)] > (LOST * self.law.reference_m).powi(2)
     }
 
     /// Filters the next row and returns its innovations; rows before the first reading have none.
@@ -114,76 +111,59 @@ impl Filter {
         self.correct(readings, row)
     }
 
-    /// One sample time, in which the controller changes the currents: midpoint rule.
+    /// One sample time, in which the controller changes the currents: midpoint rule, `P = F P Fᵀ + Σ_k w² g_k g_kᵀ`.
     fn predict(&mut self, axis: &Axis, h: f64, change_a: [f64; 2]) {
-        let law = self.law;
+        let (law, used) = (self.law, axis.used.len());
         let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
-        self.p[2][2] += slow;
-        if self.is_lost() {
-            self.reset_motion(h);
-            self.p[0][0] = law.reference_m * law.reference_m;
-            (0..axis.used.len()).for_each(|k| self.p[3 + k][3 + k] += walk);
-            return;
-        }
+        let is_lost = self.is_lost();
         let [begin_a, middle_a, end_a] =
             [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| self.x[3 + k] + part * (h * self.x[SLOPES + k] + change_a[k])));
-        let begin = law.linearised(axis, self.x[0], begin_a).0 + self.x[2] / axis.m_kg;
-        let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
-        let (middle, stiffness, gain) = law.linearised(axis, middle_m, middle_a);
-        let middle = middle + self.x[2] / axis.m_kg;
-        self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
-        self.x[1] += h * middle;
-        self.x[3..SLOPES].copy_from_slice(&end_a);
-        // F differs from the identity in two rows.
-        let mut f = [[0.0; N]; 2];
-        f[0][0] = 1.0 + 0.5 * h * h * stiffness;
-        f[0][1] = h + h * h * h / 6.0 * stiffness;
-        f[0][2] = 0.5 * h * h / axis.m_kg;
-        f[1][0] = h * stiffness;
-        f[1][1] = 1.0 + 0.5 * h * h * stiffness;
-        f[1][2] = h / axis.m_kg;
-        for k in 0..2 {
-            f[0][3 + k] = 0.5 * h * h * gain[k];
-            f[1][3 + k] = h * gain[k];
-            f[0][SLOPES + k] = h * h * h / 6.0 * gain[k];
-            f[1][SLOPES + k] = 0.5 * h * h * gain[k];
+        let mut f = SMatrix::<f64, N, N>::identity();
+        let mut noise = [SVector::<f64, N>::zeros(); 2];
+        for (k, noise) in noise.iter_mut().enumerate().take(used) {
+            f[(3 + k, SLOPES + k)] = h;
+            noise[3 + k] = 1.0;
         }
-        let left: [[f64; N]; 2] =
-            std::array::from_fn(|r| std::array::from_fn(|c| (0..N).map(|i| f[r][i] * self.p[i][c]).sum()));
-        let corner: [[f64; 2]; 2] =
-            std::array::from_fn(|r| std::array::from_fn(|c| (0..N).map(|i| left[r][i] * f[c][i]).sum()));
-        for r in 0..2 {
-            for c in 2..N {
-                self.p[r][c] = left[r][c];
-                self.p[c][r] = left[r][c];
-            }
-        }
-        self.p[0][..2].copy_from_slice(&corner[0]);
-        self.p[1][..2].copy_from_slice(&[corner[0][1], corner[1][1]]);
-        for k in 0..axis.used.len() {
-            for c in 0..N {
-                self.p[3 + k][c] += h * self.p[SLOPES + k][c];
-            }
-            for r in 0..N {
-                self.p[r][3 + k] += h * self.p[r][SLOPES + k];
-            }
-            self.p[SLOPES + k][SLOPES + k] += slope;
-            // A current that changes linearly from one sample to the next moves the rotor by h²/6 and h/2 of its gain.
-            let w = [gain[k] * h * h / 6.0, gain[k] * 0.5 * h];
-            for r in 0..2 {
-                for c in 0..2 {
-                    self.p[r][c] += walk * w[r] * w[c];
+        // Without a position the force is unknown.
+        if !is_lost {
+            let begin = law.linearised(axis, self.x[0], begin_a).0 + self.x[2] / axis.m_kg;
+            let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
+            let (middle, stiffness, gain) = law.linearised(axis, middle_m, middle_a);
+            let middle = middle + self.x[2] / axis.m_kg;
+            self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
+            self.x[1] += h * middle;
+            (f[(0, 1)], f[(1, 0)]) = (h + h * h * h / 6.0 * stiffness, h * stiffness);
+            // Effect of a constant acceleration on position and speed, and of one that grows linearly to 1.
+            let (constant, linear) = ([0.5 * h * h, h], [h * h / 6.0, 0.5 * h]);
+            for row in 0..2 {
+                f[(row, row)] += 0.5 * h * h * stiffness;
+                f[(row, 2)] = constant[row] / axis.m_kg;
+                for k in 0..used {
+                    f[(row, 3 + k)] = constant[row] * gain[k];
+                    f[(row, SLOPES + k)] = h * linear[row] * gain[k];
+                    // The walk of a current is linear from one sample to the next.
+                    noise[k][row] = linear[row] * gain[k];
                 }
-                self.p[r][3 + k] += walk * w[r];
-                self.p[3 + k][r] += walk * w[r];
             }
-            self.p[3 + k][3 + k] += walk;
+        }
+        self.x.as_mut_slice()[3..SLOPES].copy_from_slice(&end_a);
+        self.p[(2, 2)] += slow;
+        self.p = f * self.p * f.transpose();
+        // Unequal rounding of the two triangles would grow with the instability of the rotor.
+        self.p.fill_lower_triangle_with_upper_triangle();
+        for (k, noise) in noise.iter().enumerate().take(used) {
+            self.p.ger(walk, noise, noise, 1.0);
+            self.p[(SLOPES + k, SLOPES + k)] += slope;
+        }
+        if is_lost {
+            self.reset_motion(h);
+            self.p[(0, 0)] = law.reference_m * law.reference_m;
         }
     }
 
     fn correct(&mut self, readings: &Readings, row: usize) -> Row {
         let mut innovations = Row::default();
-        for k in 0..=POSITION {
+        for (k, innovation) in innovations.iter_mut().enumerate() {
             let is_position = k == POSITION;
             let reading =
                 if is_position { Some(readings.x_m[row]) } else { readings.current_a.get(k).map(|of| of[row]) };
@@ -193,24 +173,20 @@ impl Filter {
                 self.reset_motion(readings.step_s);
             }
             let (at, delay_s) = if is_position { (0, self.law.values[DELAY]) } else { (3 + k, 0.0) };
-            let gain: [f64; N] = std::array::from_fn(|i| self.p[i][at] - delay_s * self.p[i][1]);
+            let gain = self.p.column(at) - self.p.column(1) * delay_s;
             let noise = if is_position { self.law.position_noise(reading) } else { self.law.values[CURRENT_NOISE] };
             let variance = gain[at] - delay_s * gain[1] + noise * noise;
             let error = reading - (self.x[at] - delay_s * self.x[1]);
-            innovations[k] = [error, variance];
-            for r in 0..N {
-                self.x[r] += gain[r] * error / variance;
-                for c in 0..N {
-                    self.p[r][c] -= gain[r] * gain[c] / variance;
-                }
-            }
+            *innovation = [error, variance];
+            self.x.axpy(error / variance, &gain, 1.0);
+            self.p.ger(-1.0 / variance, &gain, &gain, 1.0);
         }
         innovations
     }
 
     /// The slow force with its standard deviation, N.
     pub(super) fn slow_n(&self) -> [f64; 2] {
-        [self.x[2], self.p[2][2].max(0.0).sqrt()]
+        [self.x[2], self.p[(2, 2)].max(0.0).sqrt()]
     }
 
     /// Position predicted this many rows ahead from the currents read in between, without position readings, m.
