@@ -30,7 +30,7 @@ pub const SLIDING_M_S: f64 = 0.01;
 pub struct TouchdownConfig<T = f64> {
     /// Distance from the centre at which the rotor touches the backup bearing{at bearing}
     ///
-    /// Beyond the nominal gap, the rotor may reach a magnet first, which ends the run.
+    /// If it exceeds the nominal gap, the rotor may reach a magnet first, which ends the run.
     #[parameter(
         name = "touchdown.clearance", unit = METRE, above = 0.0, nominal = 1e-4, display_unit = "mm", value = 2.5e-4
     )]

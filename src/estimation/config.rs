@@ -164,8 +164,8 @@ pub struct EstimatorConfigOf<G: Bearings, const K: usize> {
     /// Standard deviation of the noise of im; 0 to estimate it from the data
     #[parameter(name = "sensor.currentNoise", unit = AMPERE, min = 0.0, nominal = 1e-2)]
     pub current_noise_a: f64,
-    /// Uncertainty of the other parameters; only [`Method::PredictionError`]. The tolerance of the mass applies to the whole inertia, that of the gap to all
-    /// gaps, each in proportion.
+    /// Uncertainty of the other parameters; only [`Method::PredictionError`]. The tolerance of the mass applies to the whole inertia in proportion, that of
+    /// the gap changes all gaps of a part of the motion by the same length.
     #[nested]
     pub tolerance: Tolerance,
     /// Length of the window of the paper's methods, a whole multiple of Ts; one revolution is a good choice
@@ -244,7 +244,7 @@ pub enum Verdict {
     Contact,
     /// A position sensor is stuck
     ///
-    /// To the last bit over many samples, while others move.
+    /// It repeats its reading to the last bit over many samples, while others move.
     Stuck,
     /// The latest samples contradict the earlier ones, which are discarded
     Changed,

@@ -143,8 +143,8 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     ///
     /// # Errors
     /// Every invalid parameter, under its name in the interface: not finite, or not positive where it must be; a geometry in which the rotor has no room,
-    /// or with magnets or sensors that cannot be distinguished. With one of the paper's methods also a tolerance, `identify.unbalance` false, `Tf` less than
-    /// 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
+    /// or with magnets or sensors that cannot be distinguished. With one of the paper's methods also a tolerance other than `tolerance.backwardForce`,
+    /// `identify.unbalance` false, `Tf` less than 8 or more than 10⁵ sample times or not a whole number of them, and `epsilon` shorter than `Tf`.
     pub fn new(config: EstimatorConfigOf<G, K>) -> Result<Self, Vec<Invalid>> {
         let method = G::method(&config)?;
         Ok(Self { config, method })
@@ -185,8 +185,8 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
 
     /// Processes one sample; call it once every T_s.
     ///
-    /// The result is finite for any input, and nothing panics. After a gap in the data (a bad sample, or `enable` false) the motion is unknown, but the
-    /// information on λ is kept. A rising edge of `reset` discards everything, λ̂ included, and allocates a fresh state.
+    /// The result is finite for any input, and nothing panics. After a long gap in the data (bad samples, or `enable` false), with the paper's methods after
+    /// any, the motion is unknown, but the information on λ is kept. A rising edge of `reset` discards everything, λ̂ included, and allocates a fresh state.
     pub fn sample(
         &self,
         state: &mut StateOf<G, N, K, P>,

@@ -38,7 +38,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
         let alpha_rad = &self.geometry.bearings[0].alpha_rad[..K];
         for (k, alpha) in alpha_rad.iter().enumerate().filter(|_| N == 2) {
             for (l, other) in alpha_rad.iter().enumerate().take(k) {
-                // Four magnets are two opposed pairs, whose magnets pull alternately: their currents distinguish them.
+                // Of four magnets two may be opposed, since these pull alternately: their currents distinguish them.
                 let sine = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
                 let wanted = format!(
                     "an angle off the line of magnet {}, from whose force it could not be distinguished,",

@@ -519,8 +519,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             };
         }
         match (state.estimate.verdict == Verdict::Valid, verdict == Verdict::Valid) {
-            // After a failed test an estimate must pass all tests for 0.1 s, and it becomes valid at most twice a second: `valid` changes at most five
-            // times a second.
+            // After a failed test an estimate stays invalid for at least 0.1 s, and it becomes valid at most twice a second: `valid` changes at most five times
+            // a second.
             (false, true) => state.revalid_from = [state.revalid_from[1], state.samples + samples(1.0)],
             (true, false) => state.valid_from = state.samples + samples(0.1),
             _ => (),

@@ -335,7 +335,7 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
     }
 }
 
-/// The scale that gives a matrix a unit diagonal, and the scaled matrix; an unexcited unknown has a row and a column of zeros, and gets a one there.
+/// The scale that gives a matrix a unit diagonal, and the scaled matrix; an unexcited unknown has a row and a column of zeros, and a one on the diagonal.
 fn scaled<const U: usize>(matrix: &Square<U>) -> (SVector<f64, U>, Square<U>) {
     let scale = matrix.diagonal().map(|x| if x == 0.0 { 1.0 } else { 1.0 / x.abs().sqrt() });
     let scaled = |r: usize, c: usize| scale[r] * matrix[(r, c)] * scale[c];
