@@ -157,7 +157,7 @@ impl Plot {
         self
     }
 
-    /// With an initial range of an axis (0 for x) in SI values; a range that is not finite or empty is ignored.
+    /// With an initial range of an axis (0 for x) in SI values; a range that is empty or not finite is ignored.
     pub fn range(mut self, axis: usize, ends: [f64; 2]) -> Plot {
         let log = self.axes[axis]["type"] == "log";
         let ends = ends.map(|end| end * self.units[axis].factor).map(|end| if log { end.log10() } else { end });

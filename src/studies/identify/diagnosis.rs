@@ -18,7 +18,7 @@ const TURNS: f64 = 5.0;
 /// The meaning of the currents decides several per cent of λ: it is judged on this many stretches. On one, a slow force made a held current look
 /// continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
-/// A gap that differs from the stated one by less, relative, is the same: a careful assembly does.
+/// A gap that differs from the stated one by less, relative, is the same: a careful assembly is that accurate.
 const SAME_GAP: f64 = 0.01;
 /// Probability of a proposal for data that are as stated.
 const CHANCE: f64 = 1e-3;

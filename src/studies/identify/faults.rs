@@ -35,7 +35,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
                 rows.len(),
                 instant(rows[0])
             ));
-            // PartSettings clipped readings, only those with inward noise remain: a biased sample.
+            // Near clipped readings, only those with inward noise remain: a biased sample.
             for row in rows {
                 let end = (row + 1 + BESIDE_CLIPPED).min(values.len());
                 values[row.saturating_sub(BESIDE_CLIPPED)..end].fill(f64::NAN);

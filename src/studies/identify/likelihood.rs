@@ -76,7 +76,7 @@ pub struct Recording {
     pub position_error_m: Vec<Vec<f32>>,
     /// The same for squared currents, A², by magnet; infinite where nothing is known.
     pub square_error_a2: Vec<Vec<f32>>,
-    /// How currents are held between samples.
+    /// Meaning of a current sample.
     pub hold: Hold,
     /// Standard deviation of the position noise, m, if known.
     pub position_noise_m: Option<f64>,
@@ -167,7 +167,7 @@ impl Options {
         self.parts.iter_mut().flat_map(|part| &mut part.parameters)
     }
 
-    /// The same with the position delay of a typical bench, where neither a delay nor a lag is stated.
+    /// The same with the tolerance of a typical bench for the delay of the positions, where neither a delay nor a lag is stated.
     pub(super) fn late(mut self) -> Self {
         let parts = self.parts.iter_mut().filter(|part| !part.settings.lag);
         let delays = parts.flat_map(|part| &mut part.parameters).filter(|of| plain(&of.name) == DELAY);
@@ -287,7 +287,7 @@ pub struct BenchEstimate {
     pub sensitivity: Vec<f64>,
     /// Standard deviation used for `contribution`, in the parameter's unit: the stated tolerance, or that of a typical bench.
     pub tolerance: f64,
-    /// Relative standard deviation of λ_k due to this parameter. If estimated: the share of the variance that exact knowledge would remove.
+    /// Relative standard deviation of λ_k due to this parameter. If estimated, its square is the variance that exact knowledge would remove.
     pub contribution: Vec<f64>,
 }
 

@@ -274,7 +274,7 @@ pub struct Statement {
     pub json: Json,
 }
 
-/// The window of one revolution, in whole samples, as a time in s; the paper's if the speed is not known.
+/// The window of one revolution, in s, rounded to whole samples, at least 8, and at most 0.2 s; the paper's if the speed is not known.
 #[must_use]
 pub fn one_revolution(samples: &Samples) -> f64 {
     let speed_rad_s = mean(samples.omega_rad_s.iter().copied()).abs();

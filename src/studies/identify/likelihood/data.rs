@@ -25,7 +25,8 @@ impl Case<'_> {
         (0..self.square_error.len()).any(|k| self.error_a2(row, k, 1.0) > 0.0)
     }
 
-    /// Whether an innovation is informative about noise: not where the position was not recorded, nor after an unknown current.
+    /// Whether an innovation is informative about noise: not where the position was not recorded, nor within
+    /// [`RECOVERY_ROWS`] rows after an unknown current.
     #[inline(always)]
     pub fn is_informative(&self, row: usize) -> bool {
         let is_unknown = |row: usize| self.square_error.iter().any(|error_a2| error_a2[row].is_infinite());
