@@ -564,10 +564,21 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if !noise.is_within_range() {
             Verdict::Noisy
         } else {
+            // After a rejection its reason no longer holds.
+            let kept = match state.estimate.verdict {
+                Verdict::Disabled | Verdict::Contact | Verdict::Stuck | Verdict::Speed | Verdict::BadSample => {
+                    Verdict::Collecting
+                }
+                kept => kept,
+            };
             match tested {
                 Verdict::Valid if (0..K).any(|k| sqrt(total[k]) >= limit * lambda[k]) => Verdict::Uncertain,
-                Verdict::Valid if state.failed as f64 * self.filter.step_s > FAILED_S => state.estimate.verdict,
-                Verdict::Valid if state.samples < state.valid_from.max(state.revalid_from[0]) => state.estimate.verdict,
+                Verdict::Valid
+                    if state.failed as f64 * self.filter.step_s > FAILED_S
+                        || state.samples < state.valid_from.max(state.revalid_from[0]) =>
+                {
+                    kept
+                }
                 verdict => verdict,
             }
         }

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::invalid::Checks;
 use crate::machine::Machine;
-use crate::plant::check_step;
 use crate::plant::noise::Noise;
+use crate::plant::{INSTANT_TOLERANCE, check_step};
 use crate::variables::unit::{AMPERE, METRE, ONE, SECOND};
 use crate::variables::{Array, Saved, Variables};
 
@@ -132,9 +132,9 @@ pub struct DelayLine<const N: usize = 2, const K: usize = 3> {
 }
 
 impl<const N: usize, const K: usize> DelayLine<N, K> {
-    /// A delay line; samples before the start equal the one at the start.
+    /// A delay line; samples up to the start equal the one at the start.
     pub fn new(at_start: Sample<N, K>, delay_samples: f64) -> Self {
-        Self { taken: delay_samples as u64 + 1, ring: Array([at_start; LONGEST_DELAY + 1]) }
+        Self { taken: (delay_samples + INSTANT_TOLERANCE) as u64 + 1, ring: Array([at_start; LONGEST_DELAY + 1]) }
     }
 
     /// Adds a sample.

@@ -163,13 +163,15 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
         for target in &profile.targets {
             let path = scenario.path(*target);
             let (_, name) = path.split_once('.').unwrap_or_default();
-            let magnet = name.trim_end_matches(']').rsplit('[').next().unwrap_or_default();
+            let (name, magnet) = name.trim_end_matches(']').split_once('[').unwrap_or((name, ""));
+            let prefixes = scenario.machine.bearings.iter().map(|bearing| bearing.prefix);
+            let prefix = prefixes.filter(|prefix| name.starts_with(prefix)).max().unwrap_or_default();
             for (at_s, value) in profile.time_s.iter().zip(&profile.values).filter(|(at_s, _)| **at_s > 0.0) {
                 let on = value.clone().as_f64() != 0.0;
-                let label = match name.split('[').next().unwrap_or_default() {
-                    "coil.open" if on => format!("coil {magnet} opens"),
-                    "coil.open" => format!("coil {magnet} closes"),
-                    "lambda" => format!("λ{magnet} changes"),
+                let label = match &name[prefix.len()..] {
+                    "coil.open" if on => format!("coil {prefix}{magnet} opens"),
+                    "coil.open" => format!("coil {prefix}{magnet} closes"),
+                    "lambda" => format!("{prefix}λ{magnet} changes"),
                     "reset" if on => "estimator reset".into(),
                     _ => continue,
                 };
@@ -177,13 +179,16 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
             }
         }
     }
-    let contact = run.recording.get("plant.touchdown.contact").unwrap_or(&[]);
-    let touches = |pair: &[f64]| pair[0] == 0.0 && pair[1] == 1.0;
-    if let Some(at) = contact.windows(2).position(touches) {
-        mark(time_s[at + 1], "touchdown".into());
-    }
-    if let Some(at) = contact.windows(2).rposition(|pair| pair[0] == 1.0 && pair[1] == 0.0) {
-        mark(time_s[at + 1], "contact ends".into());
+    for bearing in scenario.machine.bearings {
+        let name = if bearing.prefix.is_empty() { "touchdown.contact" } else { "contact" };
+        let contact = run.recording.get(&format!("plant.{}{name}", bearing.prefix)).unwrap_or(&[]);
+        let of = bearing.prefix.strip_suffix('.').map_or(String::new(), |name| format!(", bearing {name}"));
+        if let Some(at) = contact.windows(2).position(|pair| pair == [0.0, 1.0]) {
+            mark(time_s[at + 1], format!("touchdown{of}"));
+        }
+        if let Some(at) = contact.windows(2).rposition(|pair| pair == [1.0, 0.0]) {
+            mark(time_s[at + 1], format!("contact ends{of}"));
+        }
     }
     events
 }

@@ -189,7 +189,7 @@ impl<'s> Drawn<'s> {
             }
         }
         let mut caption = String::from(
-            "The answer from all samples, with a band of two standard deviations; parts with a different λ or load are shaded. ",
+            "The answer from all samples, with a band of two standard deviations; disturbed parts, and those with a different λ or load, are shaded. ",
         );
         caption += if has_on_line {
             "For comparison the on-line estimator, which knows at each instant only the samples before it, beside the answer (dashed)."

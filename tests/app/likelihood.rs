@@ -17,6 +17,7 @@ fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
 fn recording(bench: &Bench, noise_known: bool) -> Recording {
     let recorded = bench.record();
     Recording {
+        start_s: 0.0,
         step_s: bench.step,
         position_m: by_column(&recorded.position),
         current_a: by_column(&recorded.current),

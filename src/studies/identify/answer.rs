@@ -111,9 +111,11 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     for (samples, recording) in recordings.iter().zip(&all) {
         if let Some(off) = speed_error(samples, recording) {
             answer.valid = false;
+            let speed = if samples.rotation == Rotation::Stated { "stated" } else { "recorded" };
+            let by = if off > 0.0 { "faster" } else { "slower" };
             answer.verdict = format!(
-                "Not valid: the motion turns by {} % faster than the stated speed: --speed, or a column of the angle.",
-                significant(100.0 * off, 2)
+                "Not valid: the motion turns {} % {by} than the {speed} speed: --speed, or a column of the angle.",
+                significant(100.0 * off.abs(), 2)
             );
         }
     }

@@ -74,6 +74,12 @@ fn currents(trial: &mut Trial, reorder: impl FnOnce(&mut [usize])) {
     }
 }
 
+/// Shifts the currents and the errors of restored ones by a row.
+fn shift_currents(trial: &mut Trial, current: fn(&mut [f64]), error: fn(&mut [f32])) {
+    trial.recording.current_a.iter_mut().for_each(|rows| current(rows));
+    trial.recording.square_error_a2.iter_mut().for_each(|rows| error(rows));
+}
+
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
 const GAP: &str = "--estimate s";
@@ -107,13 +113,13 @@ const ALTERNATIVES: &[Alternative] = &[
     (
         0,
         "the currents come a sample late, or the positions early",
-        |t| t.recording.current_a.iter_mut().for_each(|current| current.rotate_left(1)),
+        |t| shift_currents(t, |rows| rows.rotate_left(1), |rows| rows.rotate_left(1)),
         "shift the currents by one row",
     ),
     (
         0,
         "the currents come a sample early, or the positions late",
-        |t| t.recording.current_a.iter_mut().for_each(|current| current.rotate_right(1)),
+        |t| shift_currents(t, |rows| rows.rotate_right(1), |rows| rows.rotate_right(1)),
         "shift the currents by one row, or --estimate delay",
     ),
     (

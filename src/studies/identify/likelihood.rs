@@ -60,6 +60,8 @@ use crate::studies::identify::units::significant;
 /// One recording with a uniform sample time.
 #[derive(Clone, Debug)]
 pub struct Recording {
+    /// Time of the first row, s.
+    pub start_s: f64,
     /// Sample time, s.
     pub step_s: f64,
     /// Positions by coordinate, m.

@@ -17,6 +17,7 @@ pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     let (theta_rad, omega_rad_s) = (rotation(&samples.theta_rad), rotation(&samples.omega_rad_s));
     let [position_noise_m, current_noise_a] = stated.noise.map(|noise| (noise > 0.0).then_some(noise));
     let mut recording = Recording {
+        start_s: samples.start_s,
         step_s: samples.step_s,
         position_m,
         current_a,

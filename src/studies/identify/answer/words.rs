@@ -68,8 +68,8 @@ fn along(name: &str) -> &'static str {
 /// Parts of recordings that are inconsistent with the others.
 fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     let words = |part: &Contradiction| {
-        let step_s = all[part.recording].step_s;
-        let at = |row: usize| time(row as f64 * step_s);
+        let Recording { start_s, step_s, .. } = all[part.recording];
+        let at = |row: usize| time(start_s + row as f64 * step_s);
         let of = ["", ", along the axis,"][part.part];
         let rows = format!("{} to {} of recording {}{of}", at(part.rows.start), at(part.rows.end), part.recording + 1);
         match &part.what {

@@ -107,8 +107,8 @@ fn changes() -> Vec<Course> {
     let drawn = Course::new("drawn bearing, load ramp 5 N/s, λ drifts 1 %/s", NotWrong, 1.0, drawn);
     // The currents rise with the speed, so that a changing load looks like a change of λ.
     let opposed = |scenario: &mut Scenario, _| {
-        cases::speed(scenario, &[0.0, 0.3, 0.7, 1.0], &[1500.0, 1500.0, 8000.0, 8000.0]);
         scale(scenario, "plant.unbalance.magnitude", 0.25);
+        cases::speed(scenario, &[0.0, 0.3, 0.7, 1.0], &[1500.0, 1500.0, 8000.0, 8000.0]);
         for (name, part) in scenario.machine.of_magnets("lambda").iter().zip([0.01, 0.01, -0.01, -0.01]) {
             change(scenario, name, [0.0, 1.0], part);
         }
