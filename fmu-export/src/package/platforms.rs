@@ -135,7 +135,7 @@ pub enum NotFor {
     NoLibrary {
         /// The platform expected.
         wanted: &'static Platform,
-        /// The file's contents.
+        /// Kind of code found.
         found: String,
     },
     /// It is a library for another platform.
