@@ -180,7 +180,10 @@ impl Arguments {
                 return Err(refused(format!("--method {method} needs a single recording")));
             }
         }
-        let recordings = self.read(&self.reading(&columns, machine, None), Some(&bearing))?;
+        let reading = self.reading(&columns, machine, None);
+        let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
+        let read = |path: &PathBuf| self.read(path, &reading, |samples| samples.implausible(&gap_m));
+        let recordings: Vec<Samples> = self.recordings.iter().map(read).collect::<Result<_>>()?;
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
@@ -293,26 +296,17 @@ impl Arguments {
         }
     }
 
-    /// Reads the recordings and refuses those that are not plausible for the bearing, if it is known.
-    fn read(&self, reading: &Reading, bearing: Option<&Scenario>) -> Result<Vec<Samples>> {
-        let gap_m = |name: String| bearing?.value("estimator", &name).map(Value::as_f64);
-        let gap_m: Option<Vec<f64>> = reading.machine.of_bearings("s").into_iter().map(gap_m).collect();
-        let one = |path: &PathBuf| {
-            let samples = self.read_one(path, reading)?;
-            match gap_m.as_ref().map_or_else(|| samples.unmoved(), |gap_m| samples.implausible(gap_m)) {
-                findings if findings.is_empty() => Ok(samples),
-                findings => Err(self.refused(path, findings)),
-            }
-        };
-        self.recordings.iter().map(one).collect()
-    }
-
-    fn read_one(&self, path: &Path, reading: &Reading) -> Result<Samples> {
+    /// Reads a recording and refuses it if `implausible` finds signs of misread units.
+    fn read(&self, path: &Path, reading: &Reading, implausible: impl Fn(&Samples) -> Vec<String>) -> Result<Samples> {
         let samples = match &self.currents {
             None => Samples::read(open(path)?, reading),
             Some(apart) => Samples::read_apart(open(path)?, open(apart)?, reading),
         };
-        samples.map_err(|unusable| self.refused(path, unusable.0))
+        let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
+        match implausible(&samples) {
+            findings if findings.is_empty() => Ok(samples),
+            findings => Err(self.refused(path, findings)),
+        }
     }
 
     /// The error for an unusable recording; written as JSON as well if that goes to the standard output.

@@ -114,6 +114,13 @@ impl Axis {
         Self { m_kg, used, known: [None; UNKNOWNS], estimated: [false; UNKNOWNS], at_m: None }
     }
 
+    /// Gap that bounds the motion, m; infinite if it is unknown, or if one magnet leaves the other side open.
+    #[must_use]
+    pub fn gap_m(&self) -> f64 {
+        let is_closed = self.used.len() == 2 && self.is_known(GAP);
+        self.known[GAP].filter(|_| is_closed).unwrap_or(f64::INFINITY)
+    }
+
     fn is_known(&self, at: usize) -> bool {
         self.known[at].is_some() && !self.estimated[at]
     }

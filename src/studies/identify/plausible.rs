@@ -41,12 +41,20 @@ impl Samples {
             rotation.extend(checks.speed().or_else(|| checks.motion_against_angle()));
         }
         let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| checks.positions(bearing, *gap_m));
-        pace.into_iter().chain(self.unmoved()).chain(positions).chain(checks.currents()).chain(rotation).collect()
+        let currents = checks.currents(0..self.machine.magnets());
+        pace.into_iter().chain(self.unmoved()).chain(positions).chain(currents).chain(rotation).collect()
+    }
+
+    /// The same for one axis with these magnets in use, sampled at any rate; `gap_m` is infinite if it is unknown.
+    #[must_use]
+    pub fn implausible_axis(&self, used: &[usize], gap_m: f64) -> Vec<String> {
+        let checks = Checks { samples: self, signals: Signals::of(self.machine) };
+        let currents = checks.currents(used.iter().copied());
+        self.unmoved().into_iter().chain(checks.positions(0, gap_m)).chain(currents).collect()
     }
 
     /// Positions that are constant although the currents of their bearing vary.
-    #[must_use]
-    pub fn unmoved(&self) -> Vec<String> {
+    fn unmoved(&self) -> Vec<String> {
         let (signals, currents) = (Signals::of(self.machine), self.currents(Hold::Linear));
         let spread = |of: &[f64]| range(of.iter().copied());
         let unmoved = |(bearing, magnets): (usize, Range<usize>)| {
@@ -152,7 +160,8 @@ impl Checks<'_> {
         findings
     }
 
-    fn currents(&self) -> Vec<String> {
+    /// Findings about the currents of these magnets.
+    fn currents(&self, magnets: impl Iterator<Item = usize>) -> Vec<String> {
         let currents = self.samples.currents(Hold::Linear);
         let largest: Vec<f64> =
             currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
@@ -170,7 +179,7 @@ impl Checks<'_> {
             let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * strongest));
             is_misread.then(|| self.misread(at, &format!("up to {} A", significant(strongest, 4)), &[(at, 1)], fits))
         };
-        (0..currents.len()).filter_map(finding).collect()
+        magnets.filter_map(finding).collect()
     }
 
     /// A wrapped angle reveals its unit by the size of a turn.
@@ -204,7 +213,8 @@ impl Checks<'_> {
             return None;
         }
         let speed = median(samples.omega_rad_s.iter().copied());
-        let value = format!("the angle turns at {}, the speed is {}", rpm(ratio * speed), rpm(speed));
+        let slope = if speeds > 0.0 { ratio * speed } else { (slopes / count).sqrt() };
+        let value = format!("the angle turns at {}, the speed is {}", rpm(slope), rpm(speed));
         let Signals { theta, omega, .. } = self.signals;
         Some(if agrees(-1.0) {
             format!("theta: {value}: they have opposite directions")

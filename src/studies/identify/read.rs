@@ -110,8 +110,15 @@ impl Samples {
 
     /// Converts the rows of a table to uniform samples; the currents may be in a separate table.
     fn of_tables(table: &Table, apart: Option<&Table>, reading: &Reading) -> Result<Self, Unusable> {
-        let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let signals = &table.signals;
+        let is_blank = |at: &usize| !table.columns[*at].is_empty() && table.columns[*at].iter().all(|x| x.is_nan());
+        let blank = (signals.positions.start..signals.currents.end).filter(is_blank);
+        let blank: Vec<String> =
+            blank.map(|at| format!("{}: the column contains no readings", signals.list[at].name)).collect();
+        if !blank.is_empty() {
+            return Err(Unusable(blank));
+        }
+        let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let known = |at: usize| signals::known(&place, &table.columns[at]);
         let mut samples = Self { machine: reading.machine, start_s, step_s, ..Self::default() };
         samples.units.clone_from(&table.units);
