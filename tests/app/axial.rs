@@ -215,6 +215,14 @@ fn jumps_and_currents_below_the_noise_do_not_mislead() {
 
 /// Missing rows and sensor faults are excluded and named.
 #[test]
+fn currents_in_another_unit_are_refused() {
+    let mut samples = recording(RUNS[0]);
+    assert_eq!(samples.implausible_axis(&[1], f64::INFINITY), [""; 0]);
+    samples.current_a[1].iter_mut().for_each(|current| *current *= 1e3);
+    assert_contains(&samples.implausible_axis(&[1], f64::INFINITY).join("\n"), &["im[2]", "--unit im[2]=mA"]);
+}
+
+#[test]
 fn faults_are_left_out_and_named() {
     let rows = ONE.record(8000);
     let held = rows[3000][1];

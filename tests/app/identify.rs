@@ -269,6 +269,21 @@ fn question(samples: &Samples, tolerances: &[(&str, &str)]) -> Question {
     Question { stated, holds: None, equally_likely: Vec::new(), slow_force: None }
 }
 
+/// Without noise nothing hides a wrong gap; with noise of the currents alone, the errors would not be covered.
+#[test]
+fn exact_positions_with_errors_of_the_forces_are_refused() {
+    let mut scenario = open("unbalanced", &[]);
+    let exact = simulated(&scenario);
+    is_right("without noise", &ask(std::slice::from_ref(&exact), &[]));
+    for gap_m in [5.2e-4, 6e-4] {
+        let mut question = question(&exact, &[]);
+        question.stated.parts[0].body = disc(6.7, gap_m);
+        is_refused(&identify::answer(std::slice::from_ref(&exact), question), "the residuals ask for");
+    }
+    scenario.set("plant", "sensor.currentNoise", 0.01);
+    is_refused(&ask(&[simulated(&scenario)], &[]), "the positions are exact, but the forces have errors");
+}
+
 fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
     identify::answer(samples, question(&samples[0], tolerances))
 }

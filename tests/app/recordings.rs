@@ -366,6 +366,15 @@ fn sensors_that_are_not_connected_are_named() {
 }
 
 #[test]
+fn an_empty_column_is_named() {
+    let mut values = Bench { rows: 400, ..BENCH }.values();
+    values.iter_mut().for_each(|row| row[3] = f64::NAN);
+    let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], SI, [1.0; 8], &values).replace("NaN", "");
+    let unusable = Samples::read(text.as_bytes(), &Reading::default()).expect_err("an empty column");
+    assert_contains(&unusable.0.join("\n"), &["im[1]: the column contains no readings"]);
+}
+
+#[test]
 fn a_row_written_twice_is_excluded() {
     let text = BENCH.with_times("time [s]", |j| text(4, at(j)));
     let lines: Vec<&str> = text.lines().collect();

@@ -91,8 +91,9 @@ fn a_resolution_rounds() {
 #[test]
 fn a_delay_shows_earlier_positions() {
     let exact = readings(SensorConfig::default(), STEP_S, 40);
-    for late in [1, 3, 16] {
-        let sensor = SensorConfig { delay_s: late as f64 * STEP_S, ..SensorConfig::default() };
+    // 3e-4 / 1e-4 is less than 3.
+    for (late, delay_s) in [(1, 1e-4), (3, 3e-4), (16, 1.6e-3)] {
+        let sensor = SensorConfig { delay_s, ..SensorConfig::default() };
         let delayed = readings(sensor, STEP_S, 40);
         assert_eq!(delayed.len(), exact.len());
         for k in 0..delayed.len() {
