@@ -446,6 +446,9 @@ impl<T: HiddenState> HiddenState for SampledState<T> {
     }
 }
 
+/// Fraction of the period after the beginning of a communication step beyond which a sample has outdated inputs.
+const LATE: f64 = 1e-3;
+
 impl<S: SampledModel> Model for Sampled<S> {
     const INFO: Info = S::INFO;
     const CAPABILITIES: Capabilities = Capabilities::NONE.interpolates_inputs();
@@ -482,8 +485,9 @@ impl<S: SampledModel> Model for Sampled<S> {
         inputs: &InputTrajectory<'_, S::Values>,
         log: &mut dyn Log,
     ) -> Stepped {
-        let is_first = clock.taken() == 0;
+        let (before, mut last_s) = (clock.taken(), step.time_s);
         while let Some(instant_s) = clock.next_before(step.end_s()) {
+            last_s = instant_s;
             self.0.take_effect(state, values);
             inputs.apply(values, instant_s);
             // Importers that add up their steps may start one slightly after the instant.
@@ -498,13 +502,25 @@ impl<S: SampledModel> Model for Sampled<S> {
             self.0.take_effect(state, values);
         }
         let has_inputs = || inputs.table.variables.iter().any(|of| of.causality == Causality::Input);
-        if is_first && clock.taken() > 1 && inputs.is_held() && has_inputs() && log.wants(Topic::Warning) {
-            let (samples, length_s, period_s) =
-                (clock.taken(), Digits::<6>(step.length_s), Digits::<6>(self.0.period_s()));
-            let message = format_args!(
-                "a communication step of {length_s} s holds {samples} samples, one every {period_s} s, of the same inputs"
-            );
-            log.message(Topic::Warning, message);
+        if inputs.is_held() && log.wants(Topic::Warning) && has_inputs() {
+            let [length_s, period_s, begin_s, at_s] =
+                [step.length_s, self.0.period_s(), step.time_s, last_s].map(Digits::<6>);
+            match (before, clock.taken()) {
+                (0, samples @ 2..) => log.message(
+                    Topic::Warning,
+                    format_args!(
+                        "a communication step of {length_s} s holds {samples} samples, one every {period_s} s, of the same inputs"
+                    ),
+                ),
+                (1, 2) if last_s - step.time_s > LATE * self.0.period_s() => log.message(
+                    Topic::Warning,
+                    format_args!(
+                        "the sample at {at_s} s has the inputs from {begin_s} s: communication steps of {length_s} s do not divide \
+                         the sample period of {period_s} s"
+                    ),
+                ),
+                _ => (),
+            }
         }
         Ok(())
     }

@@ -541,9 +541,9 @@ fn mistakes_in_sampled_models_are_refused() {
     assert!(format!("{error:?}").contains("\"../../a\" is not allowed"), "{error:?}");
 }
 
-/// Fails if there is no warning that several samples see the same inputs, or if every step repeats it.
+/// Fails if there is no warning that samples have the same or outdated inputs, or if every step repeats it.
 #[test]
-fn samples_of_the_same_inputs_cause_a_warning() {
+fn samples_with_the_inputs_of_another_instant_cause_a_warning() {
     struct Warnings(Vec<String>);
     impl Log for Warnings {
         fn wants(&self, topic: Topic) -> bool {
@@ -558,7 +558,7 @@ fn samples_of_the_same_inputs_cause_a_warning() {
         let (_, mut pid) = instance("Pid");
         pid.start().expect("good parameters");
         let mut log = Warnings(Vec::new());
-        for n in 0..3 {
+        for n in 0..9 {
             pid.step(Step { time_s: f64::from(n) * length_s, length_s }, &mut log).expect("a step");
         }
         log.0
@@ -567,7 +567,13 @@ fn samples_of_the_same_inputs_cause_a_warning() {
         warnings(3e-4),
         ["a communication step of 0.0003 s holds 3 samples, one every 0.0001 s, of the same inputs"]
     );
-    assert_eq!(warnings(1e-4), [""; 0]);
+    assert_eq!(
+        warnings(3e-5),
+        [
+            "the sample at 0.0001 s has the inputs from 9e-5 s: communication steps of 3e-5 s do not divide the sample period of 0.0001 s"
+        ]
+    );
+    assert_eq!((warnings(1e-4), warnings(2e-5)), (Vec::new(), Vec::new()));
 }
 
 /// Fails if an archive is written of a model that cannot be instantiated, or of two models with one name.
