@@ -160,6 +160,16 @@ fn errors_are_refused_by_name() {
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 0]\nvalue = [1, 2]", &["increasing"]),
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 1]\nvalue = [1]", &["as many values as times"]),
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0]\nvalue = [\"1 kg\"]", &["unit kg"]),
+        (
+            "",
+            "[[profile]]\nof = [\"plant.omega\"]\ntime = [0]\nvalue = [inf]",
+            &["inf is refused: expected a finite number"],
+        ),
+        (
+            "",
+            "[[profile]]\nof = [\"plant.omega\", \"plant.omega\"]\ntime = [0]\nvalue = [1]",
+            &["plant.omega follows a profile already"],
+        ),
         ("", OF_TWO_UNITS, &["3000 rpm", "not the same for plant.pY as for plant.omega", "of its own"]),
         ("contour = \"nowhere.csv\"", "", &["nowhere.csv"]),
         // Correction masses.

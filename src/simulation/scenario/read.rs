@@ -236,7 +236,17 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     let mut profiles = Vec::new();
     for (number, text) in (1..).zip(&document.profile) {
         match assignment.profile(text) {
-            Ok(profile) => profiles.push(profile),
+            Ok(profile) => {
+                for (n, (target, path)) in profile.targets.iter().zip(&text.of).enumerate() {
+                    let before = profiles.iter().flat_map(|other: &Profile| &other.targets);
+                    if before.chain(&profile.targets[..n]).any(|other| other == target) {
+                        assignment
+                            .findings
+                            .push(format!("[[profile]] number {number}: {path} follows a profile already"));
+                    }
+                }
+                profiles.push(profile);
+            }
             Err(all) => assignment.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
         }
     }
@@ -385,6 +395,9 @@ impl Assignment<'_> {
             let mut found = Vec::new();
             for value in values {
                 match convert(data_type, value) {
+                    Ok(Value::Real(number)) if !number.is_finite() => {
+                        refused.push(format!("{value} is refused: expected a finite number"));
+                    }
                     Ok(value) => found.push(value),
                     Err(why) => refused.push(format!("{value} is refused: {why}")),
                 }

@@ -200,6 +200,6 @@ fn an_unknown_or_wrong_speed_is_reported() {
     // No estimate assumes standstill.
     assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
     is_right("3000 rpm", &at_speed(Some(100.0 * std::f64::consts::PI)));
-    is_refused(&at_speed(Some(100.4 * std::f64::consts::PI)), "turns by -0.4");
-    is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns by 0.");
+    is_refused(&at_speed(Some(100.4 * std::f64::consts::PI)), "turns 0.46 % slower than the stated speed");
+    is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns 0.25 % faster than the stated speed");
 }

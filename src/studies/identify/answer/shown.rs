@@ -223,7 +223,12 @@ fn budget(found: &Identification, bearing: &Bearing, magnets: Range<usize>) -> T
         let mut row = vec![
             line.parameter.name.clone(),
             format!("{} {unit}", significant(line.tolerance / factor, 2)),
-            if line.parameter.is_uncertain() { "told" } else { "typical" }.into(),
+            match line.parameter.knowledge {
+                Knowledge::Exact => "typical",
+                Knowledge::Tolerance(_) => "stated",
+                Knowledge::Free => "free",
+            }
+            .into(),
         ];
         row.extend(line.contribution[magnets.clone()].iter().map(|part| format!("{:.2}", 100.0 * part)));
         row.extend(line.sensitivity[magnets.clone()].iter().map(|part| format!("{:+.2}", 100.0 * part * factor)));
