@@ -201,5 +201,5 @@ fn an_unknown_or_wrong_speed_is_reported() {
     assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
     is_right("3000 rpm", &at_speed(Some(100.0 * std::f64::consts::PI)));
     is_refused(&at_speed(Some(100.4 * std::f64::consts::PI)), "turns 0.46 % slower than the stated speed");
-    is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns 0.25 % faster than the stated speed");
+    is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns 0.19 % faster than the stated speed");
 }
