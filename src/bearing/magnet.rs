@@ -29,6 +29,7 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::bearing::scalar::Scalar;
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Choice;
@@ -82,7 +83,7 @@ impl Used {
 /// Elements beyond the number of magnets are unused.
 pub(crate) fn angles_rad<const K: usize>(magnets: usize) -> [f64; K] {
     use std::f64::consts::{FRAC_PI_2, FRAC_PI_3, FRAC_PI_4, PI};
-    std::array::from_fn(|k| match magnets {
+    array::from_fn(|k| match magnets {
         3 => [PI, -FRAC_PI_3, FRAC_PI_3].get(k).copied().unwrap_or_default(),
         4 => FRAC_PI_4 + k as f64 * FRAC_PI_2,
         _ => 0.0,
@@ -99,7 +100,7 @@ fn alpha_name(k: usize) -> String {
 /// A magnet attracts whatever the sign of its current.
 #[inline]
 pub fn forces<T: Scalar, const K: usize>(lambda_nm2_a2: [T; K], current_a: [T; K], gap_m: [T; K]) -> [T; K] {
-    std::array::from_fn(|k| {
+    array::from_fn(|k| {
         let i_per_gap = current_a[k] / gap_m[k];
         lambda_nm2_a2[k] * i_per_gap * i_per_gap
     })
@@ -109,7 +110,7 @@ pub fn forces<T: Scalar, const K: usize>(lambda_nm2_a2: [T; K], current_a: [T; K
 ///
 /// A magnet cannot push: a force below 0 gives no current.
 pub fn currents<const K: usize>(force_n: [f64; K], gap_m: [f64; K], lambda_nm2_a2: [f64; K]) -> [f64; K] {
-    std::array::from_fn(|k| gap_m[k] * (force_n[k].max(0.0) / lambda_nm2_a2[k]).sqrt())
+    array::from_fn(|k| gap_m[k] * (force_n[k].max(0.0) / lambda_nm2_a2[k]).sqrt())
 }
 
 /// Geometry of K magnets around a rotor with N coordinates q: nominal gaps and directions.
@@ -128,12 +129,12 @@ impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
     /// The magnets of one bearing with the nominal gap in m: in the plane (y, z) at the angles `α_k` of P(3) in rad; in an axial bearing,
     /// which needs no angles, the first towards +x and the second towards −x.
     pub fn new(gap_m: T, alpha_rad: [T; K]) -> Self {
-        let directions = std::array::from_fn(|k| {
+        let directions = array::from_fn(|k| {
             if N == 1 {
                 return [T::constant(if k == 0 { 1.0 } else { -1.0 }); N];
             }
             let (sin, cos) = alpha_rad[k].sine_cosine();
-            std::array::from_fn(|n| if n == 0 { sin } else { cos })
+            array::from_fn(|n| if n == 0 { sin } else { cos })
         });
         Self { gap_m: [gap_m; K], directions }
     }
@@ -143,13 +144,13 @@ impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
     /// A gap of 0 or less means contact.
     #[inline]
     pub fn gaps(&self, q: [T; N]) -> [T; K] {
-        std::array::from_fn(|k| self.gap_m[k] - dot(self.directions[k], q))
+        array::from_fn(|k| self.gap_m[k] - dot(self.directions[k], q))
     }
 
     /// `Σ F_k d_k`, the generalised force, P(3), for the forces of the magnets in N.
     #[inline]
     pub fn resultant(&self, force_n: [T; K]) -> [T; N] {
-        std::array::from_fn(|a| {
+        array::from_fn(|a| {
             let part = |k: usize| force_n[k] * self.directions[k][a];
             (1..K).fold(part(0), |sum, k| sum + part(k))
         })
@@ -334,7 +335,7 @@ fn inverse(directions: &[[f64; 2]]) -> [[f64; 2]; MOST_MAGNETS] {
     }
     let det = a * c - b * b;
     let row = |[y, z]: [f64; 2]| [(c * y - b * z) / det, (a * z - b * y) / det];
-    std::array::from_fn(|k| directions.get(k).copied().map(row).unwrap_or_default())
+    array::from_fn(|k| directions.get(k).copied().map(row).unwrap_or_default())
 }
 
 /// For four magnets of which k and k + 2 are opposed: the rows that resolve a force into components along `e_1` and `e_2`.

@@ -2,6 +2,7 @@
 //!
 //! In reading order:
 //!
+//! - [`array`]: arrays, element by element;
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
 //! - [`shaft`]: coordinates of a rigid rotor;
@@ -9,6 +10,7 @@
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 
+pub mod array;
 pub mod coil;
 pub mod magnet;
 pub mod rotor;

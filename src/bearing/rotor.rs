@@ -14,6 +14,7 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::bearing::magnet::{Geometry, MOST_MAGNETS, Magnets, angles_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{self, Shaft};
@@ -85,7 +86,7 @@ impl<const B: usize> RotorConfig<f64, B> {
         Self {
             shaft: Shaft { m_kg, transverse_kgm2, polar_kgm2 },
             extent_m: if tilts { [-0.2, 0.2] } else { [0.0; 2] },
-            bearings: std::array::from_fn(bearing),
+            bearings: array::from_fn(bearing),
         }
     }
 }
@@ -96,8 +97,8 @@ impl<T: Scalar, const B: usize> RotorConfig<T, B> {
         let places = Machine::of::<N, K>();
         let bearing = |k: usize| places.magnet(k).map_or((0, 0), |(bearing, number)| (bearing, number - 1));
         Geometry {
-            gap_m: std::array::from_fn(|k| self.bearings[bearing(k).0].gap_m),
-            directions: std::array::from_fn(|k| {
+            gap_m: array::from_fn(|k| self.bearings[bearing(k).0].gap_m),
+            directions: array::from_fn(|k| {
                 let (b, number) = bearing(k);
                 let BearingConfig { position_m, alpha_rad, .. } = self.bearings[b];
                 if !places.bearings[b].is_radial {
@@ -129,7 +130,7 @@ fn in_bearings<T: Scalar, const N: usize, const B: usize>(at_m: [T; B], q: [T; N
         return q;
     }
     let [a, b] = [0, 1].map(|b| shaft::displacement(at_m[b], q));
-    std::array::from_fn(|n| [a[0], a[1], b[0], b[1], q[0]][n])
+    array::from_fn(|n| [a[0], a[1], b[0], b[1], q[0]][n])
 }
 
 impl<const B: usize> RotorConfig<f64, B> {

@@ -69,12 +69,6 @@ impl Scalar for f64 {
     }
 }
 
-/// Combines two arrays element by element.
-#[inline]
-pub(crate) fn each<T: Copy, U: Copy, V, const N: usize>(a: &[T; N], b: &[U; N], f: impl Fn(T, U) -> V) -> [V; N] {
-    std::array::from_fn(|k| f(a[k], b[k]))
-}
-
 /// Combines two structures: scalars and arrays element by element, all other fields as given.
 macro_rules! joined {
     ($own:expr, $other:expr, $join:expr, $type:ident {
@@ -83,7 +77,7 @@ macro_rules! joined {
         let (own, other, join) = ($own, $other, $join);
         $type {
             $($scalar: join(own.$scalar, other.$scalar),)*
-            $($list: $crate::bearing::scalar::each(&own.$list, &other.$list, &join),)*
+            $($list: $crate::bearing::array::each(&own.$list, &other.$list, &join),)*
             $($rest: $value,)*
         }
     }};

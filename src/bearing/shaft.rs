@@ -14,6 +14,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::bearing::scalar::Scalar;
 use crate::machine::Machine;
 use crate::variables::Variables;
@@ -65,21 +66,21 @@ pub const fn has_x<const N: usize>() -> bool {
 /// The lateral ones of a shaft's coordinates, or of quantities per coordinate.
 #[inline]
 pub fn across<T: Copy, const N: usize>(q: [T; N]) -> [T; ACROSS] {
-    std::array::from_fn(|a| q[N - ACROSS + a])
+    array::from_fn(|a| q[N - ACROSS + a])
 }
 
 /// All coordinates, or quantities per coordinate, from x and the lateral ones.
 #[inline]
 fn joined<T: Copy, const N: usize>(x: T, across: [T; ACROSS]) -> [T; N] {
     let first = usize::from(has_x::<N>());
-    std::array::from_fn(|a| if a < first { x } else { across[a - first] })
+    array::from_fn(|a| if a < first { x } else { across[a - first] })
 }
 
 /// Displacement (y, z) of the axis at ξ in m, for coordinates or their rates; (x, 0) for a rotor that only moves axially.
 #[inline]
 pub fn displacement<T: Scalar, const N: usize>(at_m: T, q: [T; N]) -> [T; 2] {
     if N < ACROSS {
-        return std::array::from_fn(|n| if n < N { q[n] } else { T::constant(0.0) });
+        return array::from_fn(|n| if n < N { q[n] } else { T::constant(0.0) });
     }
     let [y, z, beta, gamma] = across(q);
     [y + at_m * gamma, z - at_m * beta]

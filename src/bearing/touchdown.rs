@@ -15,6 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::bearing::scalar::{Scalar, joined};
 use crate::machine::Bearing;
 use crate::variables::Variables;
@@ -101,6 +102,6 @@ impl<T: Scalar> TouchdownConfig<T> {
             drag = self.friction * push * v / v.norm(T::constant(SLIDING_M_S));
         }
         let mount = self.damping_ns_m * (r - self.clearance_m) / r * around;
-        std::array::from_fn(|a| -push * out[a] - (drag + mount) * along[a])
+        array::from_fn(|a| -push * out[a] - (drag + mount) * along[a])
     }
 }

@@ -169,8 +169,8 @@ enum Command {
         #[arg(long, value_name = "SCENARIO")]
         scenario: Option<PathBuf>,
         /// Number of cases run at once; all processors by default.
-        #[arg(long, value_name = "N")]
-        jobs: Option<usize>,
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+        jobs: Option<u16>,
         /// Prints the design as CSV, with the values drawn, instead of running it.
         #[arg(long, conflicts_with_all = ["out", "jobs"])]
         expand: bool,
@@ -223,7 +223,7 @@ struct MonteCarlo {
     #[arg(long, value_name = "N", default_value = "100", value_parser = count)]
     runs: usize,
     /// Seed of the first run; each further run takes the next one.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(..=i64::from(i32::MAX)))]
     seed: u32,
     /// Runs only studies with this text in their title.
     #[arg(long, value_name = "TEXT")]
@@ -379,13 +379,13 @@ fn package(
     Ok(())
 }
 
-fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<usize>) -> Result<()> {
+fn sweep(design: &Path, scenario: Option<&Path>, out: Option<&Path>, jobs: Option<u16>) -> Result<()> {
     let design = Sweep::open(design, scenario).map_err(refused)?;
     let Some(out) = out else {
         return output::unless_closed(design.write(io::stdout().lock())).map_err(Into::into);
     };
     if let Some(jobs) = jobs {
-        rayon::ThreadPoolBuilder::new().num_threads(jobs).build_global()?;
+        rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global()?;
     }
     let outcome = if output::is_standard(out) {
         output::take_standard_output();

@@ -9,6 +9,7 @@ pub use crate::control::tracking::{
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::bearing::coil::Drive;
 pub use crate::bearing::magnet::Used;
 use crate::bearing::rotor::{Rotor, RotorConfig};
@@ -188,9 +189,9 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let groups = Rotor::<N, K, B>::MACHINE.groups();
         Ok(Self {
             inertia: config.rotor.shaft.inertia(),
-            group: std::array::from_fn(|k| Rotor::<N, K, B>::MACHINE.group(k)),
-            f0_n: std::array::from_fn(|g| law.f0_n[groups[g].0]),
-            bias_a: std::array::from_fn(|g| law.bias_a[groups[g].0]),
+            group: array::from_fn(|k| Rotor::<N, K, B>::MACHINE.group(k)),
+            f0_n: array::from_fn(|g| law.f0_n[groups[g].0]),
+            bias_a: array::from_fn(|g| law.bias_a[groups[g].0]),
             floor_m: rotor.geometry().gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
             observer: PerturbationObserver::new(law.observer_rad_s, law.step_s),
             gains: tracking_gains(law.tracking_rad_s, law.step_s),
@@ -271,7 +272,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             true => input.reference_m,
             false => preview[0].map(|point| point.position_m),
         };
-        let tracking_error_m = rotor.config().at_magnets(std::array::from_fn(|a| coordinates[a] - reference[a]));
+        let tracking_error_m = rotor.config().at_magnets(array::from_fn(|a| coordinates[a] - reference[a]));
         if !tracking_error_m.iter().all(|error| error.is_finite()) {
             return Err(ControllerError::Overflow { sample: state.law.samples });
         }

@@ -13,6 +13,8 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
+
 /// Gains L for a chain of three, `[x, x', x'']`, with all three poles at `exp(−bandwidth · step)`.
 ///
 /// `[1 − ρ³, (3/2)(1 − ρ²)(1 − ρ)/T_s, (1 − ρ)³/T_s²]`, in 1, 1/s and 1/s².
@@ -117,6 +119,6 @@ impl SignalObserver {
     pub fn update(&self, previous: Signal, value_m: f64) -> Signal {
         let predicted = previous.ahead(self.step_s);
         let innovation = value_m - predicted.0[0];
-        Signal(std::array::from_fn(|j| predicted.0[j] + self.gains[j] * innovation))
+        Signal(array::from_fn(|j| predicted.0[j] + self.gains[j] * innovation))
     }
 }

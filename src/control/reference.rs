@@ -28,6 +28,7 @@ use std::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::bearing::magnet::Magnets;
 use crate::bearing::rotor::Rotor;
 use crate::bearing::shaft::has_x;
@@ -194,7 +195,7 @@ impl<const B: usize> ReferenceConfig<B> {
             true => PathConfig { r_y_m: 30e-6, r_z_m: 70e-6, ..PathConfig::default() },
             false => PathConfig { frequency_hz: 60.0, ..PathConfig::default() },
         };
-        Self { paths: std::array::from_fn(path), ..Self::default() }
+        Self { paths: array::from_fn(path), ..Self::default() }
     }
 }
 
@@ -266,7 +267,7 @@ impl Transition {
         }
         let growth = smooth_step(t_s - start_s, ramp_s);
         let lift = if lift_s > 0.0 { smooth_step(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
-        std::array::from_fn(|a| curve[a].scaled(growth).offset(first[a], lift))
+        array::from_fn(|a| curve[a].scaled(growth).offset(first[a], lift))
     }
 }
 
@@ -374,7 +375,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         let wave = |part: usize| {
             // At the magnets of A and B, without axial motion.
             let at = |n: usize| if machine.tilts() && n < 4 { config.paths[n / 2].waves()[part][n % 2] } else { 0.0 };
-            rotor.through(std::array::from_fn(at), |bearing| bearing.position_m)
+            rotor.through(array::from_fn(at), |bearing| bearing.position_m)
         };
         Self { waves: [0, 1].map(wave), config, step_s, observer }
     }
@@ -424,11 +425,11 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     fn at(&self, theta_rad: f64, omega_rad_s: f64, t_s: f64) -> [RefPoint; N] {
         if B == 1 {
             let curve = self.config.point(theta_rad, omega_rad_s);
-            return std::array::from_fn(|n| curve[n]);
+            return array::from_fn(|n| curve[n]);
         }
         let [c, s] = self.waves;
         let (sin, cos) = libm::sincos(theta_rad);
-        let mut curve = std::array::from_fn(|a| {
+        let mut curve = array::from_fn(|a| {
             let position_m = c[a] * cos + s[a] * sin;
             RefPoint {
                 position_m,

@@ -43,6 +43,7 @@ pub use voltage::ramp_gains;
 use serde::{Deserialize, Serialize};
 
 use self::excitation::Excitation;
+use crate::bearing::array;
 use crate::bearing::coil::{CoilConfig, Drive, Saturates};
 use crate::bearing::magnet::{self, Magnets, Used};
 use crate::bearing::rotor::Rotor;
@@ -127,7 +128,7 @@ pub struct TrackingConfig<const K: usize, const G: usize> {
     /// Frequency of the modulation{in group}, at most half the sample rate
     #[parameter(
         names = context.of_groups("F0.modulationFrequency"), tunable, unit = HERTZ, above = 0.0, nominal = 100.0,
-        value = std::array::from_fn(|g| 110.0 + 20.0 * g as f64)
+        value = array::from_fn(|g| 110.0 + 20.0 * g as f64)
     )]
     pub modulation_hz: [f64; G],
     /// Poles of the tracking error
@@ -273,7 +274,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         measured: &ControllerInput<N, K>,
         preview: &Preview<N>,
     ) -> Result<ControllerOutput<N, K>, ControllerError> {
-        let mut estimate: [Estimate; N] = std::array::from_fn(|a| {
+        let mut estimate: [Estimate; N] = array::from_fn(|a| {
             if state.samples == 0 {
                 [coordinates[a], preview[0][a].velocity_m_s, 0.0]
             } else {
@@ -286,7 +287,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
         }
         self.update_lambda(state, &mut estimate, measured);
-        let level = std::array::from_fn(|g| {
+        let level = array::from_fn(|g| {
             state.preload_n[g] += self.relax * (self.f0_n[g] - state.preload_n[g]);
             let factor = self.modulate(state, g);
             match self.config.law.allocation {
@@ -300,7 +301,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             true => self.voltages(state, &estimate, measured, gap_m, level, preview),
             false => self.currents(state, &estimate, measured, level, preview),
         };
-        command.perturbation_n = std::array::from_fn(|a| self.inertia[a] * estimate[a][2]);
+        command.perturbation_n = array::from_fn(|a| self.inertia[a] * estimate[a][2]);
         let estimates = [state.expected.as_flattened(), &state.in_effect_n, &state.planned_a];
         let outputs = [&command.current_a[..], &command.voltage_v, &command.force_n, &command.perturbation_n];
         if !(are_finite(&estimates) && are_finite(&outputs)) {
@@ -313,7 +314,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// The gaps in m, none below its limit.
     #[inline]
     fn limited(&self, gap_m: [f64; K]) -> [f64; K] {
-        std::array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
+        array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
     }
 
     /// The current command for an acceleration in m/s² or rad/s² with these gyroscopic moments, at these coordinates, and the gaps in m on
@@ -328,7 +329,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         coordinates: [f64; N],
     ) -> (ControllerOutput<N, K>, [f64; K]) {
         let (geometry, lambda) = (self.rotor.geometry(), state.lambda_nm2_a2);
-        let force_n = std::array::from_fn(|a| {
+        let force_n = array::from_fn(|a| {
             let [_, _, d] = state.expected[a];
             self.inertia[a] * (acceleration[a] - d) - moment[a]
         });
@@ -338,10 +339,10 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             (Allocation::SmallestForce, None) => self.rotor.allocate(force_n, level),
             (Allocation::SmallestForce, Some(only)) => {
                 let towards_n = force_n[0] * geometry.directions[only][0];
-                std::array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
+                array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
             }
             (Allocation::BiasCurrent, _) => {
-                let per_square = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
+                let per_square = array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
                 self.rotor.allocate_with_bias(force_n, level, per_square)
             }
         };
@@ -366,7 +367,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let in_effect = geometry.resultant(state.in_effect_n);
         // Rates at the middle of the interval; their change by the gyroscopic moments is of second order.
         let rate = |[_, v, d]: Estimate, acceleration: f64| v + 0.5 * step_s * (acceleration + d);
-        let moment = gyroscopic(std::array::from_fn(|a| rate(estimate[a], in_effect[a] / m[a])));
+        let moment = gyroscopic(array::from_fn(|a| rate(estimate[a], in_effect[a] / m[a])));
         let [k_0, k_1] = self.gains;
         let mut acceleration = [0.0; N];
         for a in 0..N {
@@ -376,8 +377,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             acceleration[a] = feedforward - k_1 * (v - begin[a].velocity_m_s) - k_0 * (x - begin[a].position_m);
             state.expected[a] = expected;
         }
-        let moment = gyroscopic(std::array::from_fn(|a| state.expected[a][1] + 0.5 * step_s * acceleration[a]));
-        let middle = std::array::from_fn(|a| {
+        let moment = gyroscopic(array::from_fn(|a| state.expected[a][1] + 0.5 * step_s * acceleration[a]));
+        let middle = array::from_fn(|a| {
             let [_, _, d] = state.expected[a];
             self.observer.predict_by(state.expected[a], acceleration[a] - d, 0.5 * step_s)[0]
         });

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::innovations::{Machine, Tolerances, WhiteningFilter};
 use super::models::prior;
 use super::prediction_error::PredictionError;
+use crate::bearing::array;
 use crate::bearing::magnet::Used;
 use crate::bearing::rotor::RotorConfig;
 use crate::machine::Machine as Names;
@@ -392,7 +393,7 @@ pub type EstimatorOutput = EstimatorOutputOf<2, 3, 1>;
 
 /// Standard deviations of ki or ks, with the relative uncertainty of λ; 0 before the first sample.
 pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f64; K], lambda: [f64; K]) -> [f64; K] {
-    std::array::from_fn(|k| if lambda[k] > 0.0 { (stiffness[k] * lambda_std[k] / lambda[k]).abs() } else { 0.0 })
+    array::from_fn(|k| if lambda[k] > 0.0 { (stiffness[k] * lambda_std[k] / lambda[k]).abs() } else { 0.0 })
 }
 
 impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
@@ -406,7 +407,7 @@ impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
     ) -> PredictionError<N, M, U, T> {
         let t = &self.tolerance;
         let [gain, offset_m, current_a] = [t.position_gain, t.position_offset_m, t.current_offset_a];
-        let changed = |r: usize, change: f64| machine(std::array::from_fn(|s| if s == r { change } else { 0.0 }));
+        let changed = |r: usize, change: f64| machine(array::from_fn(|s| if s == r { change } else { 0.0 }));
         let is_any = std.iter().chain(&[gain, offset_m, current_a]).any(|std| *std > 0.0);
         let tolerances = is_any.then(|| Tolerances {
             variations: (0..R).map(|r| Machine::variation([changed(r, std[r]), changed(r, -std[r])])).collect(),

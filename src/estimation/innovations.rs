@@ -28,6 +28,7 @@ use serde::{Deserialize, Serialize};
 use super::Hold;
 use super::angle::{Rotation, angle_difference, cos_sin};
 use super::motion::{Covariance, Motions, Square, Transition, add_product, product};
+use crate::bearing::array;
 use crate::bearing::magnet::Geometry;
 
 /// The rotor and its magnets, in the coordinates that the position sensors read.
@@ -54,11 +55,11 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     pub fn variation([more, less]: [Self; 2]) -> Self {
         let half = |a: f64, b: f64| 0.5 * (a - b);
         let directions =
-            |k: usize| std::array::from_fn(|n| half(more.geometry.directions[k][n], less.geometry.directions[k][n]));
+            |k: usize| array::from_fn(|n| half(more.geometry.directions[k][n], less.geometry.directions[k][n]));
         Self {
             geometry: Geometry {
-                gap_m: std::array::from_fn(|k| half(more.geometry.gap_m[k], less.geometry.gap_m[k])),
-                directions: std::array::from_fn(directions),
+                gap_m: array::from_fn(|k| half(more.geometry.gap_m[k], less.geometry.gap_m[k])),
+                directions: array::from_fn(directions),
             },
             accelerations: (more.accelerations - less.accelerations) * 0.5,
             backward: more.backward,
@@ -370,7 +371,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let field = Field { position, reciprocal, per_current, gradient: square.component_mul(&reciprocal) };
 
         // Transition with the negative stiffness, and its difference from that of a free motion.
-        let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| accelerations.row(k).transpose());
+        let pulls: [SVector<f64, N>; K] = array::from_fn(|k| accelerations.row(k).transpose());
         let mut stiffness = Square::<N>::zeros();
         for (k, pull) in pulls.iter().enumerate() {
             let along = SVector::from(geometry.directions[k]) * (2.0 * parameters.unknowns[k] * field.gradient[k]);
@@ -469,8 +470,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let (mut by_force, mut state_change) = (SMatrix::<f64, T, N>::zeros(), Motions::zeros());
         let [gains, offsets, currents] = [T - 2 * N - K, T - N - K, T - K];
         // Force per gap.
-        let stiffness: [f64; K] = std::array::from_fn(|k| 2.0 * forces[k] * field.reciprocal[k]);
-        let pulls: [SVector<f64, N>; K] = std::array::from_fn(|k| self.machine.accelerations.row(k).transpose());
+        let stiffness: [f64; K] = array::from_fn(|k| 2.0 * forces[k] * field.reciprocal[k]);
+        let pulls: [SVector<f64, N>; K] = array::from_fn(|k| self.machine.accelerations.row(k).transpose());
         for (v, variation) in variations.iter().enumerate() {
             let mut change = variation.accelerations.tr_mul(forces);
             for k in 0..K {

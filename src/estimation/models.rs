@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::motion::Square;
 use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
+use crate::bearing::array;
 use crate::variables::Array;
 
 /// The models of change: memory τ, s, from a constant bearing down to less than a block at 3000 rpm, and random walk of the loads as acceleration of the
@@ -254,7 +255,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
 
     /// Log odds of the models.
     fn log_odds(&self) -> [f64; CHANGES.len()] {
-        std::array::from_fn(|m| self.evidence[m] + if m > 0 { PRIOR_LOG_ODDS } else { 0.0 })
+        array::from_fn(|m| self.evidence[m] + if m > 0 { PRIOR_LOG_ODDS } else { 0.0 })
     }
 
     /// Computes the variance of the mixture in excess of that of the selected model, at the end of a block of a duration. If unknowns change it includes

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::angle::Rotation;
 use super::innovations::{Innovation, Sample};
+use crate::bearing::array;
 
 /// Samples whose differences give the initial estimate, which is accurate to about a tenth.
 const START_SAMPLES: usize = 64;
@@ -197,7 +198,7 @@ impl<const N: usize, const K: usize> StartBuffer<N, K> {
         self.missing = sample.missing;
         if self.differences < START_SAMPLES - 6 && self.equidistant >= 7 {
             let x: [SVector<f64, N>; 7] =
-                std::array::from_fn(|n| self.ring[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
+                array::from_fn(|n| self.ring[(end + START_SAMPLES - n) % START_SAMPLES].position_m);
             let fourth = x[1] + x[5] - (x[2] + x[4]) * 4.0 + x[3] * 6.0;
             let sixth = x[0] + x[6] - (x[1] + x[5]) * 6.0 + (x[2] + x[4]) * 15.0 - x[3] * 20.0;
             self.differences += 1;

@@ -10,6 +10,7 @@ use super::parts::{Parts, PartsState};
 use super::{
     CheckedSample, Estimation, EstimatorConfigOf, EstimatorOutputOf, Machine, Method, Names, SampleStatus, Verdict,
 };
+use crate::bearing::array;
 use crate::bearing::magnet::{Geometry, SMALLEST_SINE};
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::invalid::Checks;
@@ -22,7 +23,7 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     /// A rotor of this mass in kg in a bearing with this gap in m and magnets at these angles in rad.
     pub fn of_bearing(m_kg: f64, gap_m: f64, alpha_rad: [f64; K]) -> Self {
         let geometry = Geometry::<f64, N, K>::new(gap_m, alpha_rad);
-        let axes = std::array::from_fn::<[f64; N], N, _>(|a| std::array::from_fn(|n| f64::from(u8::from(a == n))));
+        let axes = array::from_fn::<[f64; N], N, _>(|a| array::from_fn(|n| f64::from(u8::from(a == n))));
         // Magnets; in the plane, unbalance and backward force; load.
         let rotating = if N == 2 { 2 } else { 0 };
         let others = (0..=rotating).flat_map(|_| axes);
@@ -75,10 +76,10 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
     pub(super) fn parts<const N: usize, const U: usize, const T: usize, const R: usize>(&self) -> Parts<N, K, U, T> {
         let (m_kg, BearingConfig { gap_m, alpha_rad, .. }) = (self.geometry.shaft.m_kg, self.geometry.bearings[0]);
         let machine = |change: [f64; R]| {
-            let alpha_rad = std::array::from_fn(|k| alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
+            let alpha_rad = array::from_fn(|k| alpha_rad[k] + change.get(1 + k).copied().unwrap_or_default());
             Machine::of_bearing(m_kg, gap_m + change[0], alpha_rad)
         };
-        let std = std::array::from_fn(|r| if r == 0 { self.tolerance.gap_m } else { self.tolerance.alpha_rad });
+        let std = array::from_fn(|r| if r == 0 { self.tolerance.gap_m } else { self.tolerance.alpha_rad });
         let mut first = self.prediction_error(m_kg, machine, std, self.lambda0_nm2_a2);
         if let Some(only) = self.used.only() {
             for k in (0..K).filter(|k| *k != only) {

@@ -11,6 +11,7 @@ use super::prediction_error::{PredictionError, PredictionErrorState};
 use super::{
     Body, CheckedSample, Estimation, EstimatorConfigOf, EstimatorOutputOf, Method, Names, Sample, SampleStatus, Verdict,
 };
+use crate::bearing::array;
 use crate::bearing::rotor::RotorConfig;
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Saved;
@@ -70,7 +71,7 @@ where
     }
 
     fn is_in_gap(&self, position_m: [f64; N]) -> bool {
-        self.first.is_in_gap(std::array::from_fn(|n| position_m[n]))
+        self.first.is_in_gap(array::from_fn(|n| position_m[n]))
             && self.axial.as_ref().is_none_or(|axial| axial.is_in_gap([position_m[N - 1]]))
     }
 
@@ -104,8 +105,8 @@ impl<const N: usize, const A: usize> CheckedSample<'_, N, A> {
         let is_usable = matches!(self.status, SampleStatus::Usable { .. });
         let resets = is_usable && matches!(rejection, Some(Verdict::Speed | Verdict::Collecting));
         let verdict = method.step(state, rejection, resets, || {
-            let position_m = std::array::from_fn(|n| self.input.position_m[reading + n]);
-            let current_a = std::array::from_fn(|k| self.input.current_a[magnet + k]);
+            let position_m = array::from_fn(|n| self.input.position_m[reading + n]);
+            let current_a = array::from_fn(|k| self.input.current_a[magnet + k]);
             Sample::new(position_m, current_a, self.rotation)
         });
         let estimate = &state.estimate;

@@ -4,6 +4,7 @@ use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
 
 use super::angle::Rotation;
+use crate::bearing::array;
 
 /// A position sensor is stuck if it repeats a value to the last bit for this many samples while others move. More missing samples in a row mean that the
 /// measurement is lost.
@@ -96,6 +97,6 @@ impl<const N: usize, const K: usize> Readings<N, K> {
         // A mean step of less than eight times the smallest one is that of a rotor at rest and a quantised sensor.
         let stuck = |n: usize| self.unchanged[n] >= STUCK_SAMPLES && self.mean_step_m[n] > 8.0 * self.min_step_m[n];
         let (wrong_speed, settling) = (self.rotation().is_speed_wrong(), self.rotation().is_settling(step_s));
-        SampleStatus::Usable { stuck: std::array::from_fn(|n| moving && stuck(n)), wrong_speed, settling }
+        SampleStatus::Usable { stuck: array::from_fn(|n| moving && stuck(n)), wrong_speed, settling }
     }
 }

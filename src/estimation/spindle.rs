@@ -9,6 +9,7 @@ use nalgebra::{SMatrix, SVector};
 use super::motion::Square;
 use super::parts::Parts;
 use super::{Estimator, EstimatorConfigOf, Machine};
+use crate::bearing::array;
 use crate::bearing::magnet::Geometry;
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::{ACROSS, generalised};
@@ -89,7 +90,7 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
         let axial =
             |[change_m]: [f64; 1]| Machine::of_bearing(m_kg, self.geometry.bearings[B - 1].gap_m + change_m, [0.0; 2]);
         let axial = || self.prediction_error(m_kg, axial, [t.gap_m], [lambda0[K], lambda0[K + 1]]);
-        let first = self.prediction_error(m_kg, radial, std, std::array::from_fn(|k| lambda0[k]));
+        let first = self.prediction_error(m_kg, radial, std, array::from_fn(|k| lambda0[k]));
         Parts { first, axial: (N > ACROSS).then(axial) }
     }
 }
@@ -97,7 +98,7 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
 impl<const K: usize, const U: usize> Machine<4, K, U> {
     /// The radial machine of a spindle with planes of unbalance; `None` if the readings do not determine the tilt.
     pub fn of_shaft<const B: usize>(spindle: &RotorConfig<f64, B>, planes_m: [f64; PLANES]) -> Option<Self> {
-        let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
+        let unit = |n: usize| array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
         let h = Square::<4>::from_columns(&[0, 1, 2, 3].map(|n| SVector::from(spindle.readings(unit(n)))));
         let inverse = h.try_inverse()?;
         let inertia = SVector::from(spindle.shaft.inertia());
@@ -110,7 +111,7 @@ impl<const K: usize, const U: usize> Machine<4, K, U> {
         let loads = Square::<4>::identity();
         let forces = directions.into_iter().chain(rotating).chain(loads.column_iter().map(|x| x.into_owned()));
         let accelerations: Vec<_> = forces.map(|force| acceleration(force).transpose()).collect();
-        let columns: [SVector<f64, 4>; 4] = std::array::from_fn(|c| {
+        let columns: [SVector<f64, 4>; 4] = array::from_fn(|c| {
             let rates: SVector<f64, 4> = inverse.column(c).into_owned();
             acceleration(spindle.shaft.gyroscopic(1.0, rates.into()).unwrap_or_default().into())
         });

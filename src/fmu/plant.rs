@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{described, info};
 use super::dependencies::{dependent, feedthrough};
+use crate::bearing::array;
 use crate::bearing::rotor::Rotor;
 use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
@@ -248,8 +249,8 @@ where
         let mut derivatives = Self::Values::default();
         // Before the run the parameters determine the states.
         let from = |state: f64, start: f64| if started { state } else { state + start };
-        derivatives.position_m = std::array::from_fn(|n| from(direction.position_m[n], towards.position_m[n]));
-        derivatives.velocity_m_s = std::array::from_fn(|n| from(direction.velocity_m_s[n], towards.velocity_m_s[n]));
+        derivatives.position_m = array::from_fn(|n| from(direction.position_m[n], towards.position_m[n]));
+        derivatives.velocity_m_s = array::from_fn(|n| from(direction.velocity_m_s[n], towards.velocity_m_s[n]));
         derivatives.theta_rad = from(direction.theta_rad, towards.theta_rad);
         derivatives.omega_rad_s = direction.input.omega_rad_s;
         let line = point.along(&Point {
@@ -311,14 +312,14 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         let position_draws = position.map(|mut noise| noise.standard_normal());
         let current_draws = current.map(|mut noise| noise.standard_normal());
         let readings_m = line.config.rotor.readings(line.motion.position_m);
-        derivatives.measured_position_m = std::array::from_fn(|n| {
+        derivatives.measured_position_m = array::from_fn(|n| {
             let Taylor([reading_m, slope_m, _]) = readings_m[n];
             let rotor_m = (1.0 + sensor.position_gain_error[n]) * slope_m + towards.position_gain_error[n] * reading_m;
             let error_m = towards.position_offset_m[n] + towards.position_noise_m * position_draws[n];
             if sensor.position_resolution_m == 0.0 { rotor_m + error_m } else { 0.0 }
         });
         // No current flows before the start.
-        derivatives.measured_current_a = std::array::from_fn(|k| {
+        derivatives.measured_current_a = array::from_fn(|k| {
             let error_a = towards.current_offset_a[k] + towards.current_noise_a * current_draws[k];
             if sensor.current_resolution_a == 0.0 { error_a } else { 0.0 }
         });

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::check_step;
 use super::sensor::SensorConfig;
+use crate::bearing::array;
 use crate::bearing::coil::{CoilConfig, Saturates};
 use crate::bearing::rotor::{BearingConfig, Rotor, RotorConfig};
 use crate::bearing::scalar::{Scalar, joined};
@@ -87,7 +88,7 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     /// Force constant of {magnet}
     #[parameter(
         names = context.of_magnets("lambda"), tunable, unit = LAMBDA, above = 0.0, nominal = 1e-6,
-        value = std::array::from_fn(|k| lambda_nm2_a2(Rotor::<N, K, B>::MACHINE, k))
+        value = array::from_fn(|k| lambda_nm2_a2(Rotor::<N, K, B>::MACHINE, k))
     )]
     pub lambda_nm2_a2: [T; K],
     /// Unbalance of the rotor{in plane}, mass times eccentricity
@@ -112,7 +113,7 @@ pub type PlantConfig<T = f64> = PlantConfigOf<T, 2, 3, 1>;
 
 /// The coordinates, or their rates, of a rotor in a single radial bearing; 0 for others.
 fn on_ellipse<const N: usize>(yz: [f64; 2]) -> [f64; N] {
-    std::array::from_fn(|n| if N == 2 { yz[n] } else { 0.0 })
+    array::from_fn(|n| if N == 2 { yz[n] } else { 0.0 })
 }
 
 fn half_the_gap(of: BearingConfig) -> TouchdownConfig {
@@ -139,7 +140,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         let rotor = joined!(rotor, others, join, RotorConfig {
             ; extent_m;
             shaft: joined!(&rotor.shaft, &others.shaft, join, Shaft { m_kg, transverse_kgm2, polar_kgm2;; }),
-            bearings: std::array::from_fn(|b| joined!(&rotor.bearings[b], &others.bearings[b], join, BearingConfig {
+            bearings: array::from_fn(|b| joined!(&rotor.bearings[b], &others.bearings[b], join, BearingConfig {
                 position_m, sensor_position_m, gap_m; alpha_rad;
             }))
         });

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::config::PlantConfigOf;
+use crate::bearing::array;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
 use crate::bearing::scalar::{Scalar, joined};
@@ -26,7 +27,7 @@ pub struct Motion<T = f64, const N: usize = 2, const K: usize = 3> {
 impl<T: Copy, const N: usize, const K: usize> Motion<T, N, K> {
     /// Applies `f` to each state of two motions.
     #[inline]
-    pub fn with<U: Copy, V>(&self, other: &Motion<U, N, K>, f: impl Fn(T, U) -> V) -> Motion<V, N, K> {
+    pub fn with<U: Copy, V: Copy>(&self, other: &Motion<U, N, K>, f: impl Fn(T, U) -> V) -> Motion<V, N, K> {
         joined!(self, other, f, Motion {; position_m, velocity_m_s, linkage_wb; })
     }
 }
@@ -57,7 +58,7 @@ pub struct PlantInput<T = f64, const N: usize = 2, const K: usize = 3> {
 
 impl<T: Copy, const N: usize, const K: usize> PlantInput<T, N, K> {
     /// Applies `f` to each of two sets of inputs.
-    pub fn with<U: Copy, V>(&self, other: &PlantInput<U, N, K>, f: impl Fn(T, U) -> V) -> PlantInput<V, N, K> {
+    pub fn with<U: Copy, V: Copy>(&self, other: &PlantInput<U, N, K>, f: impl Fn(T, U) -> V) -> PlantInput<V, N, K> {
         joined!(self, other, f, PlantInput { omega_rad_s; current_a, voltage_v, perturbation_n; })
     }
 }
@@ -137,7 +138,7 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
 
 impl<T: Copy, const N: usize, const K: usize> PlantOutput<T, N, K> {
     /// Applies `f` to every number.
-    pub fn map<U>(&self, f: impl Fn(T) -> U) -> PlantOutput<U, N, K> {
+    pub fn map<U: Copy>(&self, f: impl Fn(T) -> U) -> PlantOutput<U, N, K> {
         joined!(self, self, |value, _| f(value), PlantOutput {
             ; gap_m, current_a, linkage_wb, energy_j, force_n, resultant_n, perturbation_n, induced_v, contact_n, acceleration_m_s2;
         })
@@ -188,7 +189,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             // P(4) literally, in the order of operations with the fewest roundings.
             let current_a = flowing(open, input.current_a);
             let force_n = forces(self.config.lambda_nm2_a2, current_a, gap_m);
-            return std::array::from_fn(|k| {
+            return array::from_fn(|k| {
                 let inductance_h = self.coil(k).inductance_h(gap_m[k]);
                 CoilPoint {
                     linkage_wb: inductance_h * current_a[k],
@@ -199,7 +200,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
                 }
             });
         }
-        std::array::from_fn(|k| match self.config.coil.drive {
+        array::from_fn(|k| match self.config.coil.drive {
             _ if open[k] => CoilPoint::idle(),
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
             Drive::Voltage => self.coil(k).at_linkage(linkage_wb[k], gap_m[k]),
@@ -224,7 +225,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
     fn induced_v(&self, open: [bool; K], coils: &[CoilPoint<T>; K], input: &PlantInput<T, N, K>) -> [T; K] {
         let coil = &self.config.coil;
-        std::array::from_fn(|k| {
+        array::from_fn(|k| {
             if coil.drive == Drive::Current || open[k] {
                 return T::constant(0.0);
             }
@@ -244,7 +245,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
     ) -> [T; N] {
         let inertia: [T; N] = self.config.rotor.shaft.inertia();
         let gyroscopic = self.config.rotor.shaft.gyroscopic(input.omega_rad_s, x.velocity_m_s);
-        std::array::from_fn(|a| {
+        array::from_fn(|a| {
             let force_n = resultant_n[a] + perturbation_n[a];
             let force_n = gyroscopic.map_or(force_n, |moment| force_n + moment[a]);
             // Without contact the sum keeps its bits, including the sign of a zero.
@@ -321,5 +322,5 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
 /// The currents in A, 0 where the circuit is open.
 #[inline]
 pub(super) fn flowing<T: Scalar, const K: usize>(open: [bool; K], current_a: [T; K]) -> [T; K] {
-    std::array::from_fn(|k| if open[k] { T::constant(0.0) } else { current_a[k] })
+    array::from_fn(|k| if open[k] { T::constant(0.0) } else { current_a[k] })
 }

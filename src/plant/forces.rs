@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::{Harmonic, PlantConfigOf};
 use super::equations::{Equations, Motion, PlantInput};
+use crate::bearing::array;
 use crate::bearing::rotor::Rotor;
 use crate::bearing::scalar::{Scalar, joined};
 use crate::bearing::shaft::{self, Shaft};
@@ -40,7 +41,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
             let force = self.unbalance_kgm[j] * input.omega_rad_s * input.omega_rad_s;
             let (sin, cos) = (theta_rad + self.unbalance_phase_rad[j]).sine_cosine();
             let turning: [T; N] = shaft::generalised(self.unbalance_position_m[j], [force * cos, force * sin]);
-            p = std::array::from_fn(|a| p[a] + turning[a]);
+            p = array::from_fn(|a| p[a] + turning[a]);
         }
         p
     }
@@ -72,7 +73,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
                 true => shaft::generalised(self.rotor.bearings[b].position_m, [y, z]),
                 false => shaft::along(y),
             };
-            sum = std::array::from_fn(|a| sum[a] + part[a]);
+            sum = array::from_fn(|a| sum[a] + part[a]);
         }
         sum
     }
@@ -86,7 +87,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
             let [at, speed] = [position_m, velocity_m_s].map(|q| self.at_magnets(b, *q));
             self.touchdown[b].touches(at, speed)
         };
-        std::array::from_fn(touches)
+        array::from_fn(touches)
     }
 
     /// The fastest rate of motion and contact, in 1/s, for magnet forces in N and gaps in m.
@@ -166,7 +167,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         force_n: [T; K],
     ) -> [AtBearing<T>; B] {
         let machine = Rotor::<N, K, B>::MACHINE;
-        std::array::from_fn(|b| {
+        array::from_fn(|b| {
             let first = if machine.bearings[b].is_radial { usize::from(shaft::has_x::<N>()) } else { 0 };
             // The direction of a radial magnet in the plane is the (y, z) part of its d.
             let along = |a: usize| {

@@ -10,6 +10,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::bearing::array;
 use crate::bearing::scalar::Scalar;
 use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
@@ -29,7 +30,7 @@ impl<const N: usize> Scalar for Taylor<N> {
     const POLISHING: u32 = usize::BITS - N.saturating_sub(1).leading_zeros();
 
     fn constant(value: f64) -> Self {
-        Self(std::array::from_fn(|j| if j == 0 { value } else { 0.0 }))
+        Self(array::from_fn(|j| if j == 0 { value } else { 0.0 }))
     }
 
     fn value(self) -> f64 {
@@ -67,14 +68,14 @@ impl<const N: usize> Scalar for Taylor<N> {
 impl<const N: usize> Add for Taylor<N> {
     type Output = Self;
     fn add(self, other: Self) -> Self {
-        Self(std::array::from_fn(|j| self.0[j] + other.0[j]))
+        Self(array::from_fn(|j| self.0[j] + other.0[j]))
     }
 }
 
 impl<const N: usize> Sub for Taylor<N> {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
-        Self(std::array::from_fn(|j| self.0[j] - other.0[j]))
+        Self(array::from_fn(|j| self.0[j] - other.0[j]))
     }
 }
 
@@ -88,7 +89,7 @@ impl<const N: usize> Neg for Taylor<N> {
 impl<const N: usize> Mul for Taylor<N> {
     type Output = Self;
     fn mul(self, other: Self) -> Self {
-        Self(std::array::from_fn(|j| (0..=j).map(|i| self.0[i] * other.0[j - i]).sum()))
+        Self(array::from_fn(|j| (0..=j).map(|i| self.0[i] * other.0[j - i]).sum()))
     }
 }
 

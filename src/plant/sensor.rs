@@ -8,6 +8,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bearing::array;
 use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::plant::noise::Noise;
@@ -73,11 +74,11 @@ impl<const N: usize, const K: usize> SensorConfig<N, K> {
     /// The readings for a true sample.
     pub fn read(&self, truth: &Sample<N, K>, noise: &mut Channels<N, K>) -> Sample<N, K> {
         Sample {
-            position_m: std::array::from_fn(|n| {
+            position_m: array::from_fn(|n| {
                 let value = with_errors(truth.position_m[n], self.position_gain_error[n], self.position_offset_m[n]);
                 rounded(noise.position[n].measure(value, self.position_noise_m), self.position_resolution_m)
             }),
-            current_a: std::array::from_fn(|k| {
+            current_a: array::from_fn(|k| {
                 let value = with_errors(truth.current_a[k], self.current_gain_error[k], self.current_offset_a[k]);
                 rounded(noise.current[k].measure(value, self.current_noise_a), self.current_resolution_a)
             }),

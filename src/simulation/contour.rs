@@ -5,6 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::bearing::array;
 use crate::control::reference::{Contour, HARMONICS};
 use fmu_export::unit::{METRE, RADIAN};
 
@@ -81,8 +82,8 @@ pub fn fit(points: &[[f64; 3]]) -> Result<Fit, String> {
         svd.solve(&values, 0.0).map_err(str::to_owned)
     };
     let (y, z) = (solve(1)?, solve(2)?);
-    let cos = |x: &DVector<f64>| std::array::from_fn(|n| x[1 + n]);
-    let sin = |x: &DVector<f64>| std::array::from_fn(|n| x[1 + HARMONICS + n]);
+    let cos = |x: &DVector<f64>| array::from_fn(|n| x[1 + n]);
+    let sin = |x: &DVector<f64>| array::from_fn(|n| x[1 + HARMONICS + n]);
     let contour =
         Contour { centre_m: [y[0], z[0]], cos_y_m: cos(&y), sin_y_m: sin(&y), cos_z_m: cos(&z), sin_z_m: sin(&z) };
     let distance = |[theta, y, z]: &[f64; 3]| {

@@ -125,8 +125,16 @@ impl Sweep {
         let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_compared();
-        let findings: Vec<String> =
-            columns.iter().filter_map(|column| scenario.settable(split(column).0).err()).collect();
+        let twice = |at: usize, name: &str| columns[..at].iter().any(|other| split(other).0 == name);
+        let finding = |(at, column): (usize, &String)| {
+            let (name, _) = split(column);
+            let twice = twice(at, name).then(|| format!("{name} is in the design twice"));
+            scenario.settable(name).err().or(twice)
+        };
+        let mut findings: Vec<String> = columns.iter().enumerate().filter_map(finding).collect();
+        if cases.is_empty() {
+            findings.push("the design has no cases".into());
+        }
         if !findings.is_empty() {
             return Err(ScenarioError { findings, ..refusal(path, "") });
         }

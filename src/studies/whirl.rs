@@ -13,6 +13,7 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 
+use crate::bearing::array;
 use crate::invalid::{Checks, Invalid, Short};
 use crate::machine::MACHINES;
 use crate::simulation::scenario::Scenario;
@@ -115,7 +116,7 @@ impl Whirl {
         if rounding.is_nan() || rounding > ROUNDING {
             return [[f64::NAN; 2]; 2];
         }
-        let mut found: [f64; 4] = std::array::from_fn(|n| triangular[(n, n)].im / TAU);
+        let mut found: [f64; 4] = array::from_fn(|n| triangular[(n, n)].im / TAU);
         found.sort_by(f64::total_cmp);
         let [backward_2, backward_1, forward_1, forward_2] = found;
         [[-backward_1, forward_1], [-backward_2, forward_2]]

@@ -186,7 +186,10 @@ fn invalid_arguments_exit_with_2() {
         ("identify bench.csv --set hold=linear", &["hold", "--hold"]),
         ("identify bench.csv --set sensor.positionNoise=1e-6", &["sensor.positionNoise", "--position-noise"]),
         ("identify bench.csv --set lambda=1", &["lambda", "no variable"]),
+        ("montecarlo paper --seed 4294967295", &["--seed", "2147483647"]),
         ("sweep none.csv --out rows.csv", &["none.csv"]),
+        ("sweep bench.csv --out rows.csv --jobs 0", &["--jobs", "1..=1024"]),
+        ("sweep bench.csv --out rows.csv --jobs 20000", &["--jobs", "1..=1024"]),
         ("sensitivity axial --set plant.m=-1", &["m = -1 kg is refused"]),
         (
             "simulate paper --set foo=3",

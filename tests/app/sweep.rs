@@ -103,6 +103,8 @@ fn errors_of_a_design_are_named() {
         // The nearest variable is that of the machine.
         (misspelt, Some("spindle"), &["did you mean B.lambda[1]?"]),
         (misspelt, Some("axial"), &["did you mean lambda[1]?"]),
+        ("plant.m [kg],plant.pY,plant.m [g]\n1,2,3\n", None, &["plant.m is in the design twice"]),
+        ("plant.m\n", None, &["the design has no cases"]),
     ] {
         write(&folder, "wrong.csv", text);
         let error = Sweep::open(&folder.join("wrong.csv"), scenario.map(Path::new)).err();

@@ -20,6 +20,7 @@
 //! uses the forces of the actual currents, not the commanded ones.
 
 use super::{Preview, TrackingState};
+use crate::bearing::array;
 use crate::bearing::coil::CoilConfig;
 use crate::bearing::magnet;
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
@@ -56,16 +57,16 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let inductance =
             |k: usize, gap_m: f64| self.config.law.coil.of(lambda[k], geometry.gap_m[k]).inductance_h(gap_m);
         let to_acceleration =
-            |force: [f64; N], moment: [f64; N]| -> [f64; N] { std::array::from_fn(|a| (force[a] + moment[a]) / m[a]) };
+            |force: [f64; N], moment: [f64; N]| -> [f64; N] { array::from_fn(|a| (force[a] + moment[a]) / m[a]) };
 
         // For the positions at the next sample the forces are constant: their change moves the rotor by less than the rounding of a gap.
         let now =
-            to_acceleration(geometry.resultant(state.in_effect_n), gyroscopic(std::array::from_fn(|a| estimate[a][1])));
-        let next: [Estimate; N] = std::array::from_fn(|a| self.observer.predict(estimate[a], now[a]));
+            to_acceleration(geometry.resultant(state.in_effect_n), gyroscopic(array::from_fn(|a| estimate[a][1])));
+        let next: [Estimate; N] = array::from_fn(|a| self.observer.predict(estimate[a], now[a]));
         let next_gap_m = self.limited(geometry.gaps(next.map(|[x, ..]| x)));
         // ψ' = u − R i with the mean of the currents at the ends of the interval.
         let half = 0.5 * step_s * resistance_ohm;
-        let next_a: [f64; K] = std::array::from_fn(|k| {
+        let next_a: [f64; K] = array::from_fn(|k| {
             let linkage = inductance(k, gap_m[k]) * current_a[k] + step_s * state.voltage_v[k] - half * current_a[k];
             linkage / (inductance(k, next_gap_m[k]) + half)
         });
@@ -85,7 +86,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
                 - k_0 * (x - begin[a].position_m);
             state.expected[a] = expected;
         }
-        let last: [Estimate; N] = std::array::from_fn(|a| {
+        let last: [Estimate; N] = array::from_fn(|a| {
             let [_, _, d] = state.expected[a];
             self.observer.predict_ramp(state.expected[a], next[a], acceleration[a] - d)
         });
@@ -93,7 +94,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let planned_a = state.planned_a;
         let (command, last_gap_m) = self.command_at(state, acceleration, moment, level, last.map(|[x, ..]| x));
         state.planned_a = command.current_a;
-        let wanted_v: [f64; K] = std::array::from_fn(|k| {
+        let wanted_v: [f64; K] = array::from_fn(|k| {
             let last_a = (command.current_a[k] + self.decay * (next_a[k] - planned_a[k])).max(0.0);
             let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
             change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])

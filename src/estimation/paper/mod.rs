@@ -25,6 +25,7 @@ use self::lowpass::{LowPass, LowPassState};
 use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
 use super::CONDITION_CAP;
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Verdict, WHOLE_NUMBER_TOLERANCE};
+use crate::bearing::array;
 
 /// Magnets of the machine of the paper.
 const MAGNETS: usize = 3;
@@ -138,7 +139,7 @@ impl Paper {
         let intervals = (config.window_s / config.step_s).round() as usize;
         let epsilon_steps = config.epsilon_s / config.step_s;
         let rows: [Weights; ROWS_PER_AXIS] = std::array::from_fn(|row| Weights::paper(row, intervals));
-        let row_scale = std::array::from_fn(|row| 1.0 / rows[row].noise_gain());
+        let row_scale = array::from_fn(|row| 1.0 / rows[row].noise_gain());
         let window2 = config.window_s * config.window_s;
         let column_scale = config.lambda0_nm2_a2.map(|lambda0| window2 * lambda0 / config.geometry.shaft.m_kg);
         let gain: f64 = rows.iter().zip(&row_scale).map(|(row, scale): (&Weights, &f64)| row.l1_gain() * scale).sum();
@@ -249,20 +250,18 @@ impl Paper {
 
     /// The rows of D for the two axes, in m per scaled unknown.
     fn row_pair(&self, integrals: &Integrals) -> [[f64; MAGNETS]; 2] {
-        std::array::from_fn(|axis| {
-            std::array::from_fn(|k| self.column_scale[k] * self.direction[k][axis] * integrals.squares[k])
-        })
+        array::from_fn(|axis| array::from_fn(|k| self.column_scale[k] * self.direction[k][axis] * integrals.squares[k]))
     }
 
     /// λ from the scaled unknowns.
     fn lambda(&self, scaled: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|k| self.config.lambda0_nm2_a2[k] * scaled[k])
+        array::from_fn(|k| self.config.lambda0_nm2_a2[k] * scaled[k])
     }
 
     /// The residual constant force in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
     fn static_load(&self, integrals: &Integrals, unknowns: &NormalVector) -> [f64; 2] {
         let rows = self.row_pair(integrals);
-        std::array::from_fn(|axis| {
+        array::from_fn(|axis| {
             let modelled: f64 = rows[axis].iter().zip(unknowns.iter()).map(|(d, x)| d * x).sum();
             self.config.geometry.shaft.m_kg * (integrals.position[axis] - modelled)
                 / (self.config.window_s * self.config.window_s)
@@ -376,7 +375,7 @@ fn normal(channels: &Channels) -> NormalMatrix {
 
 /// `n_i/d`, scaled unknowns; not finite if d is zero.
 fn ratio(channels: &Channels) -> [f64; 3] {
-    std::array::from_fn(|k| channels[RATIO + k] / channels[RATIO + MAGNETS])
+    array::from_fn(|k| channels[RATIO + k] / channels[RATIO + MAGNETS])
 }
 
 /// `√(F(|N − D x|²)/F(|N|²))`, between 0 and [`RESIDUAL_CAP`], 1 without motion.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::kernel::{ROWS_PER_AXIS, Weights};
+use crate::bearing::array;
 
 /// Ring buffers of several signals with a common cursor, each stored twice in a row.
 ///
@@ -135,11 +136,11 @@ impl WindowSums {
         if !window.is_full() {
             return None;
         }
-        Some(std::array::from_fn(|row| {
+        Some(array::from_fn(|row| {
             let Weights { position, held_start, held_end, node } = &self.weights[row];
             Integrals {
-                position: std::array::from_fn(|axis| dot(position, window.signal(axis))),
-                squares: std::array::from_fn(|k| match self.continuous {
+                position: array::from_fn(|axis| dot(position, window.signal(axis))),
+                squares: array::from_fn(|k| match self.continuous {
                     true => dot(node, window.signal(5 + k)),
                     false => dot(held_start, window.signal(2 + k)) + dot(held_end, window.signal(5 + k)),
                 }),

@@ -18,6 +18,7 @@ use self::search::{Fit, fit, follow, log_likelihood};
 use super::samples::Samples;
 use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
+use crate::bearing::array;
 use crate::studies::statistics::{mean, median, noise, range};
 
 /// Number of unknowns of the search; noises and force constants are searched by their logarithms.
@@ -104,7 +105,7 @@ fn is_logarithm(at: usize) -> bool {
 
 /// Unknowns of a point in SI units: noises and λ not as logarithms.
 fn values(point: &Point) -> Point {
-    std::array::from_fn(|at| if is_logarithm(at) { libm::exp(point[at]) } else { point[at] })
+    array::from_fn(|at| if is_logarithm(at) { libm::exp(point[at]) } else { point[at] })
 }
 
 impl Axis {

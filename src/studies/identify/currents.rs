@@ -6,6 +6,7 @@ use super::samples::Samples;
 use super::tolerance::plain;
 use super::units::significant;
 use super::{Stated, answer};
+use crate::bearing::array;
 use crate::table::Table;
 use crate::variables::Choice;
 
@@ -65,7 +66,7 @@ impl Holds {
             Trial { recording, options, machine: stated.machine, bearing: 0 }
         };
         let deficits: [f64; MEANINGS.len()] = diagnosis::holds(trial);
-        Self(std::array::from_fn(|at| (MEANINGS[at], deficits[at])))
+        Self(array::from_fn(|at| (MEANINGS[at], deficits[at])))
     }
 
     /// Those that fit, the most likely first.

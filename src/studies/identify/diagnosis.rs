@@ -8,6 +8,7 @@ use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, 
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
+use crate::bearing::array;
 use crate::machine::Machine;
 use crate::studies::parallel::in_order;
 
@@ -254,7 +255,7 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
         let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
         lags.any(|lag| lag.estimate.value < 0.0)
     };
-    let of: [f64; N] = std::array::from_fn(|at| {
+    let of: [f64; N] = array::from_fn(|at| {
         let same = |other: &usize| trials[*other].recording.hold == trials[at].recording.hold;
         let from = if found[at].as_ref().is_some_and(leads) { (0..N).find(same).unwrap_or(at) } else { at };
         let whole = found[from].as_ref().filter(|of| of.contradictions.is_empty()).filter(is_possible);
@@ -302,5 +303,5 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
     let as_good: Vec<String> =
         fits.into_iter().filter(|(likelihood, _)| *likelihood > best - AS_GOOD).map(|(_, words)| words).collect();
-    vec![format!("The data fit if {}.", as_good.join("; or if "))]
+    vec![format!("The data fit better if {}.", as_good.join("; or if "))]
 }

@@ -35,6 +35,7 @@ use self::tolerance::plain;
 use self::track::chosen;
 use self::units::significant;
 pub use self::units::{duration_s, rate_s};
+use crate::bearing::array;
 use crate::bearing::rotor::{BearingConfig, RotorConfig};
 use crate::bearing::shaft::Shaft;
 use crate::estimation::Hold;
@@ -75,7 +76,7 @@ impl Stated {
                 position_m: of("position"),
                 sensor_position_m: of("sensorPosition"),
                 gap_m: of("s"),
-                alpha_rad: std::array::from_fn(|k| angles.get(k).copied().unwrap_or(0.0)),
+                alpha_rad: array::from_fn(|k| angles.get(k).copied().unwrap_or(0.0)),
             }
         };
         let m_kg = real("m");

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::bearing::array;
 use crate::fmu::plant;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -64,7 +65,7 @@ impl Rotor {
     fn with<const N: usize, const K: usize, const B: usize>(scenario: &Scenario) -> Self {
         let (config, _) = plant::configuration::<N, K, B>(&scenario.plant().values());
         let geometry = config.rotor.geometry::<N, K>();
-        let unit = |n: usize| std::array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
+        let unit = |n: usize| array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
         let columns = |column: &dyn Fn(usize) -> [f64; N]| DMatrix::from_fn(N, N, |row, n| column(n)[row]);
         // At 1 rad/s a unit of unbalance is a unit force, along y or z depending on the angle.
         let machine = scenario.machine;

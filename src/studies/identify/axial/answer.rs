@@ -9,6 +9,7 @@ use super::{
     Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS, POSITION_NOISE, Point,
     SLOW, UNKNOWNS, find, mean,
 };
+use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::Statement;
 use crate::studies::identify::agreement::disagreement;
@@ -145,7 +146,7 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
         noise_std: variance.max(0.0).sqrt(),
         total_std: (variance.max(0.0) + (FLOOR * value).powi(2)).sqrt(),
     };
-    let operating: Point5 = std::array::from_fn(|i| of(values[i], cross[(i, i)]));
+    let operating: Point5 = array::from_fn(|i| of(values[i], cross[(i, i)]));
     let dynamics = of(point[DYNAMICS], fit.covariance[(DYNAMICS, DYNAMICS)]);
     let lambda_of = |k: usize| {
         let value = libm::exp(point[k]);
@@ -172,7 +173,7 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
 fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatrix<f64> {
     let slope = |at: usize| {
         let [up, down] = axis.neighbours(at, &fit.point).map(|point| of(&point));
-        std::array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * axis.step(at, &fit.point)))
+        array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * axis.step(at, &fit.point)))
     };
     let slopes: Vec<[f64; 5]> = (0..UNKNOWNS).map(slope).collect();
     // Unknowns without covariance were not searched; at a slow force of zero there is no slope.

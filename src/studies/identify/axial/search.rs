@@ -4,6 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::filter::{Filter, POSITION, Readings, Row};
 use super::{Axis, DYNAMICS, Point, UNKNOWNS, is_logarithm, is_noise};
+use crate::bearing::array;
 use crate::studies::parallel::in_order;
 
 /// Rows passed by all filters before their innovations are summed, so that memory does not grow with the recording.
@@ -111,7 +112,7 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
         (0..free.len()).filter(|i| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > MIN_INFORMATION).collect();
     let information = DMatrix::from_fn(kept.len(), kept.len(), |i, j| sums.information[(kept[i], kept[j])]);
     let inverse = information.cholesky()?.inverse();
-    let place: [Option<usize>; UNKNOWNS] = std::array::from_fn(|at| kept.iter().position(|i| free[*i] == at));
+    let place: [Option<usize>; UNKNOWNS] = array::from_fn(|at| kept.iter().position(|i| free[*i] == at));
     let covariance = DMatrix::from_fn(UNKNOWNS, UNKNOWNS, |a, b| match (place[a], place[b]) {
         (Some(i), Some(j)) => inverse[(i, j)],
         _ => 0.0,

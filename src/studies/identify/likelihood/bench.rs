@@ -14,6 +14,7 @@
 
 use super::PartSettings;
 use super::body::Body;
+use crate::bearing::array;
 
 /// One bench parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -215,7 +216,7 @@ impl Places {
                 gain: at("sensor.gain"),
                 gain_difference: at("sensor.gainDifference"),
                 rotation: at("sensor.rotation"),
-                runout: std::array::from_fn(|part| at(&runout[part / 4][part % 4])),
+                runout: array::from_fn(|part| at(&runout[part / 4][part % 4])),
             }
         };
         Self {

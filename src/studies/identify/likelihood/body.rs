@@ -5,6 +5,7 @@ use super::filter::passes;
 use super::rotor::{Describe, Description, Layout, Model};
 use super::search;
 use super::{Failed, Identification, Options, Part, Recording};
+use crate::bearing::array;
 use crate::bearing::rotor::RotorConfig;
 use crate::estimation::Machine;
 use crate::plant::PLANES;
@@ -242,7 +243,7 @@ impl Part {
                 bearing.position_m += bench[position];
                 bearing.sensor_position_m += bench[sensors];
             }
-            let planes_m = std::array::from_fn(|n| planes_m[n] + bench[plane + n]);
+            let planes_m = array::from_fn(|n| planes_m[n] + bench[plane + n]);
             let machine = Machine::<4, K, U>::of_shaft(&geometry, planes_m);
             Description::of(&machine.unwrap_or_else(|| unreachable!("sensors at different places")))
         };

@@ -6,6 +6,7 @@ use super::case::Case;
 use super::filter::Levels;
 use super::lag;
 use super::rotor::{ByMagnet, Interval, Rotor, Shaft, Squares, State};
+use crate::bearing::array;
 use crate::estimation::Hold;
 
 /// Smallest gap used for the noise, relative to the nominal one.
@@ -118,8 +119,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     pub fn of(input: Input<'a>) -> Self {
         Self {
             input,
-            position: std::array::from_fn(|n| input.case.position[n]),
-            current: std::array::from_fn(|k| input.case.current[k]),
+            position: array::from_fn(|n| input.case.position[n]),
+            current: array::from_fn(|k| input.case.current[k]),
             state: input.case.track.state.as_chunks().0.as_chunks().0,
         }
     }
@@ -129,8 +130,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     pub fn expected(&self, row: usize) -> Option<([f64; K], State<N>)> {
         let size = K + 2 * N;
         let of = self.input.case.track.expected.get(size * row..size * (row + 1))?;
-        let state = std::array::from_fn(|d| std::array::from_fn(|n| f64::from(of[K + N * d + n])));
-        Some((std::array::from_fn(|k| f64::from(of[k])), state))
+        let state = array::from_fn(|d| array::from_fn(|n| f64::from(of[K + N * d + n])));
+        Some((array::from_fn(|k| f64::from(of[k])), state))
     }
 
     /// Variances of the position readings in a row, where noise grows with this power of the gap.
@@ -196,7 +197,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         let Input { case, rotor, .. } = self.input;
         let ([_, more, less], command) = (rotor.lag.as_ref()?, self.current.map(|of| of[case.commanded(row)]));
         let [more, less] = [more, less].map(|lag| rotor.lagged_squares::<K>(lag, command, row).middle);
-        let by_lag: [f64; K] = std::array::from_fn(|k| lag::derivative(more[k], less[k]));
+        let by_lag: [f64; K] = array::from_fn(|k| lag::derivative(more[k], less[k]));
         let mut column = [0.0; N];
         rotor.add_pulls(&mut column, rotor.gaps(at), by_lag);
         Some((rotor.layout.base + rotor.places.lag?, column))

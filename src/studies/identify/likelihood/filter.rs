@@ -18,6 +18,7 @@ use std::ops::Range;
 use super::data::{Input, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
 use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
+use crate::bearing::array;
 
 /// Columns in a processor register.
 const REGISTER: usize = 8;
@@ -166,12 +167,12 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
     each_row(pass, piece.filtered.start..piece.counted.end, |row, to, interval, residual| {
         if let Some((interval, transition)) = interval {
             let ahead: State<N> = [
-                std::array::from_fn(|a| interval.middle[0][a] + kalman.x[a] + 0.5 * h * kalman.x[N + a]),
-                std::array::from_fn(|a| interval.middle[1][a] + kalman.x[N + a]),
+                array::from_fn(|a| interval.middle[0][a] + kalman.x[a] + 0.5 * h * kalman.x[N + a]),
+                array::from_fn(|a| interval.middle[1][a] + kalman.x[N + a]),
             ];
             let measured = regressors(rotor.gaps(&ahead[0]), interval.squares);
             let (at, pulls) = match expected(row) {
-                Some((pulls, [q, v])) => ([std::array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
+                Some((pulls, [q, v])) => ([array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
             kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
@@ -189,8 +190,8 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
             for (x, register) in x.iter_mut().zip(registers) {
                 let force = &force.0[*register];
                 for l in 0..REGISTER {
-                    let [q, v]: State<N> = [std::array::from_fn(|i| x[i][l]), std::array::from_fn(|i| x[N + i][l])];
-                    let mut f: [f64; N] = std::array::from_fn(|i| force[i][l]);
+                    let [q, v]: State<N> = [array::from_fn(|i| x[i][l]), array::from_fn(|i| x[N + i][l])];
+                    let mut f: [f64; N] = array::from_fn(|i| force[i][l]);
                     if S > 2 * N {
                         for i in 0..N {
                             f[i] += x[2 * N + i][l];
@@ -215,7 +216,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
             // At the position predicted by the filter, as for the force.
             let at: State<N> = match expected(row) {
                 Some((_, state)) => state,
-                None => std::array::from_fn(|d| std::array::from_fn(|a| pass.state[row][d][a] + kalman.x[N * d + a])),
+                None => array::from_fn(|d| array::from_fn(|a| pass.state[row][d][a] + kalman.x[N * d + a])),
             };
             let acceleration = interval.map_or([0.0; N], |(interval, _)| interval.end);
             rotor.sensor_columns(&at, &acceleration, to, &mut sensor);
@@ -234,8 +235,8 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
         for ((x, register), batch) in x.iter_mut().zip(registers).zip(&mut sums.batch) {
             let sensor = &sensor.0[*register];
             for l in 0..REGISTER {
-                let seen: [f64; N] = std::array::from_fn(|a| x[a][l] - d * x[N + a][l]);
-                let mut phi: [f64; N] = std::array::from_fn(|a| sensor[a][l]);
+                let seen: [f64; N] = array::from_fn(|a| x[a][l] - d * x[N + a][l]);
+                let mut phi: [f64; N] = array::from_fn(|a| sensor[a][l]);
                 for a in 0..N {
                     for b in 0..N {
                         phi[a] += m[a][b] * seen[b];
@@ -253,9 +254,9 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
             }
         }
         if gains {
-            let by_level: [[f64; N]; K] = std::array::from_fn(|k| {
+            let by_level: [[f64; N]; K] = array::from_fn(|k| {
                 let other = raised[k].update(rotor, pass.variance(row, rotor.exponent), residual);
-                innovation.factor.whiten(std::array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
+                innovation.factor.whiten(array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
                 let column = match columns {
@@ -324,7 +325,7 @@ fn each_row<const N: usize, const K: usize>(
         });
         let acceleration = interval.as_ref().map_or([0.0; N], |(interval, _)| interval.end);
         let read = rotor.reading(&pass.state[row], &acceleration, &to);
-        let residual = std::array::from_fn(|a| pass.position[a][row] - read[a]);
+        let residual = array::from_fn(|a| pass.position[a][row] - read[a]);
         each(row, &to, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
         from = to;
     }

@@ -5,6 +5,7 @@
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
 use super::rotor::{ByMagnet, Rotor, State};
+use crate::bearing::array;
 
 /// Kalman filter of the deviation.
 #[derive(Clone, Debug)]
@@ -88,7 +89,7 @@ impl<const N: usize> Transition<N> {
         }
         if N > 2 {
             let product = |a: &[[f64; N]; N], b: &[[f64; N]; N]| -> [[f64; N]; N] {
-                std::array::from_fn(|i| std::array::from_fn(|l| (0..N).map(|m| a[i][m] * b[m][l]).sum()))
+                array::from_fn(|i| array::from_fn(|l| (0..N).map(|m| a[i][m] * b[m][l]).sum()))
             };
             let (gk, gg) = (product(g, k), product(g, g));
             for i in 0..N {

@@ -8,6 +8,7 @@ use super::rotor::ByMagnet;
 use super::search::Finished;
 use super::solve::{self, inverse, submatrix};
 use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Suspect, Unbalance};
+use crate::bearing::array;
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
@@ -91,7 +92,7 @@ fn conditions(
         sum(0) * sum(0) + sum(1) * sum(1)
     };
     let powers: Vec<[f64; HARMONICS]> =
-        (0..layout.loads()).map(|axis| std::array::from_fn(|harmonic| power(axis, harmonic))).collect();
+        (0..layout.loads()).map(|axis| array::from_fn(|harmonic| power(axis, harmonic))).collect();
     let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),

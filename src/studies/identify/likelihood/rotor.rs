@@ -11,6 +11,7 @@ use super::bench::Places;
 use super::case::Case;
 use super::filter::{ColumnValues, Passes};
 use super::lag::Lag;
+use crate::bearing::array;
 use crate::estimation::Machine;
 use crate::plant::PLANES;
 
@@ -258,7 +259,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// `factor · of`, first N values.
 #[inline(always)]
 fn scaled<const N: usize>(of: &ByAxis, factor: f64) -> [f64; N] {
-    std::array::from_fn(|n| of[n] * factor)
+    array::from_fn(|n| of[n] * factor)
 }
 
 impl Rotor {
@@ -339,25 +340,25 @@ impl Rotor {
     #[inline(always)]
     pub fn squares<const K: usize>(&self, read: [f64; K], before: Option<[f64; K]>) -> Squares<K> {
         let current = |k: usize, read: f64| (read - self.current[k][0]) / self.current[k][1];
-        let variance: [f64; K] = std::array::from_fn(|k| {
+        let variance: [f64; K] = array::from_fn(|k| {
             let gain = self.current[k][1];
             self.noise * self.noise / (gain * gain)
         });
-        let end: [f64; K] = std::array::from_fn(|k| current(k, read[k]));
+        let end: [f64; K] = array::from_fn(|k| current(k, read[k]));
         let start: [f64; K] = match before {
             None => end,
-            Some(before) => std::array::from_fn(|k| current(k, before[k])),
+            Some(before) => array::from_fn(|k| current(k, before[k])),
         };
         // The mean of two readings has half the noise variance.
         let part = if before.is_some() { 0.5 } else { 1.0 };
         let square = |i: f64, variance: f64| i * i - variance;
-        let middle = std::array::from_fn(|k| square(0.5 * (start[k] + end[k]), part * variance[k]));
+        let middle = array::from_fn(|k| square(0.5 * (start[k] + end[k]), part * variance[k]));
         Squares {
-            start: std::array::from_fn(|k| square(start[k], variance[k])),
+            start: array::from_fn(|k| square(start[k], variance[k])),
             middle,
-            end: std::array::from_fn(|k| square(end[k], variance[k])),
+            end: array::from_fn(|k| square(end[k], variance[k])),
             // Var (i + n)² = 4 i² σ² + 2 σ⁴.
-            std: std::array::from_fn(|k| ((4.0 * middle[k].max(0.0) + 2.0 * variance[k]) * variance[k]).sqrt()),
+            std: array::from_fn(|k| ((4.0 * middle[k].max(0.0) + 2.0 * variance[k]) * variance[k]).sqrt()),
         }
     }
 
@@ -388,7 +389,7 @@ impl Rotor {
     /// Gaps at a point, iron path included, m.
     #[inline(always)]
     pub fn gaps<const N: usize, const K: usize>(&self, at: &[f64; N]) -> [f64; K] {
-        std::array::from_fn(|k| self.machine.gap_m[k] - dot(&self.machine.directions[k], at))
+        array::from_fn(|k| self.machine.gap_m[k] - dot(&self.machine.directions[k], at))
     }
 
     #[inline(always)]
@@ -458,18 +459,18 @@ impl Rotor {
         let h = self.h;
         // Cubic through both points and both velocities.
         let middle: State<N> = [
-            std::array::from_fn(|a| 0.5 * (from[0][a] + to[0][a]) + h / 8.0 * (from[1][a] - to[1][a])),
-            std::array::from_fn(|a| 1.5 / h * (to[0][a] - from[0][a]) - 0.25 * (from[1][a] + to[1][a])),
+            array::from_fn(|a| 0.5 * (from[0][a] + to[0][a]) + h / 8.0 * (from[1][a] - to[1][a])),
+            array::from_fn(|a| 1.5 / h * (to[0][a] - from[0][a]) - 0.25 * (from[1][a] + to[1][a])),
         ];
         let gaps = self.gaps(&middle[0]);
         let a_0 = self.acceleration(self.gaps(&from[0]), squares.start, &at_start, &from[1]);
         let a_m = self.acceleration(gaps, squares.middle, &at_middle, &middle[1]);
         let a_1 = self.acceleration(self.gaps(&to[0]), squares.end, &at_end, &to[1]);
         let offset = [
-            std::array::from_fn(|a| from[0][a] + h * from[1][a] + h * h / 6.0 * (a_0[a] + 2.0 * a_m[a]) - to[0][a]),
-            std::array::from_fn(|a| from[1][a] + h / 6.0 * (a_0[a] + 4.0 * a_m[a] + a_1[a]) - to[1][a]),
+            array::from_fn(|a| from[0][a] + h * from[1][a] + h * h / 6.0 * (a_0[a] + 2.0 * a_m[a]) - to[0][a]),
+            array::from_fn(|a| from[1][a] + h / 6.0 * (a_0[a] + 4.0 * a_m[a] + a_1[a]) - to[1][a]),
         ];
-        let gyroscopic = std::array::from_fn(|a| scaled(&self.machine.gyroscopic[a], at_middle.speed));
+        let gyroscopic = array::from_fn(|a| scaled(&self.machine.gyroscopic[a], at_middle.speed));
         let (mut stiffness, mut noise) = ([[0.0; N]; N], [[0.0; N]; K]);
         let expected = expected.unwrap_or_else(|| regressors(gaps, squares.middle));
         for k in 0..K {
@@ -515,7 +516,7 @@ impl Rotor {
             }
         }
         let [by_cos, by_sin] = shaft.unbalance();
-        let combined = |[y, z]: &[ByAxis; 2], by: [f64; 2]| std::array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
+        let combined = |[y, z]: &[ByAxis; 2], by: [f64; 2]| array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
         for p in 0..machine.planes {
             d.put(layout.magnets + 2 * p, combined(&machine.unbalance[p], by_cos));
             d.put(layout.magnets + 2 * p + 1, combined(&machine.unbalance[p], by_sin));
@@ -552,7 +553,7 @@ impl Rotor {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let mut sensed: [f64; N] =
-            std::array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
+            array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
         for (sensed, places) in sensed.chunks_exact_mut(2).zip(&self.places.pairs) {
             let r = places.runout.map(|at| self.bench(at));
             sensed[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + r[4] * c_2 + r[5] * s_2;
@@ -565,7 +566,7 @@ impl Rotor {
     #[inline(always)]
     pub fn reading<const N: usize>(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
         let sensed = self.sensed(at, acceleration, shaft);
-        std::array::from_fn(|a| dot(&self.sensor[a], &sensed) + self.offset[a])
+        array::from_fn(|a| dot(&self.sensor[a], &sensed) + self.offset[a])
     }
 
     /// `∂reading/∂θ` at a fixed trajectory; columns of force parameters stay unchanged.
@@ -580,8 +581,8 @@ impl Rotor {
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let base = self.layout.base;
         let sensed = self.sensed(at, acceleration, shaft);
-        let by_delay: [f64; N] = std::array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
-        d.put(base + self.places.delay, std::array::from_fn(|n| dot(&self.sensor[n], &by_delay)));
+        let by_delay: [f64; N] = array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
+        d.put(base + self.places.delay, array::from_fn(|n| dot(&self.sensor[n], &by_delay)));
         if let Some([offset, gain]) = self.places.single {
             d.set(0, base + offset, 1.0);
             d.set(0, base + gain, sensed[0]);
@@ -612,5 +613,5 @@ impl Rotor {
 /// `i_k²/gap_k²`, A²/m².
 #[inline(always)]
 pub(super) fn regressors<const K: usize>(gaps: [f64; K], squares: [f64; K]) -> [f64; K] {
-    std::array::from_fn(|k| squares[k] / (gaps[k] * gaps[k]))
+    array::from_fn(|k| squares[k] / (gaps[k] * gaps[k]))
 }

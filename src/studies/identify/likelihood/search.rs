@@ -18,6 +18,7 @@ use super::outcome;
 use super::rotor::{Model, Rotor};
 use super::solve::{Normal, inverse, submatrix};
 use super::{Body, Change, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
+use crate::bearing::array;
 use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
 
@@ -308,7 +309,7 @@ impl Search<'_> {
         let level = SLOW_FORCE * self.weight_n();
         let slow = |slow: f64| Levels { slow, ..UNCHANGED };
         let sum = |totals: Vec<Likelihoods>| -> [f64; 3] {
-            std::array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
+            array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
         if self.model.slow_force {
             let [without, with, _] = sum(self.likelihoods([NEGLIGIBLE, 1.0, 1.0].map(slow)));

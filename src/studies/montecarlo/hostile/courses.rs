@@ -6,6 +6,7 @@ use super::Requirement::{self, NotValid, NotWrong, Nothing, Valid};
 use super::altered::{self, Alter, Missing};
 use super::cases::RPM;
 use super::{Course, Draw, NOISE, cases};
+use crate::bearing::array;
 use crate::simulation::scenario::Scenario;
 
 impl Course {
@@ -163,8 +164,8 @@ fn forces() -> Vec<Course> {
     let narrow_band = |middle_hz: f64| {
         Course::new(&format!("0.5 N within 6 Hz about {middle_hz} Hz"), NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
-            let omega: [f64; 12] = std::array::from_fn(|_| TAU * (middle_hz + draw.uniform(-3.0, 3.0)));
-            let phases = [0, 1].map(|_| std::array::from_fn::<_, 12, _>(|_| draw.uniform(-PI, PI)));
+            let omega: [f64; 12] = array::from_fn(|_| TAU * (middle_hz + draw.uniform(-3.0, 3.0)));
+            let phases = [0, 1].map(|_| array::from_fn::<_, 12, _>(|_| draw.uniform(-PI, PI)));
             cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
                 // The root mean square of the sum is 0.5 N.
                 phases.map(|phases| {
