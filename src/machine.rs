@@ -73,7 +73,7 @@ impl Bearing {
     }
 
     /// ` of bearing A`; empty for the only bearing.
-    fn located(&self, preposition: &str) -> String {
+    pub(crate) fn located(&self, preposition: &str) -> String {
         if self.is_alone() { String::new() } else { format!(" {preposition} bearing {}", self.name()) }
     }
 
@@ -386,6 +386,16 @@ impl Machine {
         if self.tilts() { Vec::new() } else { self.of_lengths(name) }
     }
 
+    /// Names of the outputs that state contact with each backup bearing.
+    pub fn of_contact(&self) -> Vec<String> {
+        self.of_bearings(if self.tilts() { "contact" } else { "touchdown.contact" })
+    }
+
+    /// The bearing of a variable with this name; the first one for those without a prefix.
+    pub(crate) fn bearing_of(&self, name: &str) -> &Bearing {
+        self.bearings.iter().find(|bearing| name.starts_with(bearing.prefix)).unwrap_or(&self.bearings[0])
+    }
+
     /// `length` if coordinate n is a length, `angle` if it is an angle.
     pub fn either<T>(&self, n: usize, length: T, angle: T) -> T {
         if self.coordinates[n].is_angle { angle } else { length }
@@ -408,8 +418,7 @@ impl Machine {
         if let Some((bearing, number)) = self.magnet(index) {
             replace("{magnet}", &format!("magnet {number}{}", self.bearings[bearing].located("of")));
         }
-        let named = |bearing: &&Bearing| name.starts_with(bearing.prefix);
-        let bearing = self.bearings.iter().find(named).unwrap_or(&self.bearings[0]);
+        let bearing = self.bearing_of(name);
         if let Some((_, group)) = self.groups().get(index).filter(|(b, _)| self.bearings[*b].groups() > 1) {
             replace("{in group}", &format!(" in magnets {} and {}{{in bearing}}", group + 1, group + 3));
         }

@@ -49,7 +49,7 @@ pub struct Values<const N: usize, const K: usize, const B: usize> {
     )]
     at_bearings: [AtBearing; B],
     /// Whether the rotor touches the backup bearing{at bearing}
-    #[output(names = context.of_bearings(if context.tilts() { "contact" } else { "touchdown.contact" }))]
+    #[output(names = context.of_contact())]
     contact: [bool; B],
     /// Position along {axis} as read by the sensor at the last sample
     #[output(names = context.measured(), discrete, unit = METRE, nominal = 1e-5)]

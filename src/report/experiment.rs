@@ -164,11 +164,10 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
             let path = scenario.path(*target);
             let (_, name) = path.split_once('.').unwrap_or_default();
             let (name, magnet) = name.trim_end_matches(']').split_once('[').unwrap_or((name, ""));
-            let prefixes = scenario.machine.bearings.iter().map(|bearing| bearing.prefix);
-            let prefix = prefixes.filter(|prefix| name.starts_with(prefix)).max().unwrap_or_default();
+            let prefix = scenario.machine.bearing_of(name).prefix;
             for (at_s, value) in profile.time_s.iter().zip(&profile.values).filter(|(at_s, _)| **at_s > 0.0) {
                 let on = value.clone().as_f64() != 0.0;
-                let label = match &name[prefix.len()..] {
+                let label = match name.strip_prefix(prefix).unwrap_or(name) {
                     "coil.open" if on => format!("coil {prefix}{magnet} opens"),
                     "coil.open" => format!("coil {prefix}{magnet} closes"),
                     "lambda" => format!("{prefix}λ{magnet} changes"),
@@ -179,10 +178,9 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
             }
         }
     }
-    for bearing in scenario.machine.bearings {
-        let name = if bearing.prefix.is_empty() { "touchdown.contact" } else { "contact" };
-        let contact = run.recording.get(&format!("plant.{}{name}", bearing.prefix)).unwrap_or(&[]);
-        let of = bearing.prefix.strip_suffix('.').map_or(String::new(), |name| format!(", bearing {name}"));
+    for (bearing, name) in scenario.machine.bearings.iter().zip(scenario.machine.of_contact()) {
+        let contact = run.recording.get(&format!("plant.{name}")).unwrap_or(&[]);
+        let of = bearing.located("at");
         if let Some(at) = contact.windows(2).position(|pair| pair == [0.0, 1.0]) {
             mark(time_s[at + 1], format!("touchdown{of}"));
         }
