@@ -395,7 +395,14 @@ def progress(done, of, since):
 def read_design(path):
     """Columns and cases of a design in CSV."""
     lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    columns, *cases = [[cell.strip() for cell in row] for row in csv.reader(lines)]
+    columns, *cases = [[cell.strip() for cell in row] for row in csv.reader(lines)] or [[]]
+    names = [split(column)[0] for column in columns]
+    twice = {name for name in names if names.count(name) > 1}
+    findings = [f"{name} is in the design twice" for name in sorted(twice)]
+    if not cases:
+        findings.append("the design has no cases")
+    if findings:
+        raise SystemExit(f"{path}: " + "; ".join(findings))
     return columns, cases
 
 
