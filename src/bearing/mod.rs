@@ -2,7 +2,7 @@
 //!
 //! In reading order:
 //!
-//! - [`array`]: arrays, element by element;
+//! - [`mod@array`]: arrays of numbers, filled and combined;
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
 //! - [`shaft`]: coordinates of a rigid rotor;
