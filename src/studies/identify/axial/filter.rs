@@ -118,9 +118,10 @@ impl Filter {
         let is_lost = self.is_lost();
         let [begin_a, middle_a, end_a] =
             [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| self.x[3 + k] + part * (h * self.x[SLOPES + k] + change_a[k])));
-        let mut f = SMatrix::<f64, 2, N>::identity();
+        let mut f = SMatrix::<f64, N, N>::identity();
         let mut noise = [SVector::<f64, N>::zeros(); 2];
         for (k, noise) in noise.iter_mut().enumerate().take(used) {
+            f[(3 + k, SLOPES + k)] = h;
             noise[3 + k] = 1.0;
         }
         // Without a position the force is unknown.
@@ -147,17 +148,7 @@ impl Filter {
         }
         self.x.as_mut_slice()[3..SLOPES].copy_from_slice(&end_a);
         self.p[(2, 2)] += slow;
-        // F P Fᵀ: f is the part of F for the motion; every current takes h times its slope, and the rest stays.
-        for _ in 0..2 {
-            let motion = f * self.p;
-            self.p.fixed_rows_mut::<2>(0).copy_from(&motion);
-            for k in 0..used {
-                let by_slope = self.p.row(SLOPES + k) * h;
-                let mut current = self.p.row_mut(3 + k);
-                current += by_slope;
-            }
-            self.p.transpose_mut();
-        }
+        self.p = f * self.p * f.transpose();
         // Unequal rounding of the two triangles would grow with the instability of the rotor.
         self.p.fill_lower_triangle_with_upper_triangle();
         for (k, noise) in noise.iter().enumerate().take(used) {
