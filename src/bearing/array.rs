@@ -1,5 +1,5 @@
 //! Arrays of numbers, element by element. The generic models call these functions in hundreds of places; those of the standard library, which
-//! provide for elements to be dropped if one panics, take a twentieth more compile time.
+//! provide for elements to be dropped if one panics, compile more slowly. Elements that are not `Copy` need `std::array::from_fn`.
 
 /// The values of a function of the index, in order.
 #[inline]

@@ -2,7 +2,7 @@
 //!
 //! In reading order:
 //!
-//! - [`mod@array`]: arrays of numbers, filled and combined;
+//! - `array`: arrays of numbers, filled and combined;
 //! - [`scalar`]: the number type of the equations: `f64` for values, Taylor series for derivatives;
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
 //! - [`shaft`]: coordinates of a rigid rotor;
@@ -10,7 +10,7 @@
 //! - [`coil`]: flux, current, force and energy of a coil;
 //! - [`touchdown`]: the backup bearing.
 
-pub mod array;
+pub(crate) mod array;
 pub mod coil;
 pub mod magnet;
 pub mod rotor;

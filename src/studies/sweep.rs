@@ -125,13 +125,13 @@ impl Sweep {
         let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_compared();
-        let twice = |at: usize, name: &str| columns[..at].iter().any(|other| split(other).0 == name);
-        let finding = |(at, column): (usize, &String)| {
+        let mut names = HashSet::new();
+        let finding = |column| {
             let (name, _) = split(column);
-            let twice = twice(at, name).then(|| format!("{name} is in the design twice"));
+            let twice = (!names.insert(name)).then(|| format!("{name} is in the design twice"));
             scenario.settable(name).err().or(twice)
         };
-        let mut findings: Vec<String> = columns.iter().enumerate().filter_map(finding).collect();
+        let mut findings: Vec<String> = columns.iter().map(String::as_str).filter_map(finding).collect();
         if cases.is_empty() {
             findings.push("the design has no cases".into());
         }
