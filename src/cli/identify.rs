@@ -182,8 +182,7 @@ impl Arguments {
         }
         let reading = self.reading(&columns, machine, None);
         let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
-        let read = |path: &PathBuf| self.read(path, &reading, |samples| samples.implausible(&gap_m));
-        let recordings: Vec<Samples> = self.recordings.iter().map(read).collect::<Result<_>>()?;
+        let recordings = self.read_all(&reading, |samples| samples.implausible(&gap_m))?;
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
@@ -232,10 +231,6 @@ impl Arguments {
         let same = |one: &Path, other: &Path| {
             one.canonicalize().is_ok_and(|one| other.canonicalize().is_ok_and(|other| one == other))
         };
-        let is_before = |n: &usize| self.recordings[..*n].iter().any(|other| same(&self.recordings[*n], other));
-        if let Some(path) = (0..self.recordings.len()).find(is_before).map(|n| &self.recordings[n]) {
-            return Err(refused(format!("{}: this recording is given twice", path.display())));
-        }
         match &self.csv {
             Some(path) if self.recordings.iter().chain(&self.currents).any(|recording| same(path, recording)) => {
                 Err(refused(format!("--csv {}: this is the recording", path.display())))
@@ -294,6 +289,20 @@ impl Arguments {
             rate_s: self.rate.or(self.step),
             resample_s: self.resample,
         }
+    }
+
+    /// Reads all recordings; readings that occur twice would count twice.
+    fn read_all(&self, reading: &Reading, implausible: impl Fn(&Samples) -> Vec<String>) -> Result<Vec<Samples>> {
+        let mut all: Vec<Samples> = Vec::new();
+        for path in &self.recordings {
+            let samples = self.read(path, reading, &implausible)?;
+            if let Some(other) = all.iter().position(|other| other.has_readings_of(&samples)) {
+                let why = "this recording is given twice: its readings are those of";
+                return Err(self.refused(path, vec![format!("{why} {}", self.recordings[other].display())]));
+            }
+            all.push(samples);
+        }
+        Ok(all)
     }
 
     /// Reads a recording and refuses it if `implausible` finds signs of misread units.

@@ -124,9 +124,8 @@ fn no_parameter(name: &str) -> String {
 /// Identifies the axis from each recording.
 fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Results> {
     let reading = arguments.reading(columns, &AXIAL, Some(axis.used.clone()));
-    let read =
-        |path: &Path| arguments.read(path, &reading, |samples| samples.implausible_axis(&axis.used, axis.gap_m()));
-    let recordings: Vec<Samples> = arguments.recordings.iter().map(|path| read(path)).collect::<Result<_>>()?;
+    let implausible = |samples: &Samples| samples.implausible_axis(&axis.used, axis.gap_m());
+    let recordings = arguments.read_all(&reading, implausible)?;
     let mut axes: Vec<Answer> = Vec::new();
     for (path, samples) in arguments.recordings.iter().zip(&recordings) {
         axes.push(answer(arguments, axis, path, samples, axes.first())?);
@@ -144,7 +143,7 @@ fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Result
         }
     };
     if let Some(path) = &arguments.check {
-        let samples = read(path)?;
+        let samples = arguments.read(path, &reading, implausible)?;
         let check = axes[0].check(&answer(arguments, axis, path, &samples, axes.first())?);
         summary.push(format!("{}: {}", path.display(), check.verdict));
         document["check"] = check.json();

@@ -249,6 +249,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     let mut findings = Vec::new();
     if *details == Details::Proposals {
         let trial = Trial { recording: all[0].clone(), options, machine: question.stated.machine, bearing: 0 };
+        findings.extend(words::constant_currents(&all[0], question.stated.machine));
         findings.extend(diagnosis::proposals(&trial));
     }
     // A search that did not converge has neither estimates nor meaningful residuals.

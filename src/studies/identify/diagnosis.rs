@@ -245,7 +245,6 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
     if !rows.is_empty() {
         for trial in &mut trials {
             rows.iter().for_each(|rows| trial.recording.usable[rows.clone()].fill(false));
-            trial.options.excludes_rows = false;
         }
         found = all(&trials);
     }

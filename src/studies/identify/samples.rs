@@ -65,6 +65,14 @@ impl Samples {
         self.len() == 0
     }
 
+    /// Whether both hold the same positions and currents.
+    #[must_use]
+    pub fn has_readings_of(&self, other: &Self) -> bool {
+        // NaN where a reading is missing is equal to itself.
+        let [own, other] = [self, other].map(|of| of.position_m.iter().chain(&of.current_a).flatten());
+        own.map(|value| value.to_bits()).eq(other.map(|value| value.to_bits()))
+    }
+
     /// The currents at every sample; NaN where unavailable.
     #[must_use]
     pub fn currents(&self, how: Hold) -> Vec<Vec<f64>> {

@@ -11,6 +11,7 @@ const WRONG: &[Wrong] = &[
     (|samples, _| samples.position_m[1].iter_mut().for_each(|z| *z = -*z), "z is mirrored"),
     (|samples, _| samples.current_a.rotate_left(1), "the magnets count from the third"),
     (|samples, _| samples.current_a.swap(0, 1), "magnets 1 and 2 are exchanged"),
+    (|samples, _| samples.current_a[1].fill(5.0), "im[2] is 5 A throughout: "),
     (|samples, _| rotation(samples).for_each(|of| *of = -*of), "the angle counts against the rotation"),
     // Each row holds the command issued at its instant.
     (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),

@@ -2,6 +2,7 @@
 
 use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;
+use crate::machine::Machine;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
     BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Hold, Identification,
@@ -47,6 +48,16 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
     words.extend(slow_force(found));
     words.extend(effects(found));
     words
+}
+
+/// Currents that are the same in every row: commands at their limit, or readings of a dead sensor.
+pub(super) fn constant_currents<'a>(recording: &'a Recording, machine: &Machine) -> impl Iterator<Item = String> + 'a {
+    let named = machine.of_magnets("im").into_iter().zip(&recording.current_a);
+    let constant = named.filter(|(_, current)| current.windows(2).all(|pair| pair[0] == pair[1]));
+    constant.map(|(name, current)| {
+        let value = significant(current[0], 4);
+        format!("{name} is {value} A throughout: if this is a reading, are the magnet and its sensor connected?")
+    })
 }
 
 /// How much later than stated the currents act, which delays the positions relative to them, and the gain in log-likelihood.
