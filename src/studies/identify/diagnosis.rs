@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::answer::{implausible, with_slow_force};
 use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording};
@@ -10,6 +11,7 @@ use super::tolerance::plain;
 use super::units::significant;
 use crate::bearing::array;
 use crate::machine::Machine;
+use crate::progress::Progress;
 use crate::studies::parallel::in_order;
 
 /// Minimum and maximum number of rows of a stretch.
@@ -298,7 +300,13 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         }
         Some((likelihood, words))
     };
-    let mut fits: Vec<(f64, String)> = in_order(alternatives.len(), &words).into_iter().flatten().collect();
+    let (progress, done) = (Progress::new("trying alternatives", alternatives.len() as u64), AtomicU64::new(0));
+    let tried = in_order(alternatives.len(), &|index| {
+        let found = words(index);
+        progress.tell(1 + done.fetch_add(1, Ordering::Relaxed));
+        found
+    });
+    let mut fits: Vec<(f64, String)> = tried.into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
     let as_good: Vec<String> =
