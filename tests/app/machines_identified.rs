@@ -159,14 +159,22 @@ fn errors_of_the_bench_of_a_shaft_are_found() {
     }
 }
 
-/// Exchanged magnets are detected at each bearing of a shaft.
+/// Exchanged magnets are detected at each bearing of a shaft, and exchanged bearings.
 #[test]
-fn exchanged_magnets_of_a_shaft_are_named() {
+fn exchanged_columns_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");
     record(&folder, &SPINDLE, first(800));
-    let exchanged = "--column B.im[1]=plant.B.im[2] --column B.im[2]=plant.B.im[1]";
-    let (out, _) = exits(3, &folder, &words(&format!("identify run.csv --machine spindle {exchanged}")));
-    assert_contains(&out.replace('\n', " "), &["magnets 1 and 2 are exchanged at B: exchange the currents"]);
+    for (signals, words) in [
+        (&["B.im[1]", "B.im[2]"][..], "magnets 1 and 2 are exchanged at B: exchange the currents"),
+        (&["X.im[1]", "X.im[2]"], "magnets 1 and 2 are exchanged at X: exchange their columns"),
+        (&["A.Ym", "B.Ym", "A.Zm", "B.Zm"], "the positions of the radial bearings are exchanged: exchange"),
+    ] {
+        let column = |[one, other]: &[&str; 2]| [format!("{one}=plant.{other}"), format!("{other}=plant.{one}")];
+        let columns = signals.as_chunks().0.iter().flat_map(column).map(|column| format!(" --column {column}"));
+        let command = format!("identify run.csv --machine spindle{}", columns.collect::<String>());
+        let (out, _) = exits(3, &folder, &self::words(&command));
+        assert_contains(&out.replace('\n', " "), &[words]);
+    }
 }
 
 /// Recordings of a shaft at two speeds share its bearings; each has its own loads.

@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use self::Concerns::{All, Axial, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
 use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording};
 use super::mean;
@@ -56,8 +57,20 @@ impl Trial {
     }
 }
 
-/// A common mistake: the fewest magnets of a bearing that it needs, 0 if not about a bearing; description; correction; advice to the user.
-type Alternative = (usize, &'static str, fn(&mut Trial), &'static str);
+/// What a mistake is about.
+enum Concerns {
+    /// The whole recording.
+    All,
+    /// Each radial bearing with at least this many magnets.
+    Radial(usize),
+    /// The axial bearing of a shaft.
+    Axial,
+    /// The two radial bearings of a shaft.
+    Shaft,
+}
+
+/// A common mistake: what it is about, description, correction, advice to the user.
+type Alternative = (Concerns, &'static str, fn(&mut Trial), &'static str);
 
 /// Changes the positions that the sensors of the bearing read.
 fn positions(trial: &mut Trial, change: impl Fn([f64; 2]) -> [f64; 2]) {
@@ -77,69 +90,108 @@ fn currents(trial: &mut Trial, reorder: impl FnOnce(&mut [usize])) {
     }
 }
 
-/// Shifts the currents and the errors of restored ones by a row.
-fn shift_currents(trial: &mut Trial, current: fn(&mut [f64]), error: fn(&mut [f32])) {
-    trial.recording.current_a.iter_mut().for_each(|rows| current(rows));
-    trial.recording.square_error_a2.iter_mut().for_each(|rows| error(rows));
+/// Exchanges the positions of the radial bearings of a shaft.
+fn exchange_positions(trial: &mut Trial) {
+    let Recording { position_m, position_error_m, .. } = &mut trial.recording;
+    position_m[..4].rotate_left(2);
+    position_error_m.get_mut(..4).into_iter().for_each(|errors| errors.rotate_left(2));
+}
+
+/// Exchanges the currents of the radial bearings of a shaft.
+fn exchange_currents(trial: &mut Trial) {
+    let magnets = trial.machine.bearings[0].magnets;
+    let Recording { current_a, square_error_a2, .. } = &mut trial.recording;
+    current_a[..2 * magnets].rotate_left(magnets);
+    square_error_a2.get_mut(..2 * magnets).into_iter().for_each(|errors| errors.rotate_left(magnets));
+}
+
+fn exchange_bearings(trial: &mut Trial) {
+    exchange_positions(trial);
+    exchange_currents(trial);
+}
+
+/// Shifts the currents and the errors of restored ones by a row, to earlier or later rows.
+fn shift_currents(trial: &mut Trial, is_later: bool) {
+    fn shift<T>(columns: &mut [Vec<T>], is_later: bool) {
+        columns.iter_mut().for_each(|rows| if is_later { rows.rotate_right(1) } else { rows.rotate_left(1) });
+    }
+    shift(&mut trial.recording.current_a, is_later);
+    shift(&mut trial.recording.square_error_a2, is_later);
 }
 
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
 const GAP: &str = "--estimate s";
+const COLUMNS: &str = "exchange their columns (--column)";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 
 const ALTERNATIVES: &[Alternative] = &[
-    (3, "y and z are exchanged", |t| positions(t, |[y, z]| [z, y]), SWAP),
-    (3, "y is mirrored", |t| positions(t, |[y, z]| [-y, z]), MIRROR),
-    (3, "z is mirrored", |t| positions(t, |[y, z]| [y, -z]), MIRROR),
-    (3, "y and z are mirrored", |t| positions(t, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
-    (3, "the sensors are turned by 90°", |t| positions(t, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
-    (3, "the sensors are turned by −90°", |t| positions(t, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
-    (3, "y and z are exchanged and mirrored", |t| positions(t, |[y, z]| [-z, -y]), SWAP),
-    (3, "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), ORDER),
-    (3, "magnets 1 and 3 are exchanged", |t| currents(t, |order| order.swap(0, 2)), ORDER),
-    (3, "magnets 2 and 3 are exchanged", |t| currents(t, |order| order.swap(1, 2)), ORDER),
-    (4, "magnets 1 and 4 are exchanged", |t| currents(t, |order| order.swap(0, 3)), ORDER),
-    (4, "magnets 2 and 4 are exchanged", |t| currents(t, |order| order.swap(1, 3)), ORDER),
-    (4, "magnets 3 and 4 are exchanged", |t| currents(t, |order| order.swap(2, 3)), ORDER),
-    (3, "the magnets count from the second", |t| currents(t, |order| order.rotate_left(1)), ORDER),
-    (3, "the magnets count from the third", |t| currents(t, |order| order.rotate_left(2)), ORDER),
-    (4, "the magnets count from the fourth", |t| currents(t, |order| order.rotate_left(3)), ORDER),
+    (Radial(3), "y and z are exchanged", |t| positions(t, |[y, z]| [z, y]), SWAP),
+    (Radial(3), "y is mirrored", |t| positions(t, |[y, z]| [-y, z]), MIRROR),
+    (Radial(3), "z is mirrored", |t| positions(t, |[y, z]| [y, -z]), MIRROR),
+    (Radial(3), "y and z are mirrored", |t| positions(t, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    (Radial(3), "the sensors are turned by 90°", |t| positions(t, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
     (
-        0,
+        Radial(3),
+        "the sensors are turned by −90°",
+        |t| positions(t, |[y, z]| [-z, y]),
+        "exchange Ym and Zm and mirror z",
+    ),
+    (Radial(3), "y and z are exchanged and mirrored", |t| positions(t, |[y, z]| [-z, -y]), SWAP),
+    (Radial(3), "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), ORDER),
+    (Radial(3), "magnets 1 and 3 are exchanged", |t| currents(t, |order| order.swap(0, 2)), ORDER),
+    (Radial(3), "magnets 2 and 3 are exchanged", |t| currents(t, |order| order.swap(1, 2)), ORDER),
+    (Radial(4), "magnets 1 and 4 are exchanged", |t| currents(t, |order| order.swap(0, 3)), ORDER),
+    (Radial(4), "magnets 2 and 4 are exchanged", |t| currents(t, |order| order.swap(1, 3)), ORDER),
+    (Radial(4), "magnets 3 and 4 are exchanged", |t| currents(t, |order| order.swap(2, 3)), ORDER),
+    (Radial(3), "the magnets count from the second", |t| currents(t, |order| order.rotate_left(1)), ORDER),
+    (Radial(3), "the magnets count from the third", |t| currents(t, |order| order.rotate_left(2)), ORDER),
+    (Radial(4), "the magnets count from the fourth", |t| currents(t, |order| order.rotate_left(3)), ORDER),
+    (Axial, "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), COLUMNS),
+    (Axial, "x is mirrored", |t| t.recording.position_m[4].iter_mut().for_each(|x| *x = -*x), MIRROR),
+    (Shaft, "the positions of the radial bearings are exchanged", exchange_positions, COLUMNS),
+    (Shaft, "the currents of the radial bearings are exchanged", exchange_currents, COLUMNS),
+    (Shaft, "the radial bearings are exchanged", exchange_bearings, COLUMNS),
+    (
+        All,
         "the currents are those before the sample (measured)",
         |t| t.recording.hold = Hold::HeldBefore,
         "--hold heldBefore",
     ),
-    (0, "the currents are commands, held after the sample", |t| t.recording.hold = Hold::HeldAfter, "--hold heldAfter"),
-    (0, "the currents are continuous", |t| t.recording.hold = Hold::Linear, "--hold linear"),
     (
-        0,
+        All,
+        "the currents are commands, held after the sample",
+        |t| t.recording.hold = Hold::HeldAfter,
+        "--hold heldAfter",
+    ),
+    (All, "the currents are continuous", |t| t.recording.hold = Hold::Linear, "--hold linear"),
+    (
+        All,
         "the currents come a sample late, or the positions early",
-        |t| shift_currents(t, |rows| rows.rotate_left(1), |rows| rows.rotate_left(1)),
+        |t| shift_currents(t, false),
         "shift the currents by one row",
     ),
     (
-        0,
+        All,
         "the currents come a sample early, or the positions late",
-        |t| shift_currents(t, |rows| rows.rotate_right(1), |rows| rows.rotate_right(1)),
+        |t| shift_currents(t, true),
         "shift the currents by one row, or --estimate delay",
     ),
     (
-        0,
+        All,
         "the angle counts against the rotation",
         |t| scale_rotation(t, -1.0),
         "reverse the signs of theta and omega, or that of --speed",
     ),
-    (0, "the speed is twice as high", |t| scale_rotation(t, 2.0), "double theta and omega, or --speed"),
-    (0, "the speed is half as high", |t| scale_rotation(t, 0.5), "halve theta and omega, or --speed"),
+    (All, "the speed is twice as high", |t| scale_rotation(t, 2.0), "double theta and omega, or --speed"),
+    (All, "the speed is half as high", |t| scale_rotation(t, 0.5), "halve theta and omega, or --speed"),
     (
-        0,
+        All,
         "the speed differs",
         |t| drift(&t.recording).into_iter().for_each(|[off, ..]| scale_rotation(t, 1.0 + off)),
         SPEED,
     ),
-    (0, "the gap differs", |t| free(t, "s"), GAP),
+    (All, "the gap differs", |t| free(t, "s"), GAP),
 ];
 
 const SPEED: &str = "--speed, or a column of the angle";
@@ -272,17 +324,21 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut trial = stretch(trial, 1);
     trial.options.excludes_rows = false;
     let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
-    let bearings: Vec<_> = trial.machine.bearings.iter().filter(|of| of.is_radial).collect();
+    let bearings = trial.machine.bearings;
+    let is_shaft = bearings.len() > 1;
     let each = |alternative: &'static Alternative| {
-        let (magnets, ..) = *alternative;
-        let of_bearings = bearings.iter().enumerate().filter(move |(_, of)| of.magnets >= magnets);
-        let count = if magnets == 0 { 1 } else { bearings.len() };
-        of_bearings.take(count).map(move |(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
+        let concerned = bearings.iter().enumerate().filter(|(at, of)| match alternative.0 {
+            All => *at == 0,
+            Radial(magnets) => of.is_radial && of.magnets >= magnets,
+            Axial => !of.is_radial && is_shaft,
+            Shaft => *at == 0 && is_shaft,
+        });
+        concerned.map(|(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
     let least = stated + needed_gain(alternatives.len(), trial.recording.usable.len());
     let words = |index: usize| {
-        let ((magnets, name, apply, proposal), at, bearing) = &alternatives[index];
+        let ((concerns, name, apply, proposal), at, bearing) = &alternatives[index];
         let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
         let (likelihood, gap, sound) = fit(&other)?;
@@ -290,7 +346,8 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         if !sound || likelihood <= least || is_stated {
             return None;
         }
-        let of = if *magnets == 0 || bearing.is_empty() { String::new() } else { format!(" at {bearing}") };
+        let is_local = matches!(concerns, Radial(_) | Axial) && is_shaft;
+        let of = if is_local { format!(" at {bearing}") } else { String::new() };
         let mut words = format!("{name}{of}: {proposal}");
         if let (GAP, Some(gap)) = (*proposal, gap) {
             words += &format!("; about {} mm", significant(1e3 * trial.options.parts[0].body.gap_m() * (1.0 + gap), 3));
