@@ -213,7 +213,6 @@ fn jumps_and_currents_below_the_noise_do_not_mislead() {
     }
 }
 
-/// Missing rows and sensor faults are excluded and named.
 #[test]
 fn currents_in_another_unit_are_refused() {
     let mut samples = recording(RUNS[0]);
@@ -222,6 +221,23 @@ fn currents_in_another_unit_are_refused() {
     assert_contains(&samples.implausible_axis(&[1], f64::INFINITY).join("\n"), &["im[2]", "--unit im[2]=mA"]);
 }
 
+/// Exchanged columns, a reversed axis and a dead sensor are named.
+#[test]
+fn mistakes_are_named() {
+    let rows = TWO.record(3000);
+    let cases: [(fn([f64; 4]) -> [f64; 4], &str); 3] = [
+        (|[t, x, a, b]| [t, x, b, a], "or if the magnets are exchanged"),
+        (|[t, x, a, b]| [t, -x, a, b], "x is mirrored"),
+        (|[t, x, a, _]| [t, x, a, 1.0], "im[2] is 1 A throughout"),
+    ];
+    for (spoil, words) in cases {
+        let (answer, _) = TWO.answer(&rows.iter().map(|row| spoil(*row)).collect::<Vec<_>>());
+        let first = answer.findings.first().cloned().unwrap_or_default();
+        assert!(!answer.valid && first.contains(words), "{words}: {} {:?}", answer.verdict, answer.findings);
+    }
+}
+
+/// Missing rows and sensor faults are excluded and named.
 #[test]
 fn faults_are_left_out_and_named() {
     let rows = ONE.record(8000);

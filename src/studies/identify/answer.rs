@@ -11,7 +11,7 @@ use nalgebra::DVector;
 pub(super) use self::judge::implausible;
 use self::judge::{judge, moved};
 pub(super) use self::recorded::{read_as, recording};
-pub(super) use self::words::dynamics_remark;
+pub(super) use self::words::{constant_currents, dynamics_remark};
 use super::agreement::disagreement;
 use super::diagnosis::{self, Trial};
 use super::likelihood::{self, DELAY, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
@@ -249,7 +249,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     let mut findings = Vec::new();
     if *details == Details::Proposals {
         let trial = Trial { recording: all[0].clone(), options, machine: question.stated.machine, bearing: 0 };
-        findings.extend(words::constant_currents(&all[0], question.stated.machine));
+        findings.extend(constant_currents(&all[0].current_a, question.stated.machine));
         findings.extend(diagnosis::proposals(&trial));
     }
     // A search that did not converge has neither estimates nor meaningful residuals.

@@ -51,13 +51,15 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
 }
 
 /// Currents that are the same in every row: commands at their limit, or readings of a dead sensor.
-pub(super) fn constant_currents<'a>(recording: &'a Recording, machine: &Machine) -> impl Iterator<Item = String> + 'a {
-    let named = machine.of_magnets("im").into_iter().zip(&recording.current_a);
-    let constant = named.filter(|(_, current)| current.windows(2).all(|pair| pair[0] == pair[1]));
-    constant.map(|(name, current)| {
-        let value = significant(current[0], 4);
-        format!("{name} is {value} A throughout: if this is a reading, are the magnet and its sensor connected?")
-    })
+pub fn constant_currents(current_a: &[Vec<f64>], machine: &Machine) -> Vec<String> {
+    let words = |(name, current): (String, &Vec<f64>)| {
+        let value = significant(*current.first()?, 4);
+        let is_constant = current.windows(2).all(|pair| pair[0] == pair[1]);
+        is_constant.then(|| {
+            format!("{name} is {value} A throughout: if this is a reading, are the magnet and its sensor connected?")
+        })
+    };
+    machine.of_magnets("im").into_iter().zip(current_a).filter_map(words).collect()
 }
 
 /// How much later than stated the currents act, which delays the positions relative to them, and the gain in log-likelihood.

@@ -13,7 +13,7 @@ use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::Statement;
 use crate::studies::identify::agreement::disagreement;
-use crate::studies::identify::answer::dynamics_remark;
+use crate::studies::identify::answer::{constant_currents, dynamics_remark};
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::samples::Samples;
 use crate::studies::identify::units::{significant, time};
@@ -28,6 +28,9 @@ const MAX_SLOW_FORCE: f64 = FLOOR;
 const MENTIONED_STD: f64 = 2.0;
 /// Maximum shift of an estimate by a finding in a valid result, in standard deviations.
 const MAX_SHIFT_STD: f64 = 3.0;
+/// Common mistakes with their corrections. Exchanged magnets are a reversed axis: without a known load, the two are the same.
+const MIRRORED: &str = "x is mirrored: reverse the sign of the sensor";
+const EXCHANGED: &str = "the magnets are exchanged: exchange their columns (--column), or magnets.used";
 /// Horizon of predictions, s.
 const AHEAD_S: f64 = 0.020;
 
@@ -116,11 +119,39 @@ fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
     [current, gain, stiffness, gain / point[DYNAMICS], stiffness / point[DYNAMICS]]
 }
 
-/// Identifies the axis from one recording.
+/// Identifies the axis from one recording. If the result is not valid, common mistakes are tried, and those that explain the data are proposed.
 ///
 /// # Errors
 /// The reason if nothing can be identified.
 pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
+    let mut answer = identified(axis, recording)?;
+    if !answer.valid {
+        let constant = constant_currents(&recording.current_a, recording.machine);
+        let proposals = if constant.is_empty() { proposals(axis, recording, &answer) } else { constant };
+        answer.findings.splice(..0, proposals);
+    }
+    Ok(answer)
+}
+
+/// The mistakes with which a recording is valid and more likely.
+fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
+    let mistakes = match axis.is_known(LOAD) {
+        true => vec![(1.0, MIRRORED.to_owned()), (-1.0, EXCHANGED.to_owned())],
+        false => vec![(1.0, format!("{MIRRORED}; or if {EXCHANGED}"))],
+    };
+    let proposal = |(sign, words): (f64, String)| {
+        let (mut axis, mut recording) = (axis.clone(), recording.clone());
+        recording.position_m[0].iter_mut().for_each(|x_m| *x_m = -*x_m);
+        axis.at_m = axis.at_m.map(|at_m| -at_m);
+        axis.known[LOAD] = axis.known[LOAD].map(|load_n| sign * load_n);
+        let other = identified(&axis, &recording).ok().filter(|other| other.valid)?;
+        let is_better = other.found.fit.log_likelihood > stated.found.fit.log_likelihood;
+        is_better.then(|| format!("The data fit better if {words}."))
+    };
+    mistakes.into_iter().filter_map(proposal).collect()
+}
+
+fn identified(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let found = find(axis, recording)?;
     let fit = &found.fit;
     let (axis, point) = (&found.axis, &fit.point);
