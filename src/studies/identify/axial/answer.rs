@@ -142,7 +142,7 @@ fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
     let proposal = |(sign, words): (f64, String)| {
         let (mut axis, mut recording) = (axis.clone(), recording.clone());
         recording.position_m[0].iter_mut().for_each(|x_m| *x_m = -*x_m);
-        axis.at_m = axis.at_m.map(|at_m| -at_m);
+        axis.at_m = axis.at_m.map(|at_m| sign * at_m);
         axis.known[LOAD] = axis.known[LOAD].map(|load_n| sign * load_n);
         let other = identified(&axis, &recording).ok().filter(|other| other.valid)?;
         let is_better = other.found.fit.log_likelihood > stated.found.fit.log_likelihood;
