@@ -325,7 +325,7 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     trial.options.excludes_rows = false;
     let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
     let bearings = trial.machine.bearings;
-    let is_shaft = bearings.len() > 1;
+    let is_shaft = bearings.iter().filter(|of| of.is_radial).count() == 2;
     let each = |alternative: &'static Alternative| {
         let concerned = bearings.iter().enumerate().filter(|(at, of)| match alternative.0 {
             All => *at == 0,
