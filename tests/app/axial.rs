@@ -224,8 +224,9 @@ fn currents_in_another_unit_are_refused() {
 /// Exchanged columns, a reversed axis and a dead sensor are named.
 #[test]
 fn mistakes_are_named() {
+    type Spoil = fn([f64; 4]) -> [f64; 4];
     let rows = TWO.record(3000);
-    let cases: [(fn([f64; 4]) -> [f64; 4], &str); 3] = [
+    let cases: [(Spoil, &str); 3] = [
         (|[t, x, a, b]| [t, x, b, a], "or if the magnets are exchanged"),
         (|[t, x, a, b]| [t, -x, a, b], "x is mirrored"),
         (|[t, x, a, _]| [t, x, a, 1.0], "im[2] is 1 A throughout"),
