@@ -2,7 +2,6 @@
 
 use std::f64::consts::TAU;
 use std::ops::Range;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use self::Concerns::{All, Axial, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
@@ -12,8 +11,7 @@ use super::tolerance::plain;
 use super::units::significant;
 use crate::bearing::array;
 use crate::machine::Machine;
-use crate::progress::Progress;
-use crate::studies::parallel::in_order;
+use crate::studies::parallel::{in_order, in_order_shown};
 
 /// Minimum and maximum number of rows of a stretch.
 const ROWS: [usize; 2] = [2000, 20_000];
@@ -57,7 +55,7 @@ impl Trial {
     }
 }
 
-/// What a mistake is about.
+/// Part of a recording that a mistake concerns.
 enum Concerns {
     /// The whole recording.
     All,
@@ -69,7 +67,7 @@ enum Concerns {
     Shaft,
 }
 
-/// A common mistake: what it is about, description, correction, advice to the user.
+/// A common mistake: the part it concerns, description, correction, advice to the user.
 type Alternative = (Concerns, &'static str, fn(&mut Trial), &'static str);
 
 /// Changes the positions that the sensors of the bearing read.
@@ -80,14 +78,20 @@ fn positions(trial: &mut Trial, change: impl Fn([f64; 2]) -> [f64; 2]) {
     }
 }
 
-/// Reorders the currents of the bearing.
-fn currents(trial: &mut Trial, reorder: impl FnOnce(&mut [usize])) {
+/// Reorders the currents of all magnets.
+fn reorder(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
     let mut order: Vec<usize> = (0..trial.recording.current_a.len()).collect();
-    reorder(&mut order[trial.magnets()]);
+    change(&mut order);
     trial.recording.current_a = order.iter().map(|k| trial.recording.current_a[*k].clone()).collect();
     if !trial.recording.square_error_a2.is_empty() {
         trial.recording.square_error_a2 = order.iter().map(|k| trial.recording.square_error_a2[*k].clone()).collect();
     }
+}
+
+/// Reorders the currents of the bearing.
+fn currents(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
+    let magnets = trial.magnets();
+    reorder(trial, |order| change(&mut order[magnets]));
 }
 
 /// Exchanges the positions of the radial bearings of a shaft.
@@ -100,9 +104,7 @@ fn exchange_positions(trial: &mut Trial) {
 /// Exchanges the currents of the radial bearings of a shaft.
 fn exchange_currents(trial: &mut Trial) {
     let magnets = trial.machine.bearings[0].magnets;
-    let Recording { current_a, square_error_a2, .. } = &mut trial.recording;
-    current_a[..2 * magnets].rotate_left(magnets);
-    square_error_a2.get_mut(..2 * magnets).into_iter().for_each(|errors| errors.rotate_left(magnets));
+    reorder(trial, |order| order[..2 * magnets].rotate_left(magnets));
 }
 
 fn exchange_bearings(trial: &mut Trial) {
@@ -357,12 +359,7 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         }
         Some((likelihood, words))
     };
-    let (progress, done) = (Progress::new("trying alternatives", alternatives.len() as u64), AtomicU64::new(0));
-    let tried = in_order(alternatives.len(), &|index| {
-        let found = words(index);
-        progress.tell(1 + done.fetch_add(1, Ordering::Relaxed));
-        found
-    });
+    let tried = in_order_shown("trying alternatives", alternatives.len(), &words);
     let mut fits: Vec<(f64, String)> = tried.into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };

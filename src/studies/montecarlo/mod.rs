@@ -15,13 +15,11 @@ use std::f64::consts::TAU;
 use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::machine::Bearing;
-use crate::progress::Progress;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused, Stopped};
-use crate::studies::parallel::in_order;
+use crate::studies::parallel::in_order_shown;
 use crate::studies::statistics::rms;
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
@@ -77,17 +75,6 @@ const ATTEMPTS: u64 = 20;
 /// Noise seeds for each drawn bearing.
 pub const SEEDS: u64 = 2;
 
-/// Makes `count` runs, with a progress bar; the results are in order.
-fn runs<T: Send + Sync>(count: usize, run: impl Fn(usize) -> T + Sync) -> Vec<T> {
-    let progress = Progress::new("runs", count as u64);
-    let done = AtomicU64::new(0);
-    in_order(count, &|index| {
-        let result = run(index);
-        progress.tell(done.fetch_add(1, Ordering::Relaxed) + 1);
-        result
-    })
-}
-
 impl Study {
     /// With the estimates evaluated at these instants, in s.
     fn at(self, instants_s: &[f64]) -> Self {
@@ -110,7 +97,7 @@ impl Study {
     /// # Errors
     /// All parameters that a model refuses; the reason why a run ended early.
     pub fn run(&self) -> Result<Outcome, Stopped> {
-        let trials = runs(self.runs, |run| self.trial(self.first_seed + run as u64));
+        let trials = in_order_shown("runs", self.runs, &|run| self.trial(self.first_seed + run as u64));
         let trials = trials.into_iter().collect::<Result<Vec<_>, _>>()?;
         let figures = self.instants_s.iter().enumerate().map(|(at, instant_s)| {
             let samples: Vec<_> = trials.iter().filter_map(|trial| trial.samples.get(at)).collect();

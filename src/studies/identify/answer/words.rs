@@ -10,6 +10,7 @@ use crate::studies::identify::likelihood::{
 };
 use crate::studies::identify::tolerance::plain;
 use crate::studies::identify::units::{rounded_time, significant, time};
+use crate::studies::statistics::range;
 use crate::variables::Choice;
 
 /// How well valid force constants are known.
@@ -53,9 +54,9 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
 /// Currents that are the same in every row: commands at their limit, or readings of a dead sensor.
 pub fn constant_currents(current_a: &[Vec<f64>], machine: &Machine) -> Vec<String> {
     let words = |(name, current): (String, &Vec<f64>)| {
-        let value = significant(*current.first()?, 4);
-        let is_constant = current.windows(2).all(|pair| pair[0] == pair[1]);
-        is_constant.then(|| {
+        let [low, high] = range(current.iter().copied());
+        let value = significant(low, 4);
+        (low == high && !current.is_empty()).then(|| {
             format!("{name} is {value} A throughout: if this is a reading, are the magnet and its sensor connected?")
         })
     };

@@ -13,6 +13,7 @@ use super::{NOISE, built_in, cases, drawn_again, or_dash, study};
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Stopped};
+use crate::studies::parallel::in_order_shown;
 use crate::studies::statistics::mean;
 use crate::table::Table;
 use altered::{Alter, Wires};
@@ -142,7 +143,8 @@ pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) 
 /// # Errors
 /// All parameters that a model refuses; the reason why a run ended early.
 pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Stopped> {
-    let all = super::runs(cases.len() * runs, |index| cases[index / runs].trial(first_seed + (index % runs) as u64));
+    let trial = |index: usize| cases[index / runs].trial(first_seed + (index % runs) as u64);
+    let all = in_order_shown("runs", cases.len() * runs, &trial);
     let mut all = all.into_iter();
     cases.iter().map(|_| all.by_ref().take(runs).collect()).collect()
 }
