@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::filter::{Filter, POSITION, Readings, Row};
+use super::filter::{BOTH, Filter, ONE, POSITION, Readings, Row};
 use super::{Axis, DYNAMICS, Point, UNKNOWNS, is_logarithm, is_noise};
 use crate::bearing::array;
 use crate::studies::parallel::in_order;
@@ -47,7 +47,7 @@ struct Sums {
 }
 
 /// Filters readings and calls `each` with the filter after every row, and the innovation of its position with its variance.
-pub(super) fn follow(axis: &Axis, readings: &Readings, point: &Point, mut each: impl FnMut(&Filter, [f64; 2])) {
+pub(super) fn follow(axis: &Axis, readings: &Readings, point: &Point, mut each: impl FnMut(&Filter<BOTH>, [f64; 2])) {
     let Some(mut filter) = Filter::new(axis, axis.law(point), readings) else { return };
     for row in readings.rows.clone() {
         let innovations = filter.step(axis, readings, row);
@@ -124,10 +124,15 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
 ///
 /// The information of an innovation e with variance S is `∂e ∂eᵀ/S + ½ ∂ln S ∂ln Sᵀ`, its score `−e ∂e/S + ½ (e²/S − 1) ∂ln S`.
 fn pass(axis: &Axis, readings: &Readings, point: &Point, free: &[usize]) -> Option<Sums> {
+    let pass = if axis.used.len() == 1 { pass_of::<ONE> } else { pass_of::<BOTH> };
+    pass(axis, readings, point, free)
+}
+
+fn pass_of<const N: usize>(axis: &Axis, readings: &Readings, point: &Point, free: &[usize]) -> Option<Sums> {
     let rows = &readings.rows;
     let points = std::iter::once(*point).chain(free.iter().flat_map(|at| axis.neighbours(*at, point)));
     let filters = points.map(|point| Filter::new(axis, axis.law(&point), readings));
-    let mut filters: Vec<Filter> = filters.collect::<Option<_>>()?;
+    let mut filters: Vec<Filter<N>> = filters.collect::<Option<_>>()?;
     let n = free.len();
     let mut sums =
         Sums { log_likelihood: 0.0, readings: 0, information: DMatrix::zeros(n, n), score: DVector::zeros(n) };
