@@ -49,7 +49,7 @@ impl Readings {
 
 /// Number of states for two magnets: x, v, d, the currents and their slopes. An unused magnet has a current of 0 without variance.
 pub(super) const BOTH: usize = 7;
-/// The same without the states of an unused magnet: the products of the covariance take 0.36 of the time.
+/// The same without the states of an unused magnet, which halves the time.
 pub(super) const ONE: usize = 5;
 /// Index of the position among the channels, which are the currents and the position.
 pub(super) const POSITION: usize = 2;
@@ -67,8 +67,9 @@ pub(super) struct Filter<const N: usize> {
 }
 
 impl<const N: usize> Filter<N> {
-    /// Index of the first slope.
-    const SLOPES: usize = 3 + (N - 3) / 2;
+    /// Number of magnets with states, and index of the slope of the first current.
+    const MAGNETS: usize = (N - 3) / 2;
+    const SLOPES: usize = 3 + Self::MAGNETS;
 
     /// Starts at the first row with all readings.
     pub(super) fn new(axis: &Axis, law: Law, readings: &Readings) -> Option<Self> {
@@ -119,10 +120,9 @@ impl<const N: usize> Filter<N> {
         let (law, used) = (self.law, axis.used.len());
         let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
         let is_lost = self.is_lost();
-        let magnets = Self::SLOPES - 3;
         let current = |k: usize, part: f64| self.x[3 + k] + part * (h * self.x[Self::SLOPES + k] + change_a[k]);
         let [begin_a, middle_a, end_a] =
-            [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| if k < magnets { current(k, part) } else { 0.0 }));
+            [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| if k < Self::MAGNETS { current(k, part) } else { 0.0 }));
         let mut f = SMatrix::<f64, N, N>::identity();
         let mut noise = [SVector::<f64, N>::zeros(); 2];
         for (k, noise) in noise.iter_mut().enumerate().take(used) {
@@ -151,7 +151,7 @@ impl<const N: usize> Filter<N> {
                 }
             }
         }
-        self.x.as_mut_slice()[3..Self::SLOPES].copy_from_slice(&end_a[..magnets]);
+        self.x.as_mut_slice()[3..Self::SLOPES].copy_from_slice(&end_a[..Self::MAGNETS]);
         self.p[(2, 2)] += slow;
         self.p = f * self.p * f.transpose();
         // Unequal rounding of the two triangles would grow with the instability of the rotor.
