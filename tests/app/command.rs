@@ -196,6 +196,14 @@ fn invalid_arguments_exit_with_2() {
             &["[--set] foo: there is no variable", "known are m, s,", "; the nearest is F0"],
         ),
         (
+            "simulate planar4 --set method=paper",
+            &["[--set] method: there is no variable", "it is one of the machine planar"],
+        ),
+        (
+            "simulate axial --set plant.unbalance.phase=1",
+            &["[--set] plant.unbalance.phase", "the machine planar or planar4"],
+        ),
+        (
             "identify bench.csv --set foo=3",
             &["--set foo: ", "no variable of this name; known are ", "the nearest is filter.omega"],
         ),

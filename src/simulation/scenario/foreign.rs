@@ -14,6 +14,14 @@ const LISTED: usize = 3;
 /// A variable set by a scenario: the element, or `all`, and the name.
 pub type Key = (&'static str, String);
 
+/// The machines that have a variable, in words.
+pub fn owners(element: &'static str, name: &str) -> Option<String> {
+    let keys = [(element, name.to_owned())];
+    let owners = MACHINES.iter().filter(|machine| missing(machine, &keys).is_empty());
+    let owners: Vec<&str> = owners.map(|machine| machine.name).collect();
+    (!owners.is_empty()).then(|| format!("it is one of the machine {}", owners.join(" or ")))
+}
+
 /// The keys that a machine does not have.
 fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
     let models: [Arc<ModelType>; 3] = machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));

@@ -320,8 +320,11 @@ impl Assignment<'_> {
         let model = |at: &usize| &*self.elements[*at].model_type;
         let known: Vec<usize> = concerned.iter().copied().filter(|at| knows(model(at), key)).collect();
         if known.is_empty() {
-            let suggestion = suggestion(key, &names(&concerned.iter().map(model).collect::<Vec<_>>()));
-            self.findings.push(format!("[--set] {path}: there is no variable of this name; {suggestion}"));
+            let names = names(&concerned.iter().map(model).collect::<Vec<_>>());
+            let element = ELEMENTS.into_iter().find(|name| owner == Some(*name)).unwrap_or("all");
+            let hint = likely(key, &names).or_else(|| foreign::owners(element, key));
+            let hint = hint.unwrap_or_else(|| suggestion(key, &names));
+            self.findings.push(format!("[--set] {path}: there is no variable of this name; {hint}"));
         }
         // Without an element, the name applies to all elements in which the variable can be set: the speed is an input of plant and
         // estimator, but that of the estimator is connected.
@@ -513,19 +516,25 @@ pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
     format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
 }
 
+/// The known name nearest to an unknown one, and their likeness.
+fn nearest<'k>(key: &str, known: &'k [String]) -> Option<(f64, &'k String)> {
+    let likeness = |name: &String| strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase());
+    let alike = known.iter().map(|name| (likeness(name), name)).filter(|(likeness, _)| *likeness > 0.0);
+    alike.max_by(|one, other| one.0.total_cmp(&other.0))
+}
+
+/// The known name that an unknown one probably means.
+fn likely(key: &str, known: &[String]) -> Option<String> {
+    nearest(key, known).filter(|(likeness, _)| *likeness > 0.8).map(|(_, name)| format!("did you mean {name}?"))
+}
+
 /// Suggests a known name for an unknown one.
 pub fn suggestion(key: &str, known: &[String]) -> String {
-    let nearest = known
-        .iter()
-        .map(|name| (strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase()), name))
-        .filter(|(likeness, _)| *likeness > 0.0)
-        .max_by(|one, other| one.0.total_cmp(&other.0));
-    let listed = known.join(", ");
-    match nearest {
-        Some((likeness, name)) if likeness > 0.8 => format!("did you mean {name}?"),
-        Some((_, name)) => format!("known are {listed}; the nearest is {name}"),
-        None => format!("known are {listed}"),
-    }
+    let listed = || format!("known are {}", known.join(", "));
+    likely(key, known).unwrap_or_else(|| match nearest(key, known) {
+        Some((_, name)) => format!("{}; the nearest is {name}", listed()),
+        None => listed(),
+    })
 }
 
 /// Checks that a variable of an element can be set.
