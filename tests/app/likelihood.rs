@@ -46,7 +46,7 @@ fn is_right(what: &str, found: &Identification, bench: &Bench) {
 
 fn options(bench: &Bench) -> Options {
     let body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
-    Options { parts: vec![Part::new(body, 0, 0)], slow_force: false, excludes_rows: true }
+    Options { parts: vec![Part::new(body, 0, 0)], slow_force: false, excludes_rows: true, corrects_bias: true }
 }
 
 fn know(options: &mut Options, name: &str, knowledge: Knowledge) {

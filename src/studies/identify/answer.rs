@@ -186,7 +186,8 @@ fn identify_and_judge<'a>(
     question: Question,
 ) -> Judged {
     let slow_force = question.slow_force.unwrap_or(false);
-    let mut options = Options { parts: question.stated.parts.clone(), slow_force, excludes_rows: true };
+    let mut options =
+        Options { parts: question.stated.parts.clone(), slow_force, excludes_rows: true, corrects_bias: true };
     let mut identified = match question.slow_force {
         Some(_) => likelihood::identify(all, &options),
         None => with_slow_force(all, &mut options),

@@ -59,7 +59,8 @@ impl Holds {
             let currents = MEANINGS[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::read_as(&of, samples, &stated, currents.hold);
-            let mut options = Options { parts: stated.parts, slow_force: false, excludes_rows: true };
+            let mut options =
+                Options { parts: stated.parts, slow_force: false, excludes_rows: true, corrects_bias: true };
             let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
             let others = options.bench().filter(|of| !kept.contains(&plain(&of.name)));
             others.for_each(|of| of.knowledge = Knowledge::Exact);

@@ -275,7 +275,9 @@ fn stretch(trial: &Trial, stretches: usize) -> Trial {
     for end in [0, count.saturating_sub(1)] {
         recording.usable[end..].iter_mut().take(1).for_each(|usable| *usable = false);
     }
-    Trial { recording, options: trial.options.clone(), ..*trial }
+    // Likelihoods are compared at their maximum, from which instruments lead away.
+    let options = Options { corrects_bias: false, ..trial.options.clone() };
+    Trial { recording, options, ..*trial }
 }
 
 /// Difference between the greatest log-likelihood of a stretch and that of each meaning of the currents; infinite if it does not fit. Each has

@@ -161,6 +161,8 @@ pub struct Options {
     pub slow_force: bool,
     /// Whether rows inconsistent with the others are left out.
     pub excludes_rows: bool,
+    /// Whether the bias of the likelihood is removed, and gains count in the covariance, where the bench is known exactly.
+    pub corrects_bias: bool,
 }
 
 impl Options {

@@ -170,6 +170,7 @@ impl Part {
         let model = Model {
             part: self,
             slow_force: options.slow_force,
+            corrects_bias: options.corrects_bias,
             describe,
             varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
             places: Places::of(&self.body, parameters),

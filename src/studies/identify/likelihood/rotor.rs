@@ -144,6 +144,8 @@ pub(super) struct Model<'a> {
     pub part: &'a Part,
     /// Whether a slow force is estimated.
     pub slow_force: bool,
+    /// Whether the bias of the likelihood is removed where the bench is known exactly.
+    pub corrects_bias: bool,
     /// Describes the rotor for given values of its bench.
     pub describe: Describe<'a>,
     /// Bench parameters that change the description, with the steps of central differences.

@@ -218,6 +218,10 @@ impl Search<'_> {
         })
     }
 
+    fn corrects_bias(&self) -> bool {
+        self.model.corrects_bias && self.exact()
+    }
+
     /// Relative tolerance of the mass, if it is not searched with the others: it scales λ, unbalance and loads, and the data do not determine it.
     pub fn mass_tolerance(&self) -> Option<f64> {
         self.model.part.parameters[self.model.places.mass].knowledge.tolerance().filter(|_| self.exact())
@@ -226,7 +230,7 @@ impl Search<'_> {
     /// Computes the expected values of every row if the bench is exactly as stated. Where its parameters are searched, values found at one point do not
     /// hold at the next.
     fn compute_expected(&mut self) {
-        if !self.exact() {
+        if !self.corrects_bias() {
             return;
         }
         let innovations = self.innovations(WHITENED, 0.0);

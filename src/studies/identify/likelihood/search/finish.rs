@@ -73,7 +73,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
         search.cases.iter_mut().for_each(|case| case.current_noise *= libm::exp(case.noise_variance));
     }
     let estimated = search.estimated();
-    let bias = if search.converged && search.exact() { Some(search.free_of_bias()?) } else { None };
+    let bias = if search.converged && search.corrects_bias() { Some(search.free_of_bias()?) } else { None };
     let (blocks, normal, columns) = search.sums(&estimated);
     let (a, b) = search.equations_by(&normal, &estimated, &columns, &columns);
     let response = inverse(&a)?;
@@ -144,7 +144,7 @@ impl Search<'_> {
     fn sums(&self, estimated: &[usize]) -> (Blocks, Normal, Vec<usize>) {
         let instruments = self.has_instruments();
         // Where the bench is searched, convergence is judged by the sensitivities used in the search.
-        let total = if self.exact() { Columns::Total } else { Columns::All };
+        let total = if self.corrects_bias() { Columns::Total } else { Columns::All };
         let blocks = self.pass(if instruments { Columns::Instruments } else { total });
         let normal = self.normal(&blocks);
         // With instruments, the measured sensitivities are at the end.
