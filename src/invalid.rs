@@ -62,6 +62,17 @@ impl Checks {
         }
     }
 
+    /// The same for a number with its unit.
+    pub fn number(
+        &mut self,
+        holds: bool,
+        name: impl Into<Cow<'static, str>>,
+        (value, unit): (f64, &str),
+        wanted: impl Into<Cow<'static, str>>,
+    ) {
+        self.require(holds, name, format_args!("{value} {unit}"), wanted);
+    }
+
     /// Requires a finite number above zero.
     pub fn positive(&mut self, name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) {
         self.require(value.is_finite() && value > 0.0, name, format_args!("{value} {unit}"), "a finite number above 0");

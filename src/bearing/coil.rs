@@ -73,12 +73,12 @@ impl CoilConfig {
     /// the magnets.
     pub(crate) fn check<const K: usize>(&self, gap_m: [f64; K], lambda_nm2_a2: [f64; K], checks: &mut Checks) {
         // The lower the saturation flux, the stiffer the equations, and the shorter the steps of the integration.
-        checks.require(
-            self.saturation_wb == 0.0 || self.saturation_wb >= LEAST_SATURATION_WB,
-            "coil.fluxSaturation",
-            format_args!("{} Wb", self.saturation_wb),
+        let saturation_wb = self.saturation_wb;
+        let (quick, wanted) = (
+            saturation_wb == 0.0 || saturation_wb >= LEAST_SATURATION_WB,
             format!("0, or at least {LEAST_SATURATION_WB} Wb: with less a step takes too long"),
         );
+        checks.number(quick, "coil.fluxSaturation", (saturation_wb, "Wb"), wanted);
         let inductances = lambda_nm2_a2.iter().zip(gap_m).map(|(lambda, gap_m)| self.leakage_h + lambda / gap_m);
         let least_h = inductances.fold(f64::INFINITY, f64::min);
         let slow = least_h >= SHORTEST_TIME_CONSTANT_S * self.resistance_ohm;

@@ -205,7 +205,7 @@ impl Magnets {
         }
         for (k, (alpha, e_k)) in alpha_rad.iter().zip(&mut directions).enumerate() {
             let wanted = "an angle in rad, at most two turns either way (4π)";
-            checks.require(alpha.abs() <= MOST_RAD, alpha_name(k), format_args!("{alpha} rad"), wanted);
+            checks.number(alpha.abs() <= MOST_RAD, alpha_name(k), (*alpha, "rad"), wanted);
             let (sin, cos) = alpha.sine_cosine();
             *e_k = [sin, cos];
         }
@@ -220,12 +220,8 @@ impl Magnets {
             check_all_round(alpha_rad, e, &null, checks);
         }
         for (first, second) in parallel {
-            checks.require(
-                false,
-                alpha_name(second),
-                format_args!("{} rad", alpha_rad[second]),
-                format!("a direction that is not parallel to that of {}", alpha_name(first)),
-            );
+            let wanted = format!("a direction that is not parallel to that of {}", alpha_name(first));
+            checks.number(false, alpha_name(second), (alpha_rad[second], "rad"), wanted);
         }
         let mean = null[1..number].iter().fold(null[0], |sum, n_k| sum + n_k) / number as f64;
         let (null, inverse, pairs) = (null.map(|n_k| n_k / mean), inverse(e), pairs(e));
@@ -362,11 +358,7 @@ fn check_all_round(alpha_rad: &[f64], directions: &[[f64; 2]], null: &[f64], che
         false => all.clone().find(|k| null[*k] <= 0.0),
     };
     if let Some(k) = idle {
-        checks.require(
-            false,
-            alpha_name(k),
-            format_args!("{} rad", alpha_rad[k]),
-            "magnets all round the rotor (magnets only pull, and these lie within a half-plane)",
-        );
+        let wanted = "magnets all round the rotor (magnets only pull, and these lie within a half-plane)";
+        checks.number(false, alpha_name(k), (alpha_rad[k], "rad"), wanted);
     }
 }

@@ -137,31 +137,19 @@ impl<const B: usize> RotorConfig<f64, B> {
     /// Rejects a position that is not on the shaft.
     pub(crate) fn check_position(&self, name: impl Into<Cow<'static, str>>, at_m: f64, checks: &mut Checks) {
         let [begin_m, end_m] = self.extent_m;
-        checks.require(
-            // If the shaft itself is invalid, any position is accepted.
-            !(begin_m < end_m && (at_m < begin_m || at_m > end_m)),
-            name,
-            format_args!("{at_m} m"),
-            format!("a position on the shaft, from shaft.begin = {begin_m} m to shaft.end = {end_m} m"),
-        );
+        let wanted = format!("a position on the shaft, from shaft.begin = {begin_m} m to shaft.end = {end_m} m");
+        // If the shaft itself is invalid, any position is accepted.
+        checks.number(!(begin_m < end_m && (at_m < begin_m || at_m > end_m)), name, (at_m, "m"), wanted);
     }
 
     /// Rejects physically impossible shafts, and bearings or sensors too close together to support or detect a tilt.
     fn check_shaft(&self, checks: &mut Checks) {
         let Shaft { transverse_kgm2, polar_kgm2, .. } = self.shaft;
-        checks.require(
-            polar_kgm2 <= 2.0 * transverse_kgm2,
-            "Jp",
-            format_args!("{polar_kgm2} kg.m2"),
-            format!("at most 2 Jt = {} kg.m2, as of a disk: no body has more", 2.0 * transverse_kgm2),
-        );
+        let wanted = format!("at most 2 Jt = {} kg.m2, as of a disk: no body has more", 2.0 * transverse_kgm2);
+        checks.number(polar_kgm2 <= 2.0 * transverse_kgm2, "Jp", (polar_kgm2, "kg.m2"), wanted);
         let [begin_m, end_m] = self.extent_m;
-        checks.require(
-            begin_m < end_m,
-            "shaft.end",
-            format_args!("{end_m} m"),
-            format!("a position beyond shaft.begin = {begin_m} m"),
-        );
+        let wanted = format!("a position beyond shaft.begin = {begin_m} m");
+        checks.number(begin_m < end_m, "shaft.end", (end_m, "m"), wanted);
         let [a, b, ..] = &self.bearings[..] else { return };
         for (prefix, bearing) in ["A.", "B."].into_iter().zip([a, b]) {
             self.check_position(format!("{prefix}position"), bearing.position_m, checks);
@@ -173,12 +161,10 @@ impl<const B: usize> RotorConfig<f64, B> {
 }
 
 fn check_apart(name: &str, what: &str, [a_m, b_m]: [f64; 2], checks: &mut Checks) {
-    checks.require(
-        (a_m - b_m).abs() >= SHORTEST_DISTANCE_M,
-        format!("B.{name}"),
-        format_args!("{b_m} m"),
-        format!("a position at least {SHORTEST_DISTANCE_M} m from A.{name} = {a_m} m, so that the {what} support or see a tilt"),
+    let wanted = format!(
+        "a position at least {SHORTEST_DISTANCE_M} m from A.{name} = {a_m} m, so that the {what} support or see a tilt"
     );
+    checks.number((a_m - b_m).abs() >= SHORTEST_DISTANCE_M, format!("B.{name}"), (b_m, "m"), wanted);
 }
 
 /// A rotor with N coordinates between the K magnets of its B bearings, validated.

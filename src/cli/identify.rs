@@ -13,7 +13,7 @@ use fmu_export::variable::Value;
 use serde_json::json;
 
 use super::{
-    Failure, NOT_VALID, Result, claim, deviation, duration, named, number, pair, print, refused, report_written, say,
+    Failure, NOT_VALID, Result, claim, deviation, duration, number, pair, print, refused, say, write, write_json,
     write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
@@ -24,7 +24,7 @@ use crate::report::identification::{self, Results};
 use crate::simulation::scenario::{Element, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::Knowledge;
-use crate::studies::identify::{self, Answer, Currents, Holds, Question, Reading, Rotation, Samples, Stated};
+use crate::studies::identify::{self, Answer, Check, Currents, Holds, Question, Reading, Rotation, Samples, Stated};
 use crate::variables::Choice;
 
 /// Points in plots and tables; the CSV file has all of them.
@@ -74,8 +74,8 @@ pub struct Arguments {
     /// Machine axial: position at which the answer is linearised, as in Xm=10mm; the mean of the recording by default.
     #[arg(long, value_name = "Xm=VALUE", value_parser = pair)]
     at: Option<(String, String)>,
-    /// Machine axial: another recording of the same bench that is judged with the estimate of the first: prediction errors beside those of a
-    /// fit of its own, one sample and 20 ms ahead.
+    /// Another recording of the same bench, judged with the estimate: whether its own agrees, and prediction errors of both, one sample and
+    /// 20 ms ahead.
     #[arg(long, value_name = "FILE")]
     check: Option<PathBuf>,
     /// Writes the twin of the bench as a scenario for simulate and identify: plant, controller and estimator with the estimate.
@@ -180,9 +180,14 @@ impl Arguments {
                 return Err(refused(format!("--method {method} needs a single recording")));
             }
         }
+        if self.check.is_some() && (self.currents.is_some() || method != LIKELIHOOD) {
+            return Err(refused(format!("--check needs --method {LIKELIHOOD}, and currents in the recording")));
+        }
         let reading = self.reading(&columns, machine, None);
         let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
-        let recordings = self.read_all(&reading, |samples| samples.implausible(&gap_m))?;
+        let implausible = |samples: &Samples| samples.implausible(&gap_m);
+        let recordings = self.read_all(&reading, implausible)?;
+        let checked = self.check.as_ref().map(|path| self.read(path, &reading, implausible)).transpose()?;
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
@@ -213,8 +218,23 @@ impl Arguments {
         statement.tables.splice(..0, holds.and_then(|holds| holds.table(currents)));
         let not_valid = (statement.valid == Some(false)).then(|| statement.verdict.clone());
         let (document, statements) = (statement.json.clone(), vec![statement]);
-        let results = Results { recordings, tracks, statements, answer, document, not_valid, ..Results::default() };
+        let mut results = Results { recordings, tracks, statements, answer, document, not_valid, ..Results::default() };
+        if let (Some(samples), Some(answer)) = (checked, &results.answer) {
+            let check = answer.check(&samples);
+            self.add_check(&mut results, check);
+        }
         Ok((results, columns, bearing))
+    }
+
+    /// Adds the comparison with another recording.
+    fn add_check(&self, results: &mut Results, check: std::result::Result<Check, String>) {
+        let path = self.check.as_deref().unwrap_or(Path::new("")).display();
+        let (verdict, json) = match check {
+            Ok(check) => (check.verdict.clone(), check.json()),
+            Err(why) => (format!("Not compared: {why}."), json!({"agrees": null, "verdict": why, "predictions": []})),
+        };
+        results.summary.push(format!("{path}: {verdict}"));
+        results.document["check"] = json;
     }
 
     /// Checks that the results can be written without overwriting a recording.
@@ -322,9 +342,9 @@ impl Arguments {
     fn refused(&self, path: &Path, findings: Vec<String>) -> Box<dyn std::error::Error> {
         if let Some(json) = self.json.as_deref().filter(|json| output::is_standard(json)) {
             let verdict = format!("{}: the recording cannot be used", path.display());
-            let document = format!("{:#}\n", json!({"valid": false, "verdict": verdict, "findings": findings}));
-            if let Err(error) = Format::Json.write(json, document.as_bytes()) {
-                return named(json)(error);
+            let document = json!({"valid": false, "verdict": verdict, "findings": findings});
+            if let Err(error) = write_json(json, &document) {
+                return error;
             }
         }
         refused(format!("{}: {}", path.display(), identify::Unusable(findings)))
@@ -338,7 +358,7 @@ impl Arguments {
         if let Some(path) = &self.json {
             let mut document = results.document.clone();
             document["notes"] = results.recordings.iter().flat_map(|samples| samples.notes.clone()).collect();
-            Format::Json.write(path, format!("{document:#}\n").as_bytes()).map_err(named(path))?;
+            write_json(path, &document)?;
         }
         if let Some(folder) = &self.report {
             let recording = self.recordings[0].file_name().unwrap_or_default().to_string_lossy();
@@ -367,12 +387,9 @@ impl Arguments {
 
     /// The stated meaning of a current sample; `None` if the data decide.
     fn stated_hold(&self) -> Result<Option<Hold>> {
-        match Hold::all().find(|hold| hold.name() == self.hold) {
-            None if self.hold != AUTO => {
-                Err(refused(format!("--hold {}: expected one of {}, {AUTO}", self.hold, names::<Hold>())))
-            }
-            stated => Ok(stated),
-        }
+        let stated = Hold::all().find(|hold| hold.name() == self.hold);
+        let wanted = || refused(format!("--hold {}: expected one of {}, {AUTO}", self.hold, names::<Hold>()));
+        if stated.is_some() || self.hold == AUTO { Ok(stated) } else { Err(wanted()) }
     }
 }
 

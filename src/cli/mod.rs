@@ -315,7 +315,9 @@ fn run(command: Option<Command>) -> Result<()> {
             if missing.is_empty() { Ok(()) } else { Err(missing.join("\n  ").into()) }
         }
         Some(Command::Whirl { scenario: name, stiffness, damping, to, report }) => {
-            let whirl = Whirl::new(&Scenario::open(&name)?, stiffness, damping);
+            let scenario = Scenario::open(&name)?;
+            simulate::check(&scenario)?;
+            let whirl = Whirl::new(&scenario, stiffness, damping);
             let whirl = whirl.map_err(|why| refused(format!("{}: {why}", name.display())))?;
             let table = whirl::table(&whirl, to, SPEEDS).map_err(refused)?;
             print::table(&table);
@@ -478,12 +480,9 @@ fn simulate(arguments: &Simulation) -> Result<()> {
     // Results are written even if the run ended early.
     if let Some(path) = csv {
         write_table(path, &run.recording)?;
-        report_written(path);
     }
     if let Some(path) = json {
-        let document = format!("{:#}\n", summary::json(&scenario, &run));
-        Format::Json.write(path, document.as_bytes()).map_err(named(path))?;
-        report_written(path);
+        write_json(path, &summary::json(&scenario, &run))?;
     }
     if let Some(folder) = report {
         write_page(folder, &experiment::page(name, &frame::command_line(), &scenario, &run))?;
@@ -501,11 +500,24 @@ fn report_written(path: &Path) {
     }
 }
 
+/// Writes a file of this format, or to the standard output for `-`.
+fn write(path: &Path, format: Format, content: &[u8]) -> Result<()> {
+    format.write(path, content).map_err(named(path))?;
+    report_written(path);
+    Ok(())
+}
+
+fn write_json(path: &Path, document: &serde_json::Value) -> Result<()> {
+    write(path, Format::Json, format!("{document:#}\n").as_bytes())
+}
+
 /// Writes a table to a file or, for `-`, to the standard output, whose reader may close it at any time.
 fn write_table(path: &Path, recording: &Recording) -> Result<()> {
     let file = Format::Table.create(path).map_err(named(path))?;
     let written = recording.write_csv(file);
-    if output::is_standard(path) { output::unless_closed(written) } else { written }.map_err(named(path))
+    if output::is_standard(path) { output::unless_closed(written) } else { written }.map_err(named(path))?;
+    report_written(path);
+    Ok(())
 }
 
 /// `name=value`.
@@ -517,10 +529,7 @@ fn pair(text: &str) -> std::result::Result<(String, String), String> {
 /// Writes a report page into a folder, which is created if missing.
 fn write_page(folder: &Path, page: &str) -> Result<()> {
     fs::create_dir_all(folder).map_err(named(folder))?;
-    let path = folder.join("index.html");
-    Format::Page.write(&path, page.as_bytes()).map_err(named(&path))?;
-    report_written(&path);
-    Ok(())
+    write(&folder.join("index.html"), Format::Page, page.as_bytes())
 }
 
 /// A finite number that satisfies `fits`.

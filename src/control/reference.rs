@@ -504,25 +504,17 @@ fn check_ellipse(path: &PathConfig, lobes_m: f64, bearing: &Bearing, magnets: &M
     let wanted = format!(
         "a reference trajectory that does not touch magnet {number} (it extends to {extent} m, the gap is {gap} m)"
     );
-    checks.require(false, name, format_args!("{value} m"), wanted);
+    checks.number(false, name, (value, "m"), wanted);
 }
 
 /// Rejects a sine that touches a magnet or exceeds half the sample rate.
 fn check_sine(path: &PathConfig, step_s: f64, magnets: &Magnets, checks: &mut Checks) {
     let (amplitude_m, gap_m) = (path.amplitude_m, magnets.gap_m());
-    checks.require(
-        amplitude_m < gap_m,
-        "reference.amplitude",
-        format_args!("{amplitude_m} m"),
-        format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)"),
-    );
+    let wanted = format!("an axial motion that does not touch a magnet (the gap is {gap_m} m)");
+    checks.number(amplitude_m < gap_m, "reference.amplitude", (amplitude_m, "m"), wanted);
     let highest_hz = 0.5 / step_s;
-    checks.require(
-        path.frequency_hz <= highest_hz,
-        "reference.frequency",
-        format_args!("{} Hz", path.frequency_hz),
-        format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)"),
-    );
+    let wanted = format!("a finite number, 0 or above, at most half the sample rate ({highest_hz} Hz)");
+    checks.number(path.frequency_hz <= highest_hz, "reference.frequency", (path.frequency_hz, "Hz"), wanted);
 }
 
 /// Rejects a contour that touches a magnet, checked at 45 angles per period of the highest harmonic; the finding names the largest
@@ -543,10 +535,8 @@ fn check_contour(contour: &Contour, machine: &Machine, magnets: &Magnets, checks
     let coefficients = numbers("reference.", contour, machine);
     let largest = coefficients.into_iter().rev().max_by(|(_, a, _), (_, b, _)| a.abs().total_cmp(&b.abs()));
     let (Some((name, value, unit)), (gap, number)) = (largest, least) else { return };
-    checks.require(
-        gap > 0.0,
-        name,
-        format_args!("{value} {unit}"),
-        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {} m)", Short(gap)),
-    );
+    let gap_m = Short(gap);
+    let wanted =
+        format!("a reference trajectory that does not touch magnet {number} (the least gap would be {gap_m} m)");
+    checks.number(gap > 0.0, name, (value, unit), wanted);
 }

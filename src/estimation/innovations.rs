@@ -90,6 +90,10 @@ pub struct WhiteningFilter<const N: usize, const K: usize, const U: usize, const
     pub tolerances: Option<Tolerances<N, K, U>>,
 }
 
+/// Missing samples over which the filter predicts; after more it restarts. If it restarted after every gap, estimates would be valid 71 instead of 99 %
+/// of the time with 10 % of the samples missing (noise estimated, seeds 1450001 to 1450020).
+pub const MAX_BRIDGED: u32 = 8;
+
 /// One measurement with the rotation of the rotor.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sample<const N: usize, const K: usize> {

@@ -9,7 +9,7 @@ use nalgebra::{Matrix2, SVector, Vector2};
 use serde::{Deserialize, Serialize};
 
 use super::angle::Rotation;
-use super::innovations::{Innovation, Sample};
+use super::innovations::{Innovation, MAX_BRIDGED, Sample};
 use crate::bearing::array;
 
 /// Samples whose differences give the initial estimate, which is accurate to about a tenth.
@@ -192,9 +192,9 @@ impl<const N: usize, const K: usize> StartBuffer<N, K> {
         } else {
             self.first = (self.first + 1) % START_SAMPLES;
             // The sample before the one that is now the oldest is lost.
-            self.ring[self.first].missing = u32::MAX;
+            self.ring[self.first].missing = MAX_BRIDGED + 1;
         }
-        self.equidistant = if sample.missing == self.missing { self.equidistant + 1 } else { 2 };
+        self.equidistant = if sample.missing == self.missing { self.equidistant } else { self.equidistant.min(1) } + 1;
         self.missing = sample.missing;
         if self.differences < START_SAMPLES - 6 && self.equidistant >= 7 {
             let x: [SVector<f64, N>; 7] =

@@ -46,7 +46,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
                     l + 1
                 );
                 let name = format!("alpha[{}]", k + 1);
-                checks.require(sine >= SMALLEST_SINE, name, format_args!("{alpha} rad"), wanted);
+                checks.number(sine >= SMALLEST_SINE, name, (*alpha, "rad"), wanted);
             }
         }
         if self.method == Method::PredictionError {
@@ -65,11 +65,11 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
             (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
             ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
         ] {
-            checks.require(holds, "Tf", format_args!("{} s", self.window_s), wanted);
+            checks.number(holds, "Tf", (self.window_s, "s"), wanted);
         }
         let is_long = self.epsilon_s >= self.window_s * (1.0 - slack);
         let wanted = "at least Tf, the time to fill the first window,";
-        checks.require(is_long, "epsilon", format_args!("{} s", self.epsilon_s), wanted);
+        checks.number(is_long, "epsilon", (self.epsilon_s, "s"), wanted);
     }
 
     /// The method, with R uncertain parameters: the gap and, in the plane, the angles.

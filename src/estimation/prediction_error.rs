@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::CONDITION_CAP;
 use super::angle::angle_difference;
 use super::config::Verdict;
-use super::innovations::{FilterState, Parameters, Sample, WhiteningFilter};
+use super::innovations::{FilterState, MAX_BRIDGED, Parameters, Sample, WhiteningFilter};
 use super::models::{Comparison, Models};
 use super::noise::{Noise, OUTLIER, StartBuffer, USUAL_CURRENT_NOISE_A};
 use super::sums::{AngleTable, Prior, Solution, Sums, lambda_of};
@@ -21,10 +21,6 @@ const QUARTERS: usize = 4;
 
 /// Duration that counts as a revolution of a rotor at rest, s, because λ may change then as well. That of 2250 rpm.
 const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
-
-/// Missing samples over which the filter predicts; after more it restarts. If it restarted after every gap, estimates would be valid 71 instead of 99 %
-/// of the time with 10 % of the samples missing (noise estimated, seeds 1450001 to 1450020).
-const MAX_BRIDGED: u32 = 8;
 
 /// Samples after a gap whose innovations do not count: the controller has responded to the noise of the missing samples, so the currents are correlated
 /// with the errors of the filter. With 10 and 20 % of the samples missing (`montecarlo --only "0 % of the samples" --runs 40 --seed 1470001`) 22 of 160

@@ -30,12 +30,9 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
         let [first_m, second_m] = self.unbalance_position_m;
         geometry.check_position("unbalance[1].position", first_m, checks);
         geometry.check_position("unbalance[2].position", second_m, checks);
-        checks.require(
-            (first_m - second_m).abs() >= SHORTEST_DISTANCE_M,
-            "unbalance[2].position",
-            format_args!("{second_m} m"),
-            format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m"),
-        );
+        let wanted = format!("a position at least {SHORTEST_DISTANCE_M} m from unbalance[1].position = {first_m} m");
+        let apart_m = (first_m - second_m).abs();
+        checks.number(apart_m >= SHORTEST_DISTANCE_M, "unbalance[2].position", (second_m, "m"), wanted);
         let [begin_m, end_m] = geometry.extent_m;
         for (name, value) in [
             ("tolerance.position", tolerance.position_m),
@@ -43,17 +40,17 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
             ("tolerance.unbalancePosition", tolerance.unbalance_position_m),
         ] {
             let wanted = format!("less than the length of the shaft, {} m,", end_m - begin_m);
-            checks.require(value < end_m - begin_m || begin_m >= end_m, name, format_args!("{value} m"), wanted);
+            checks.number(value < end_m - begin_m || begin_m >= end_m, name, (value, "m"), wanted);
         }
         let (inertia, of_inertia) = (geometry.shaft.transverse_kgm2, tolerance.transverse_kgm2);
         let wanted = format!("less than Jt = {inertia} kg.m2,");
-        checks.require(of_inertia < inertia, "tolerance.Jt", format_args!("{of_inertia} kg.m2"), wanted);
+        checks.number(of_inertia < inertia, "tolerance.Jt", (of_inertia, "kg.m2"), wanted);
         // The distance of the sensors determines the tilt.
         let apart_m = (geometry.bearings[0].sensor_position_m - geometry.bearings[1].sensor_position_m).abs();
         let value_m = tolerance.sensor_position_m;
         let wanted = format!("less than the distance of the sensors, {apart_m} m,");
         let small = value_m < apart_m || apart_m < SHORTEST_DISTANCE_M;
-        checks.require(small, "tolerance.sensorPosition", format_args!("{value_m} m"), wanted);
+        checks.number(small, "tolerance.sensorPosition", (value_m, "m"), wanted);
     }
 
     /// The parts of the motion, for checked parameters.

@@ -64,7 +64,7 @@ pub struct PlantConfigOf<T, const N: usize, const K: usize, const B: usize> {
     #[parameter(
         names = context.at_start(|coordinate| coordinate.rate),
         unit = context.either(index, METRE_PER_SECOND, RADIAN_PER_SECOND), nominal = context.either(index, 1e-2, 0.1),
-        value = on_ellipse([0.0, 0.021991148575128554])
+        value = on_ellipse([0.0, 1e-6 * (70.0 * OMEGA_RAD_S)])
     )]
     pub velocity_m_s: [T; N],
     /// Initial rotor angle
@@ -183,11 +183,8 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
         let share = |n: usize| position_m[n] * geometry.directions[k][n];
         let worst = (0..N).fold(0, |worst, n| if share(n) > share(worst) { n } else { worst });
         let magnet = machine.of_magnets("gap").swap_remove(k);
-        checks.require(
-            false,
-            machine.at_start(|coordinate| coordinate.position).swap_remove(worst),
-            format_args!("{} {}", position_m[worst], machine.either(worst, "m", "rad")),
-            format!("a start inside the gap ({magnet} would be {} m)", Short(gaps[k])),
-        );
+        let start = machine.at_start(|coordinate| coordinate.position).swap_remove(worst);
+        let wanted = format!("a start inside the gap ({magnet} would be {} m)", Short(gaps[k]));
+        checks.number(false, start, (position_m[worst], machine.either(worst, "m", "rad")), wanted);
     }
 }

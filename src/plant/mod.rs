@@ -355,10 +355,6 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
 
 /// Requires a sample or integration step that is finite and long enough to be resolved.
 pub(crate) fn check_step(name: &'static str, step_s: f64, checks: &mut Checks) {
-    checks.require(
-        step_s.is_finite() && step_s >= SHORTEST_STEP_S,
-        name,
-        format_args!("{step_s} s"),
-        format!("a finite time of at least {SHORTEST_STEP_S} s"),
-    );
+    let wanted = format!("a finite time of at least {SHORTEST_STEP_S} s");
+    checks.number(step_s.is_finite() && step_s >= SHORTEST_STEP_S, name, (step_s, "s"), wanted);
 }

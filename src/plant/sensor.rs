@@ -63,12 +63,9 @@ impl<const N: usize, const K: usize> SensorConfig<N, K> {
     /// Checks sample time and delay.
     pub(crate) fn check(&self, checks: &mut Checks) {
         check_step("sensor.Ts", self.step_s, checks);
-        checks.require(
-            self.delay_s <= LONGEST_DELAY as f64 * self.step_s,
-            "sensor.delay",
-            format_args!("{} s", self.delay_s),
-            format!("a time from 0 to {LONGEST_DELAY} sample times"),
-        );
+        let (longest_s, wanted) =
+            (LONGEST_DELAY as f64 * self.step_s, format!("a time from 0 to {LONGEST_DELAY} sample times"));
+        checks.number(self.delay_s <= longest_s, "sensor.delay", (self.delay_s, "s"), wanted);
     }
 
     /// The readings for a true sample.

@@ -5,7 +5,7 @@ use std::ops::Range;
 use maud::{Markup, html};
 use serde_json::Value as Json;
 
-use crate::estimation::{Method, Verdict};
+use crate::estimation::{Hold, Method, Verdict};
 use crate::machine::{Bearing, Machine, Reading};
 use crate::report::evaluation::{REVOLUTIONS, WITHOUT_TURNING_S};
 use crate::report::figures::{Figure, time_unit, where_shown};
@@ -81,7 +81,7 @@ pub fn page(title: &str, command: &str, results: &Results) -> String {
 }
 
 /// Verdict, estimates, and the data and parameters behind them.
-fn first(Results { recordings, answer, statements, .. }: &Results) -> Markup {
+fn first(Results { recordings, answer, statements, summary, .. }: &Results) -> Markup {
     let class = |statement: &Statement| match statement.valid {
         Some(true) => "verdict good",
         Some(false) => "verdict bad",
@@ -103,6 +103,7 @@ fn first(Results { recordings, answer, statements, .. }: &Results) -> Markup {
             p { (statement.assumptions) }
             ul { @for finding in &statement.findings { li { (finding) } } }
         }
+        @for words in summary { p { (words) } }
         ul { @for samples in recordings { @for note in &samples.notes { li { (note) } } } }
     }
 }
@@ -270,7 +271,8 @@ impl<'s> Drawn<'s> {
     }
 
     fn currents(&self) -> Figure {
-        let mut currents = self.samples.current_a.iter();
+        let recorded = self.samples.currents(Hold::Linear);
+        let mut currents = recorded.iter();
         let of_bearing = |bearing: &Bearing| {
             let mut plot = self.over_time("i", PlotUnit::AMPERE);
             for (k, current) in currents.by_ref().take(bearing.magnets).enumerate() {
@@ -294,7 +296,9 @@ impl<'s> Drawn<'s> {
         let mut position = self.over_time("x", PlotUnit { name: "mm", factor: 1e3 });
         position.line(Line::new("measured", colour::MAGNETS[0]).width(1.0), &self.time_s, &self.samples.position_m[0]);
         let mut current = self.over_time("i", PlotUnit::AMPERE);
-        for (k, values) in self.samples.current_a.iter().enumerate().filter(|(_, values)| !values.is_empty()) {
+        for (k, values) in
+            self.samples.currents(Hold::Linear).iter().enumerate().filter(|(_, values)| !values.is_empty())
+        {
             current.line(Line::new(["i₁", "i₂"][k], colour::MAGNETS[k]).width(1.0), &self.time_s, values);
         }
         let mut slow = self.over_time("slow force", PlotUnit { name: "mN", factor: 1e3 });

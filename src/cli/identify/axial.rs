@@ -133,7 +133,7 @@ fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Result
     let differ = axial::agreement(&axes);
     let statements: Vec<Statement> = axes.iter().map(Answer::statement).collect();
     let mut summary = Vec::new();
-    let mut document = match statements.as_slice() {
+    let document = match statements.as_slice() {
         [statement] => statement.json.clone(),
         all => {
             summary.push(differ.clone().unwrap_or_else(|| "The recordings agree.".into()));
@@ -142,16 +142,17 @@ fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Result
             json!({"valid": valid, "differ": differ, "recordings": documents})
         }
     };
-    if let Some(path) = &arguments.check {
-        let samples = arguments.read(path, &reading, implausible)?;
-        let check = axes[0].check(&answer(arguments, axis, path, &samples, axes.first())?);
-        summary.push(format!("{}: {}", path.display(), check.verdict));
-        document["check"] = check.json();
-    }
     let why =
         statements.iter().find(|statement| statement.valid == Some(false)).map(|statement| statement.verdict.clone());
     let not_valid = why.or(differ);
-    Ok(Results { recordings, axes, statements, summary, document, not_valid, ..Results::default() })
+    let mut results = Results { recordings, axes, statements, summary, document, not_valid, ..Results::default() };
+    if let Some(path) = &arguments.check {
+        let samples = arguments.read(path, &reading, implausible)?;
+        let first = &results.axes[0];
+        let check = first.check(&answer(arguments, axis, path, &samples, Some(first))?);
+        arguments.add_check(&mut results, Ok(check));
+    }
+    Ok(results)
 }
 
 /// Identifies the axis from a recording, linearised at the position of the first.

@@ -58,7 +58,6 @@ impl Arguments {
             (is_axial && self.position_noise.is_some(), has_none("--position-noise; --set noise.position=…")),
             (is_axial && self.current_noise.is_some(), has_none("--current-noise; --set noise.current=…")),
             (!is_axial && self.at.is_some(), "--at needs --machine axial".into()),
-            (!is_axial && self.check.is_some(), "--check needs --machine axial".into()),
         ];
         options.into_iter().filter(|(is_unused, _)| *is_unused).map(|(_, words)| words).collect()
     }

@@ -1,10 +1,10 @@
 //! The files of the twin: the scenario, its parameters (SSV), its closed loop (SSP).
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use fmu_export::package::platforms::Binaries;
 
-use super::{Arguments, LIKELIHOOD, Pairs, Result, named, print, refused, report_written};
+use super::{Arguments, LIKELIHOOD, Pairs, Result, print, refused, write};
 use crate::output::Format;
 use crate::package;
 use crate::studies::identify::Twin;
@@ -41,11 +41,6 @@ impl Arguments {
                 left_out.join(", ")
             ));
         }
-        let write = |path: &Path, format: Format, content: &[u8]| {
-            format.write(path, content).map_err(named(path))?;
-            report_written(path);
-            Ok::<(), Box<dyn std::error::Error>>(())
-        };
         if let Some(path) = &self.save {
             write(path, Format::Scenario, scenario.to_toml().as_bytes())?;
         }

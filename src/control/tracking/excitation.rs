@@ -51,7 +51,7 @@ pub(in crate::control) fn check<const K: usize, const G: usize>(
     let highest_hz = 0.5 / step_s;
     let wanted = format!("a finite number above 0, at most half the sample rate ({} Hz)", Short(highest_hz));
     for (name, hz) in machine.of_groups("F0.modulationFrequency").into_iter().zip(modulation_hz) {
-        checks.require(hz <= highest_hz, name, format_args!("{hz} Hz"), wanted.clone());
+        checks.number(hz <= highest_hz, name, (hz, "Hz"), wanted.clone());
     }
 }
 

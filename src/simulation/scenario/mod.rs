@@ -11,7 +11,7 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value};
 
-pub use self::read::{knows, leaves, names, suggestion, text};
+pub use self::read::{knows, leaves, names, number_and_unit, suggestion, text};
 use self::read::{permitted, unknown};
 use crate::estimation::Method;
 use crate::machine::{self, Machine};

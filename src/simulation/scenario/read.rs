@@ -548,18 +548,22 @@ pub fn permitted(element: &str, variable: &Variable, connected: &[Connection]) -
     }
 }
 
+/// A number and the text after it.
+pub fn number_and_unit(text: &str) -> Option<(f64, &str)> {
+    let text = text.trim();
+    // The longest prefix that is a number, so that an exponent is not mistaken for a unit.
+    let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
+    ends.rev().find_map(|end| Some((text[..end].trim().parse().ok()?, text[end..].trim())))
+}
+
 /// Converts a TOML value to the value of a variable. Numbers are in the unit of the interface; texts include their unit.
 pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
     match (data_type, value) {
         (Type::Real { .. }, toml::Value::Float(value)) => Ok(Value::Real(*value)),
         (Type::Real { .. }, toml::Value::Integer(value)) => Ok(Value::Real(*value as f64)),
         (Type::Real { unit, .. }, toml::Value::String(text)) => {
-            let text = text.trim();
-            // With or without a space in between. The longest number counts: 1e-3 is a number, not 1 in a unit e-3.
-            let ends = (1..=text.len()).rev().filter(|end| text.is_char_boundary(*end));
-            let number_and_unit = |end| Some((text[..end].trim_end().parse::<f64>().ok()?, text[end..].trim_start()));
             let first = text.split_whitespace().next().unwrap_or_default();
-            let (number, name) = ends.filter_map(number_and_unit).next().ok_or_else(|| match first {
+            let (number, name) = number_and_unit(text).ok_or_else(|| match first {
                 "" => format!("expected a number in {}", unit.name),
                 _ => format!("{first} is not a number"),
             })?;

@@ -1,12 +1,58 @@
-//! Whether separate estimates from recordings of one bench agree: χ² about their weighted mean.
+//! Whether separate estimates from recordings of one bench agree: χ² about their weighted mean; and how well the estimate from one predicts another.
 
 use nalgebra::{DMatrix, DVector};
+use serde_json::{Value as Json, json};
 
-use super::units::significant;
+use super::units::{significant, time};
 use crate::estimation::chi_square;
 
 /// Normal deviate of the χ² that chance exceeds with a probability of 10⁻⁴.
 const LIMIT: f64 = 3.719;
+
+/// Horizon of predictions beyond the next sample, s.
+const AHEAD_S: f64 = 0.020;
+
+/// The same in rows.
+pub(super) fn rows_ahead(step_s: f64) -> usize {
+    ((AHEAD_S / step_s).round() as usize).max(2)
+}
+
+/// Comparison of one recording with the estimate of another.
+#[derive(Clone, Debug)]
+pub struct Check {
+    /// Whether both agree.
+    pub agrees: bool,
+    /// Description.
+    pub verdict: String,
+    /// Horizons in s, rms prediction errors in m with the estimate of the other recording and with its own fit.
+    pub errors: [[f64; 3]; 2],
+}
+
+impl Check {
+    /// From the disagreement, if any, the sample time, and the rms prediction errors in m, one sample and [`AHEAD_S`] ahead.
+    pub(super) fn new(differ: Option<String>, step_s: f64, foreign_m: [f64; 2], own_m: [f64; 2]) -> Self {
+        let ahead_s = [1, rows_ahead(step_s)].map(|rows| rows as f64 * step_s);
+        let errors = [0, 1].map(|at| [ahead_s[at], foreign_m[at], own_m[at]]);
+        let words = errors.iter().filter(|[_, foreign_m, own_m]| foreign_m.is_finite() && own_m.is_finite());
+        let words = words.map(|[ahead_s, foreign_m, own_m]| {
+            let [foreign_um, own_um] = [foreign_m, own_m].map(|rms_m| significant(1e6 * rms_m, 3));
+            format!("{} ahead {foreign_um} µm, by a fit of its own {own_um} µm", time(*ahead_s))
+        });
+        let agrees = differ.is_none();
+        let differ = differ.unwrap_or_else(|| "The recordings agree.".into());
+        let words = words.collect::<Vec<_>>().join("; ");
+        let verdict = format!("{differ} Predictions with the first estimate are off by (rms): {words}.");
+        Self { agrees, verdict, errors }
+    }
+
+    /// The same as JSON.
+    #[must_use]
+    pub fn json(&self) -> Json {
+        let horizon =
+            |[ahead_s, foreign_m, own_m]: [f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
+        json!({"agrees": self.agrees, "verdict": self.verdict, "predictions": self.errors.map(horizon)})
+    }
+}
 
 /// Estimates of one recording: values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);

@@ -12,7 +12,7 @@ pub(super) use self::judge::implausible;
 use self::judge::{judge, moved};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::words::{constant_currents, dynamics_remark};
-use super::agreement::disagreement;
+use super::agreement::{Check, Own, disagreement};
 use super::diagnosis::{self, Trial};
 use super::likelihood::{self, DELAY, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
 use super::samples::{Rotation, Samples};
@@ -294,6 +294,38 @@ pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -
     }
 }
 
+impl Answer {
+    /// Checks the estimate against another recording of the bench.
+    ///
+    /// # Errors
+    /// Why there is nothing to compare.
+    pub fn check(&self, samples: &Samples) -> Result<Check, String> {
+        let found = self.found.as_ref().ok_or("the first recording gives no estimate")?;
+        let stated = &self.question.stated;
+        let mut other = recording(samples, stated, stated.hold);
+        let own = identify_and_judge(std::slice::from_ref(&other), std::iter::empty(), self.question.clone());
+        let options = Options { corrects_bias: false, ..own.options.given(found) };
+        let Some(own) = own.found.filter(|own| own.converged) else {
+            return Err(format!("no fit of its own: {}", own.refusal.map_or_else(String::new, |refusal| refusal.why)));
+        };
+        own.contradictions.iter().for_each(|of| other.usable[of.rows.clone()].fill(false));
+        let foreign = likelihood::identify(&[other], &options).map_err(|failed| failed.to_string())?;
+        let rms = |of: &Identification| {
+            let parts = || of.parts().zip(&stated.parts).map(|(of, part)| (of, part.body.coordinates() as f64));
+            let all: f64 = parts().map(|(_, coordinates)| coordinates).sum();
+            let square = |at: usize| parts().map(|(of, count)| count * of.prediction_rms_m[at].powi(2)).sum::<f64>();
+            [0, 1].map(|at| (square(at) / all).sqrt())
+        };
+        let differ = disagreement(&[estimates(found), estimates(&own)], &stated.machine.symbols("λ"));
+        Ok(Check::new(differ.map(|differ| format!("T{}.", &differ[1..])), samples.step_s, rms(&foreign), rms(&own)))
+    }
+}
+
+/// The force constants with their covariance.
+fn estimates(of: &Identification) -> Own {
+    (DVector::from_iterator(of.lambda.len(), of.lambda.iter().map(|of| of.value)), of.lambda_covariance.clone())
+}
+
 /// How separate estimates from recordings of one bearing disagree, if they do.
 fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Option<String> {
     let [_, _, ..] = recordings else { return None };
@@ -302,8 +334,5 @@ fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Opti
     if own.iter().any(|own| !own.converged) {
         return None;
     }
-    let of = |own: Identification| {
-        (DVector::from_iterator(own.lambda.len(), own.lambda.iter().map(|of| of.value)), own.lambda_covariance)
-    };
-    disagreement(&own.into_iter().map(of).collect::<Vec<_>>(), names)
+    disagreement(&own.iter().map(estimates).collect::<Vec<_>>(), names)
 }

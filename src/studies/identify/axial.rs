@@ -11,7 +11,7 @@ mod filter;
 mod search;
 mod twin;
 
-pub use self::answer::{Answer, Check, agreement, answer};
+pub use self::answer::{Answer, agreement, answer};
 use self::feedback::feedback;
 use self::filter::Readings;
 use self::search::{Fit, fit, follow, log_likelihood};

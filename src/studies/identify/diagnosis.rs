@@ -5,7 +5,8 @@ use std::ops::Range;
 
 use self::Concerns::{All, Axial, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
-use super::likelihood::{Change, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording};
+use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
+use super::likelihood::{Change, Estimate, Identification, Knowledge, LAG, Options, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -71,7 +72,7 @@ enum Concerns {
 type Alternative = (Concerns, &'static str, fn(&mut Trial), &'static str);
 
 /// Changes the positions that the sensors of the bearing read.
-fn positions(trial: &mut Trial, change: impl Fn([f64; 2]) -> [f64; 2]) {
+fn sensors(trial: &mut Trial, change: impl Fn([f64; 2]) -> [f64; 2]) {
     let [y, z, ..] = &mut trial.recording.position_m[2 * trial.bearing..] else { return };
     for (y, z) in y.iter_mut().zip(z) {
         [*y, *z] = change([*y, *z]);
@@ -126,20 +127,21 @@ const MIRROR: &str = "reverse the sign of the sensor";
 const GAP: &str = "--estimate s";
 const COLUMNS: &str = "exchange their columns (--column)";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
+const BEFORE: &str = "--hold heldBefore";
+const AFTER: &str = "--hold heldAfter";
+const ROW: &str = "shift the currents by one row";
+const ROW_OR_DELAY: &str = "shift the currents by one row, or --estimate delay";
+const REVERSE: &str = "reverse the signs of theta and omega, or that of --speed";
+const SPEED: &str = "--speed, or a column of the angle";
 
 const ALTERNATIVES: &[Alternative] = &[
-    (Radial(3), "y and z are exchanged", |t| positions(t, |[y, z]| [z, y]), SWAP),
-    (Radial(3), "y is mirrored", |t| positions(t, |[y, z]| [-y, z]), MIRROR),
-    (Radial(3), "z is mirrored", |t| positions(t, |[y, z]| [y, -z]), MIRROR),
-    (Radial(3), "y and z are mirrored", |t| positions(t, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
-    (Radial(3), "the sensors are turned by 90°", |t| positions(t, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
-    (
-        Radial(3),
-        "the sensors are turned by −90°",
-        |t| positions(t, |[y, z]| [-z, y]),
-        "exchange Ym and Zm and mirror z",
-    ),
-    (Radial(3), "y and z are exchanged and mirrored", |t| positions(t, |[y, z]| [-z, -y]), SWAP),
+    (Radial(3), "y and z are exchanged", |t| sensors(t, |[y, z]| [z, y]), SWAP),
+    (Radial(3), "y is mirrored", |t| sensors(t, |[y, z]| [-y, z]), MIRROR),
+    (Radial(3), "z is mirrored", |t| sensors(t, |[y, z]| [y, -z]), MIRROR),
+    (Radial(3), "y and z are mirrored", |t| sensors(t, |[y, z]| [-y, -z]), "reverse the signs of both sensors"),
+    (Radial(3), "the sensors are turned by 90°", |t| sensors(t, |[y, z]| [z, -y]), "exchange Ym and Zm and mirror y"),
+    (Radial(3), "the sensors are turned by −90°", |t| sensors(t, |[y, z]| [-z, y]), "exchange Ym and Zm and mirror z"),
+    (Radial(3), "y and z are exchanged and mirrored", |t| sensors(t, |[y, z]| [-z, -y]), SWAP),
     (Radial(3), "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), ORDER),
     (Radial(3), "magnets 1 and 3 are exchanged", |t| currents(t, |order| order.swap(0, 2)), ORDER),
     (Radial(3), "magnets 2 and 3 are exchanged", |t| currents(t, |order| order.swap(1, 2)), ORDER),
@@ -154,55 +156,23 @@ const ALTERNATIVES: &[Alternative] = &[
     (Shaft, "the positions of the radial bearings are exchanged", exchange_positions, COLUMNS),
     (Shaft, "the currents of the radial bearings are exchanged", exchange_currents, COLUMNS),
     (Shaft, "the radial bearings are exchanged", exchange_bearings, COLUMNS),
-    (
-        All,
-        "the currents are those before the sample (measured)",
-        |t| t.recording.hold = Hold::HeldBefore,
-        "--hold heldBefore",
-    ),
-    (
-        All,
-        "the currents are commands, held after the sample",
-        |t| t.recording.hold = Hold::HeldAfter,
-        "--hold heldAfter",
-    ),
-    (All, "the currents are continuous", |t| t.recording.hold = Hold::Linear, "--hold linear"),
-    (
-        All,
-        "the currents come a sample late, or the positions early",
-        |t| shift_currents(t, false),
-        "shift the currents by one row",
-    ),
-    (
-        All,
-        "the currents come a sample early, or the positions late",
-        |t| shift_currents(t, true),
-        "shift the currents by one row, or --estimate delay",
-    ),
-    (
-        All,
-        "the angle counts against the rotation",
-        |t| scale_rotation(t, -1.0),
-        "reverse the signs of theta and omega, or that of --speed",
-    ),
-    (All, "the speed is twice as high", |t| scale_rotation(t, 2.0), "double theta and omega, or --speed"),
-    (All, "the speed is half as high", |t| scale_rotation(t, 0.5), "halve theta and omega, or --speed"),
-    (
-        All,
-        "the speed differs",
-        |t| drift(&t.recording).into_iter().for_each(|[off, ..]| scale_rotation(t, 1.0 + off)),
-        SPEED,
-    ),
+    (All, "the currents are those before the sample (measured)", |t| t.recording.hold = HeldBefore, BEFORE),
+    (All, "the currents are commands, held after the sample", |t| t.recording.hold = HeldAfter, AFTER),
+    (All, "the currents are continuous", |t| t.recording.hold = Linear, "--hold linear"),
+    (All, "the currents come a sample late, or the positions early", |t| shift_currents(t, false), ROW),
+    (All, "the currents come a sample early, or the positions late", |t| shift_currents(t, true), ROW_OR_DELAY),
+    (All, "the angle counts against the rotation", |t| rotate(t, -1.0), REVERSE),
+    (All, "the speed is twice as high", |t| rotate(t, 2.0), "double theta and omega, or --speed"),
+    (All, "the speed is half as high", |t| rotate(t, 0.5), "halve theta and omega, or --speed"),
+    (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
     (All, "the gap differs", |t| free(t, "s"), GAP),
 ];
-
-const SPEED: &str = "--speed, or a column of the angle";
 
 /// Relative difference of the speed of the motion from the stated one, its standard deviation, and the angle in rad that it amounts to over the
 /// recording: the line through the phases of the forward component, turn by turn.
 pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let Recording { theta_rad, position_m, .. } = recording;
-    let (first, last) = (*theta_rad.first()?, *theta_rad.last()?);
+    let (first, last) = (theta_rad[recording.used().next()?], theta_rad[recording.used().last()?]);
     let mean = [0, 1].map(|a| mean(recording.used().map(|row| position_m[a][row])));
     let mut turns: Vec<[f64; 2]> = Vec::new();
     for row in recording.used() {
@@ -240,7 +210,7 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
 }
 
 /// Multiplies angle and speed by a factor.
-fn scale_rotation(trial: &mut Trial, factor: f64) {
+fn rotate(trial: &mut Trial, factor: f64) {
     let rotation = trial.recording.theta_rad.iter_mut().chain(&mut trial.recording.omega_rad_s);
     rotation.for_each(|value| *value *= factor);
 }

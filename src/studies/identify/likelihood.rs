@@ -72,7 +72,7 @@ pub struct Recording {
     pub theta_rad: Vec<f64>,
     /// Speed of the shaft, rad/s.
     pub omega_rad_s: Vec<f64>,
-    /// Usable samples; empty if all are. Unusable samples separate segments, each with its own state.
+    /// Usable samples; unusable ones separate segments, each with its own state.
     pub usable: Vec<bool>,
     /// Standard deviation of positions that were not recorded, m, by coordinate: 0 for recorded ones; empty if all were recorded.
     pub position_error_m: Vec<Vec<f32>>,
@@ -127,6 +127,8 @@ pub struct Part {
     pub settings: PartSettings,
     /// Bench parameters.
     pub parameters: Vec<BenchParameter>,
+    /// λ, U cos φ and U sin φ of each plane and values of the bench, if they are given; empty if they are to be estimated.
+    pub given: Vec<f64>,
 }
 
 impl Part {
@@ -135,7 +137,7 @@ impl Part {
     pub fn new(body: Body, positions: usize, magnets: usize) -> Self {
         let settings = PartSettings::default();
         let parameters = parameters(&body, &settings);
-        Self { body, positions, magnets, settings, parameters }
+        Self { body, positions, magnets, settings, parameters, given: Vec::new() }
     }
 
     /// The same with other settings; the knowledge of its bench stays.
@@ -169,6 +171,19 @@ impl Options {
     /// The bench parameters.
     pub fn bench(&mut self) -> impl Iterator<Item = &mut BenchParameter> {
         self.parts.iter_mut().flat_map(|part| &mut part.parameters)
+    }
+
+    /// The same with given estimates of all that recordings share.
+    pub(super) fn given(mut self, found: &Identification) -> Self {
+        let (mut lambda, mut unbalance, mut bench) = (found.lambda.iter(), found.unbalance.iter(), found.bench.iter());
+        for part in &mut self.parts {
+            let [_, magnets, planes] = part.body.sizes();
+            let lambda = lambda.by_ref().take(magnets).map(|of| of.value);
+            let unbalance = unbalance.by_ref().take(planes).flat_map(Unbalance::components);
+            let bench = bench.by_ref().take(part.parameters.len()).map(|of| of.estimate.value);
+            part.given = lambda.chain(unbalance).chain(bench).collect();
+        }
+        self
     }
 
     /// The same with the tolerance of a typical bench for the delay of the positions, where neither a delay nor a lag is stated.
@@ -272,6 +287,8 @@ pub struct PartResults {
     pub rows: usize,
     /// Effective number of rows: smaller where quantisation errors repeat with the readings.
     pub counting: usize,
+    /// rms of the prediction errors one sample and [`AHEAD_S`](super::agreement::AHEAD_S) ahead, m.
+    pub prediction_rms_m: [f64; 2],
     /// Lag-one correlation of the whitened innovations, mean over all axes; 1/√(axes · rows) by chance.
     pub correlation: f64,
 }
@@ -348,6 +365,14 @@ pub struct Unbalance {
     pub magnitude: Estimate,
     /// Angle of U, rad.
     pub phase: Estimate,
+}
+
+impl Unbalance {
+    /// U cos φ and U sin φ, kg·m.
+    fn components(&self) -> [f64; 2] {
+        let (sin, cos) = libm::sincos(self.phase.value);
+        [cos, sin].map(|of| self.magnitude.value * of)
+    }
 }
 
 /// Result for all recordings.

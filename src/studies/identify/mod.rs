@@ -22,6 +22,7 @@ use std::f64::consts::TAU;
 use fmu_export::variable::Value;
 use serde_json::{Value as Json, json};
 
+pub use self::agreement::Check;
 pub use self::answer::{Answer, Question, answer};
 pub use self::currents::{Currents, Holds};
 pub use self::tolerance::{named, of_estimator, quantity, tolerance};

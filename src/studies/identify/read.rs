@@ -198,7 +198,8 @@ impl Samples {
 
     /// Sets currents that have their own places.
     fn set_apart(&mut self, currents: Vec<Known>) {
-        let (count, step) = (currents[0].len(), rounded_time(self.step_s * signals::distance(&currents[0]), 4));
+        let used = currents.iter().find(|known| !known.is_empty()).unwrap_or(&currents[0]);
+        let (count, step) = (used.len(), rounded_time(self.step_s * signals::distance(used), 4));
         self.notes.push(format!("The currents have {count} samples of their own, every {step}."));
         self.apart = Some(currents);
     }

@@ -77,7 +77,10 @@ impl Samples {
     #[must_use]
     pub fn currents(&self, how: Hold) -> Vec<Vec<f64>> {
         match &self.apart {
-            Some(apart) => apart.iter().map(|current| signals::resampled(current, self.len(), how)).collect(),
+            Some(apart) => {
+                let count = |known: &Known| if known.is_empty() { 0 } else { self.len() };
+                apart.iter().map(|known| signals::resampled(known, count(known), how)).collect()
+            }
             None => self.current_a.clone(),
         }
     }

@@ -2,6 +2,8 @@
 
 use std::f64::consts::{PI, TAU};
 
+use crate::simulation::scenario::number_and_unit;
+
 /// A quantity: its units, each with all its names and its size in SI. The first is the SI unit; messages use the
 /// first name of a unit.
 pub(super) type Quantity = &'static [(&'static [&'static str], f64)];
@@ -117,14 +119,6 @@ pub fn rate_s(text: &str) -> Result<f64, String> {
 pub(super) fn value(text: &str, quantity: Quantity) -> Option<f64> {
     let (number, unit) = number_and_unit(text)?;
     Some(in_si(number, factor(quantity, unit)?)).filter(|value| value.is_finite())
-}
-
-/// A number and the text after it.
-pub(super) fn number_and_unit(text: &str) -> Option<(f64, &str)> {
-    let text = text.trim();
-    // The longest prefix that is a number, so that an exponent is not mistaken for a unit.
-    let ends = text.char_indices().map(|(at, _)| at).chain([text.len()]);
-    ends.rev().find_map(|end| Some((text[..end].trim().parse().ok()?, text[end..].trim())))
 }
 
 /// A time in a unit that suits its size.

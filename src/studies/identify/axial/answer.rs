@@ -12,7 +12,7 @@ use super::{
 use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::Statement;
-use crate::studies::identify::agreement::disagreement;
+use crate::studies::identify::agreement::{Check, disagreement, rows_ahead};
 use crate::studies::identify::answer::{constant_currents, dynamics_remark};
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::samples::Samples;
@@ -31,8 +31,6 @@ const MAX_SHIFT_STD: f64 = 3.0;
 /// Common mistakes with their corrections. Exchanged magnets are a reversed axis: without a known load, the two are the same.
 const MIRRORED: &str = "x is mirrored: reverse the sign of the sensor";
 const EXCHANGED: &str = "the magnets are exchanged: exchange their columns (--column), or magnets.used";
-/// Horizon of predictions, s.
-const AHEAD_S: f64 = 0.020;
 
 /// Current, ki, ks, ki/κ and ks/κ at the operating point.
 pub type Point5 = [Estimate; 5];
@@ -68,28 +66,6 @@ pub struct Traces {
     pub error_m: Vec<f64>,
     /// First row used.
     pub from: usize,
-}
-
-/// Comparison of one recording with the estimate of another.
-#[derive(Clone, Debug)]
-pub struct Check {
-    /// Whether both agree.
-    pub agrees: bool,
-    /// Description.
-    pub verdict: String,
-    /// Horizons in s, rms prediction errors in m with the estimate of the other recording and with its own fit.
-    pub errors: Vec<[f64; 3]>,
-}
-
-impl Check {
-    /// The same as JSON.
-    #[must_use]
-    pub fn json(&self) -> Json {
-        let horizon =
-            |[ahead_s, foreign_m, own_m]: &[f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
-        let errors: Vec<_> = self.errors.iter().map(horizon).collect();
-        json!({"agrees": self.agrees, "verdict": self.verdict, "predictions": errors})
-    }
 }
 
 /// rms of the prediction errors `ahead` rows ahead, m.
@@ -409,23 +385,10 @@ impl Answer {
         let mut point = fit.point;
         let bench = [0, 1, GAP, DYNAMICS];
         bench.iter().for_each(|at| point[*at] = self.found.fit.point[*at]);
-        let horizons = [1, ((AHEAD_S / readings.step_s).round() as usize).max(2)];
-        let errors = horizons.map(|ahead| {
-            let [foreign, fitted] = [&point, &fit.point].map(|point| prediction_rms(axis, readings, point, ahead));
-            [ahead as f64 * readings.step_s, foreign, fitted]
-        });
-        let differ = agreement([self, own]);
-        let words = errors.map(|[ahead_s, foreign, fitted]| {
-            let [foreign_um, own_um] = [foreign, fitted].map(|rms| significant(1e6 * rms, 3));
-            format!("{} ahead {foreign_um} µm, by a fit of its own {own_um} µm", time(ahead_s))
-        });
-        let agrees = differ.is_none();
-        let verdict = format!(
-            "{} Predictions with the first estimate are off by (rms): {}.",
-            differ.unwrap_or_else(|| "The recordings agree.".into()),
-            words.join("; ")
-        );
-        Check { agrees, verdict, errors: errors.to_vec() }
+        let horizons = [1, rows_ahead(readings.step_s)];
+        let [foreign_m, own_m] =
+            [&point, &fit.point].map(|point| horizons.map(|ahead| prediction_rms(axis, readings, point, ahead)));
+        Check::new(agreement([self, own]), readings.step_s, foreign_m, own_m)
     }
 }
 

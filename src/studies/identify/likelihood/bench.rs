@@ -12,6 +12,9 @@
 //! are read late relative to the currents. Each bearing of a shaft has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values
 //! scaled with the mass, and the axial motion has its own parameters.
 
+use std::f64::consts::PI;
+
+use self::Scope::{Axial, Bearing, Machine, OnShaft, Radial, Shaft};
 use super::PartSettings;
 use super::body::Body;
 use crate::bearing::array;
@@ -43,7 +46,7 @@ impl BenchParameter {
 }
 
 /// 0.5° in rad.
-const HALF_DEGREE: f64 = 0.008_726_646_259_971_648;
+const HALF_DEGREE: f64 = PI / 360.0;
 
 /// Scope of a parameter: there is one for each of these.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,52 +70,38 @@ type Row = (Scope, &'static str, &'static str, f64, bool, &'static str);
 
 /// All parameters, in the order of their indices.
 const PARAMETERS: [Row; 32] = [
-    (Scope::Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
-    (Scope::Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
-    (Scope::Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
-    (Scope::Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
-    (Scope::Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
-    (Scope::Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
-    (Scope::Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
-    (
-        Scope::Radial,
-        "sensor.gainDifference",
-        "1",
-        0.005,
-        true,
-        "half the difference of the gains of the sensors y and z",
-    ),
-    (Scope::Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
-    (Scope::Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
-    (Scope::Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
-    (Scope::Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    (Scope::Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    (Scope::Radial, "runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    (Scope::Radial, "runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    (Scope::Radial, "runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
-    (Scope::Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
-    (Scope::Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Scope::Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Scope::Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
-    (Scope::Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
-    (Scope::Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
-    (Scope::Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
-    (Scope::Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
-    (Scope::Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
-    (Scope::Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
-    (Scope::OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
-    (Scope::OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
-    (Scope::Shaft, "unbalance[1].position", "m", 5e-4, false, "position of plane 1 of the unbalance"),
-    (Scope::Shaft, "unbalance[2].position", "m", 5e-4, false, "position of plane 2 of the unbalance"),
-    (
-        Scope::Machine,
-        DYNAMICS,
-        "1",
-        0.05,
-        false,
-        "κ − 1, by how much more force accelerations take than the statics say",
-    ),
-    (Scope::Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
+    (Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
+    (Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
+    (Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
+    (Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
+    (Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
+    (Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
+    (Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
+    (Radial, "sensor.gainDifference", "1", 0.005, true, "half the difference of the gains of the sensors y and z"),
+    (Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
+    (Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
+    (Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
+    (Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
+    (Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
+    (Radial, "runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
+    (Radial, "runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
+    (Radial, "runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
+    (Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
+    (Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
+    (Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
+    (Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
+    (Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
+    (Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
+    (Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
+    (Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
+    (Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
+    (Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
+    (OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
+    (OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
+    (Shaft, "unbalance[1].position", "m", 5e-4, false, "position of plane 1 of the unbalance"),
+    (Shaft, "unbalance[2].position", "m", 5e-4, false, "position of plane 2 of the unbalance"),
+    (Machine, DYNAMICS, "1", 0.05, false, "κ − 1, by how much more force accelerations take than the statics say"),
+    (Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
 ];
 
 /// Name of the delay of the positions.
@@ -130,16 +119,16 @@ pub fn parameters(body: &Body, settings: &PartSettings) -> Vec<BenchParameter> {
     let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
     let magnets = body.magnets() / body.prefixes().len();
     let applies = |(scope, name, ..): &Row| match scope {
-        Scope::Machine => (*name != DYNAMICS || settings.dynamics) && (*name != LAG || settings.lag),
-        Scope::Shaft | Scope::OnShaft => is_shaft,
-        Scope::Bearing => true,
-        Scope::Radial => is_radial,
-        Scope::Axial => !is_radial,
+        Machine => (*name != DYNAMICS || settings.dynamics) && (*name != LAG || settings.lag),
+        Shaft | OnShaft => is_shaft,
+        Bearing => true,
+        Radial => is_radial,
+        Axial => !is_radial,
     };
     let of = |(scope, name, unit, typical, in_typical_bench, description): Row| {
         let prefixes = match scope {
             // The axial motion has a mass and a delay of its own.
-            Scope::Machine | Scope::Shaft => vec![body.prefix()],
+            Machine | Shaft => vec![body.prefix()],
             _ => body.prefixes().to_vec(),
         };
         let count = if name.contains("{}") { magnets } else { 1 };

@@ -62,7 +62,7 @@ impl Body {
     }
 
     /// Numbers of coordinates, magnets and planes of unbalance.
-    fn sizes(&self) -> [usize; 3] {
+    pub(super) fn sizes(&self) -> [usize; 3] {
         match self {
             Self::Disc { alpha_rad, .. } => [2, alpha_rad.len(), 1],
             Self::Shaft { magnets, .. } => [4, 2 * magnets, PLANES],

@@ -138,8 +138,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
     let current = columns(&recording.current_a, part.magnets, magnets);
     let position_error = columns(&recording.position_error_m, part.positions, coordinates);
     let square_error = columns(&recording.square_error_a2, part.magnets, magnets);
-    let is_usable = |of: &[bool], row: usize| of.get(row).copied().unwrap_or(true);
-    let segments = segments((0..rows).map(|row| is_usable(&recording.usable, row) && is_usable(usable, row)));
+    let segments = segments((0..rows).map(|row| recording.usable[row] && usable[row]));
     if segments.is_empty() {
         return None;
     }

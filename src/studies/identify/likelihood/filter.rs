@@ -15,10 +15,12 @@
 
 use std::ops::Range;
 
+use super::SHORTEST;
 use super::data::{Input, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
 use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
 use crate::bearing::array;
+use crate::studies::identify::agreement::rows_ahead;
 
 /// Columns in a processor register.
 const REGISTER: usize = 8;
@@ -381,20 +383,34 @@ fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> V
     smoothed
 }
 
-/// Innovations of the counted rows, row by row: in m, and whitened.
-fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> [Vec<f64>; 2] {
+/// Innovations of the counted rows, row by row: in m, whitened, and errors of predictions [`AHEAD_S`] ahead, m, one after another.
+fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> [Vec<f64>; 3] {
     let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
-    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(piece.filtered.start));
-    let mut innovations = [0; 2].map(|_| Vec::with_capacity(N * piece.counted.len()));
-    each_row(pass, piece.filtered.start..piece.counted.end, |row, _, interval, residual| {
+    let start = piece.filtered.start;
+    let ahead = rows_ahead(rotor.h);
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start));
+    let mut without_readings = kalman.clone();
+    let mut innovations = [0; 3].map(|_| Vec::with_capacity(N * piece.counted.len()));
+    each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
         if let Some((interval, transition)) = interval {
-            kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
+            for kalman in [&mut kalman, &mut without_readings] {
+                kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
+            }
         }
-        let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
+        let variance = pass.variance(row, rotor.exponent);
+        let innovation = kalman.update(rotor, variance, residual);
+        let mut error_ahead = [f64::NAN; N];
+        if (row - start) % ahead == SHORTEST % ahead {
+            let innovation = std::mem::replace(&mut without_readings, kalman.clone()).update(rotor, variance, residual);
+            if row >= start + SHORTEST + ahead {
+                error_ahead = innovation.e;
+            }
+        }
         if row >= piece.counted.start {
-            let error = if case.is_missing(row) { [f64::NAN; N] } else { innovation.e };
-            innovations[0].extend(error);
+            let recorded = |error: [f64; N]| if case.is_missing(row) { [f64::NAN; N] } else { error };
+            innovations[0].extend(recorded(innovation.e));
             innovations[1].extend(innovation.factor.whiten(innovation.e));
+            innovations[2].extend(recorded(error_ahead));
         }
     });
     innovations
@@ -510,7 +526,7 @@ pub(super) struct Passes {
     pub columns: fn(Input<'_>, &Request) -> Vec<Block>,
     /// Coordinates and rates, row by row.
     pub smooth: fn(Input<'_>) -> Vec<f64>,
-    pub innovations: fn(Input<'_>) -> [Vec<f64>; 2],
+    pub innovations: fn(Input<'_>) -> [Vec<f64>; 3],
     pub likelihoods: fn(Input<'_>, &[Levels; 3]) -> Likelihoods,
     /// Gaps in m and squared currents in A² of a row.
     pub gaps_and_squares: fn(Input<'_>, usize) -> [ByMagnet; 2],

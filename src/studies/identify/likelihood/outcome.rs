@@ -5,10 +5,11 @@ use nalgebra::DMatrix;
 use super::data::Input;
 use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
-use super::search::Finished;
+use super::search::{AHEAD, Finished, METRES};
 use super::solve::{self, inverse, submatrix};
 use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Suspect, Unbalance};
 use crate::bearing::array;
+use crate::studies::identify::mean;
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
@@ -22,8 +23,8 @@ pub(super) fn report(
     let search = &finished.search;
     let (magnets, load) = (search.model.layout.magnets, search.model.layout.load);
     let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
-    let errors_m = search.prediction_errors().into_iter().enumerate();
-    let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
+    let errors_m = search.prediction_errors(METRES).into_iter().zip(search.prediction_errors(AHEAD)).enumerate();
+    let conditions = errors_m.map(|(r, (errors_m, ahead_m))| conditions(finished, r, &lambda, errors_m, &ahead_m));
     Identification {
         lambda_covariance: finished.total.view((0, 0), (magnets, magnets)).into_owned(),
         unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
@@ -63,6 +64,7 @@ fn conditions(
     r: usize,
     lambda: &[Estimate],
     prediction_errors_m: Vec<Vec<f64>>,
+    ahead_m: &[Vec<f64>],
 ) -> Conditions {
     let search = &finished.search;
     let case = &search.cases[r];
@@ -93,6 +95,10 @@ fn conditions(
     };
     let powers: Vec<[f64; HARMONICS]> =
         (0..layout.loads()).map(|axis| array::from_fn(|harmonic| power(axis, harmonic))).collect();
+    let rms = |errors_m: &[Vec<f64>]| {
+        let errors_m = errors_m.iter().flatten().filter(|error_m| error_m.is_finite());
+        mean(errors_m.map(|error_m| error_m * error_m)).sqrt()
+    };
     let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
@@ -107,6 +113,7 @@ fn conditions(
             }),
             rows: case.rows(),
             counting: case.effective_rows(),
+            prediction_rms_m: [rms(&prediction_errors_m), rms(ahead_m)],
             correlation: neighbours / blocks().map(|block| block.nis).sum::<f64>(),
         }],
         resolution_m: case.resolution_m.clone(),

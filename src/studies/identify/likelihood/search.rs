@@ -34,6 +34,8 @@ const ROUGH: f64 = 1.0;
 const MAX_STEP: f64 = 3.0;
 /// Prior standard deviation of a free parameter, in typical tolerances: too wide to matter.
 const FREE_STD: f64 = 1e3;
+/// Prior standard deviation of a given value, relative to that of an unknown one: too narrow to matter.
+const GIVEN_STD: f64 = 1e-12;
 /// A free parameter with a standard deviation above this many typical tolerances is not determined by the data.
 const MAX_FREE_STD: f64 = 20.0;
 
@@ -48,9 +50,10 @@ const BENCH_ROWS: f64 = 50_000.0;
 /// Rows from which the search of a long recording starts, in stretches spread over all of it; only the last iterations use all rows.
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
-/// Indices of the innovations, in m and whitened.
-const METRES: usize = 0;
+/// Indices of the innovations: in m, whitened, and of predictions further ahead in m.
+pub(super) const METRES: usize = 0;
 const WHITENED: usize = 1;
+pub(super) const AHEAD: usize = 2;
 /// Minimum number of pieces smoothed together.
 const MIN_SMOOTHED: usize = 8;
 
@@ -241,7 +244,7 @@ impl Search<'_> {
         }
     }
 
-    /// Innovations of every recording, row by row, [`METRES`] or [`WHITENED`]; `none` where there are none.
+    /// Innovations of every recording, row by row, [`METRES`], [`WHITENED`] or [`AHEAD`]; `none` where there are none.
     fn innovations(&self, which: usize, none: f64) -> Vec<Vec<f64>> {
         let pass = |input: Input<'_>| {
             (input.piece.counted.clone(), std::mem::take(&mut (input.rotor.passes.innovations)(input)[which]))
@@ -254,12 +257,12 @@ impl Search<'_> {
         all
     }
 
-    /// Position minus its one-step prediction, by recording, coordinate and row, m; NaN where a row was not used.
-    pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
+    /// Position minus its prediction, [`METRES`] or [`AHEAD`], by recording, coordinate and row; NaN where there is none.
+    pub fn prediction_errors(&self, which: usize) -> Vec<Vec<Vec<f64>>> {
         let count = self.coordinates();
         let column = |rows: &[f64], n: usize| rows.iter().skip(n).step_by(count).copied().collect();
         let by_coordinate = |rows: Vec<f64>| (0..count).map(|n| column(&rows, n)).collect();
-        self.innovations(METRES, f64::NAN).into_iter().map(by_coordinate).collect()
+        self.innovations(which, f64::NAN).into_iter().map(by_coordinate).collect()
     }
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
@@ -444,6 +447,9 @@ fn start<'a>(
         };
     }
     held.iter().for_each(|j| prior[layout.load + j].1 = 0.0);
+    for (at, value) in part.given.iter().enumerate() {
+        (x[at], prior[at]) = (*value, (*value, GIVEN_STD * prior[at].1));
+    }
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
     let weight = cases.iter().map(Case::effective_rows).sum::<usize>() as f64 / rows;
     let mut search = Search { cases, model, x, prior, weight, iterations: 0, converged: false };
@@ -548,8 +554,8 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: boo
     let mut found = fit(recordings, &masks, model, &mut held);
     let mut halves_remain = exclude;
     let mut gain = None;
-    // Each round leaves out the most inconsistent rows.
-    for _ in 0..MAX_ROUNDS {
+    // Each round leaves out the most inconsistent rows. Given estimates are judged by all rows.
+    for _ in 0..if model.part.given.is_empty() { MAX_ROUNDS } else { 0 } {
         // Tests are meaningful only near a solution.
         let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
             if !std::mem::take(&mut halves_remain) {
