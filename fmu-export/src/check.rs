@@ -76,6 +76,7 @@ fn check_name(variable: &Variable, found: &mut Vec<String>) {
     if variable.description.contains(char::is_control) {
         found.push(format!("the description of {name} contains a control character"));
     }
+    check_text(&format!("the description of {name}"), &variable.description, found);
     if let Type::String { start } = &variable.data_type {
         check_text(&format!("the start value of {name}"), start, found);
     }

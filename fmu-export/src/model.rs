@@ -254,7 +254,8 @@ pub trait Model: Clone + Send + Sync + 'static {
     fn table() -> Vec<Row<Self::Values>>;
 
     /// Validates the parameters among the values and constructs the model. Values outside the `min` and `max` of their rows are
-    /// refused in addition. `resources` gives access to the files of the FMU.
+    /// refused in addition. `resources` gives access to the files of the FMU. During a run, when a snapshot is read or a parameter changes,
+    /// all other values are those of that time: what depends on a start value belongs to the state.
     ///
     /// # Errors
     /// Every invalid parameter.
@@ -329,8 +330,8 @@ pub trait Model: Clone + Send + Sync + 'static {
         time_s: f64,
         started: bool,
     ) -> Self::Values {
-        let _ = (state, values, time_s, started);
-        direction.clone()
+        let _ = (state, values, direction, time_s, started);
+        panic!("CAPABILITIES promises directional derivatives, but `differentiate` is not implemented")
     }
 
     /// The time derivatives of that order of the outputs, in place of the outputs. `input_derivatives[j]` holds the derivatives
@@ -345,8 +346,8 @@ pub trait Model: Clone + Send + Sync + 'static {
         time_s: f64,
         order: usize,
     ) -> Self::Values {
-        let _ = (state, values, time_s, order);
-        input_derivatives[0].clone()
+        let _ = (state, values, input_derivatives, time_s, order);
+        panic!("CAPABILITIES promises derivatives of outputs, but `output_derivatives` is not implemented")
     }
 }
 
@@ -389,6 +390,11 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// controller thus acts one sample later, whatever the communication steps. By default there are none.
     fn take_effect(&self, state: &mut Self::State, values: &mut Self::Values) {
         let _ = (state, values);
+    }
+
+    /// As [`Model::refresh`].
+    fn refresh(&self, state: &Self::State, values: &mut Self::Values, time_s: f64) {
+        let _ = (state, values, time_s);
     }
 
     /// As [`Model::retune`]. A changed period is refused, because the samples taken so far belong to the former one.
@@ -456,10 +462,16 @@ impl<S: SampledModel> Model for Sampled<S> {
     type State = SampledState<S::State>;
 
     fn table() -> Vec<Row<S::Values>> {
-        // Between samples nothing depends on anything.
+        // What a sample computes is constant until the next one, and depends on nothing in between.
         let mut rows = S::table();
-        for row in rows.iter_mut().filter(|row| row.variable.variability == Variability::Discrete) {
-            row.variable.depends_on.get_or_insert_default();
+        for Row { variable, .. } in &mut rows {
+            let is_computed = matches!(variable.causality, Causality::Output | Causality::Local);
+            if is_computed && variable.variability == Variability::Continuous {
+                variable.variability = Variability::Discrete;
+            }
+            if variable.variability == Variability::Discrete {
+                variable.depends_on.get_or_insert_default();
+            }
         }
         rows
     }
@@ -523,6 +535,10 @@ impl<S: SampledModel> Model for Sampled<S> {
             }
         }
         Ok(())
+    }
+
+    fn refresh(&self, SampledState { state, .. }: &SampledState<S::State>, values: &mut S::Values, time_s: f64) {
+        self.0.refresh(state, values, time_s);
     }
 
     fn base_step_s(&self) -> f64 {

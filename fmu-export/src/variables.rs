@@ -250,7 +250,8 @@ impl Scope {
     ) {
         let given = if let Names::Each(names) = names { Some(names) } else { None };
         let made = count.or(given.map(Vec::len)).unwrap_or(slots.len());
-        assert!(made <= slots.len(), "count = {made} is refused for an array of {} elements", slots.len());
+        let name = || names.at(&self.prefix, 0, lengths);
+        assert!(made <= slots.len(), "{}: count = {made} is refused for an array of {} elements", name(), slots.len());
         if let Some(names) = given {
             assert!(made == names.len(), "there are {} names for {made} elements: {}", names.len(), names.join(", "));
         }

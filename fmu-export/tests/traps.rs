@@ -31,8 +31,10 @@ mod library {
         inertia: f64,
         #[input(unit = unit::METRE, min = -1.0, max = 1.0)]
         e: f64,
-        #[output(discrete)]
+        #[output]
         u: f64,
+        #[parameter(calculated, tunable)]
+        doubled: f64,
     }
 
     /// Copies its gain at construction, and has no `retune`.
@@ -62,6 +64,11 @@ mod library {
             // Compiles only if the two traits of the prelude with this function are not ambiguous.
             let again = Pid::new(values, &Resources::default()).expect("good parameters");
             values.u = 0.0 * again.kp;
+            self.refresh(&(), values, 0.0);
+        }
+
+        fn refresh(&self, _: &(), values: &mut PidValues, _: f64) {
+            values.doubled = 2.0 * self.kp;
         }
 
         fn sample(&self, _: &mut (), values: &mut PidValues, _: f64, _: &mut dyn Log) -> Stepped {
@@ -227,6 +234,25 @@ fn inputs_are_interpolated_only_if_the_model_supports_it() {
     assert!(instance("Pid").0.xml().contains("canInterpolateInputs=\"true\""));
 }
 
+/// Fails if an input whose derivative took it beyond its limits makes a snapshot unreadable, if outputs of a sampled model are continuous, or
+/// if what follows from a tuned parameter waits for the next sample.
+#[test]
+fn sampled_models_hold_outputs_and_follow_inputs() {
+    let (model, mut pid) = instance("Pid");
+    assert_eq!((variable(&model, "u").is_continuous(), &variable(&model, "u").depends_on), (false, &Some(Vec::new())));
+    let [e, u, kp, doubled] = ["e", "u", "kp", "doubled"].map(|name| index(&model, name));
+    pid.set(e, Value::Real(0.95)).expect("within its limits");
+    pid.start().expect("good parameters");
+    pid.set_input_derivatives(1, &|_| (e, 1, 1000.0)).expect("followed");
+    pid.step(Step { time_s: 0.0, length_s: 2e-4 }, &mut Silent).expect("a step");
+    let bytes = pid.write().expect("a snapshot");
+    let mut read = model.instantiate();
+    read.read(&bytes, 2e-4, true).expect("its own snapshot");
+    assert!((real(&mut read, e) - 1.15).abs() < 1e-12 && real(&mut read, u) == real(&mut pid, u));
+    pid.set(kp, Value::Real(3.0)).expect("tunable");
+    assert_eq!(real(&mut pid, doubled), 6.0);
+}
+
 /// The elements of a part of the structure, by name, with their dependencies by name.
 fn structure(model: &ModelType, part: &str) -> Vec<(String, Option<Vec<String>>)> {
     let document = roxmltree::Document::parse(model.xml()).expect("well-formed XML");
@@ -257,7 +283,7 @@ fn without_declared_dependencies_a_variable_depends_on_all() {
     assert_eq!(structure(&tank, "InitialUnknowns"), unknowns.map(|(name, known)| (name.to_owned(), known)));
     let (pid, _) = instance("Pid");
     assert_eq!(structure(&pid, "Outputs"), [("u".to_owned(), Some(Vec::new()))]);
-    assert_eq!(structure(&pid, "InitialUnknowns"), [("u".to_owned(), None)]);
+    assert_eq!(structure(&pid, "InitialUnknowns"), [("u".to_owned(), None), ("doubled".to_owned(), None)]);
 }
 
 /// Fails if a settable start value, a constant, a calculated parameter, or the time is not declared as such, or not kept.
@@ -354,9 +380,12 @@ mod mistakes {
         n: i32,
     }
 
-    /// A model whose table is the mistake.
+    /// A model whose table is the mistake, or what it promises or starts with.
     macro_rules! mistaken {
         ($module:ident, $name:literal, $table:expr) => {
+            mistaken!($module, $name, $table, Capabilities::NONE, |_| {});
+        };
+        ($module:ident, $name:literal, $table:expr, $capabilities:expr, $start:expr) => {
             pub mod $module {
                 use super::*;
 
@@ -365,6 +394,7 @@ mod mistakes {
 
                 impl Model for Mistaken {
                     const INFO: Info = Info::new($name, "A mistake");
+                    const CAPABILITIES: Capabilities = $capabilities;
                     type Values = Values;
                     type State = ();
 
@@ -376,7 +406,10 @@ mod mistakes {
                         Ok(Self)
                     }
 
-                    fn start(&self, _: &mut Values, _: f64) {}
+                    fn start(&self, values: &mut Values, _: f64) {
+                        let start: fn(&mut Values) = $start;
+                        start(values);
+                    }
 
                     fn step(
                         &self,
@@ -410,6 +443,14 @@ mod mistakes {
             Row::integer("n", place!(Values.n), 0).output()
         ]
     );
+
+    fn output() -> Vec<Row<Values>> {
+        vec![Row::real("y", place!(Values.x), unit::ONE, 0.0).output()]
+    }
+
+    mistaken!(direction, "Direction", output(), Capabilities::NONE.directional_derivatives(), |_| {});
+    mistaken!(rate, "Rate", output(), Capabilities::NONE.output_derivatives(1), |_| {});
+    mistaken!(overwriting, "Overwriting", vec![x("u")], Capabilities::NONE, |values| values.x = 7.0);
 
     fn one_metre() -> unit::Unit {
         unit::Unit::new("m", &[("s", 1)], &[])
@@ -473,7 +514,17 @@ mod mistakes {
 
     pub static FLATTENED: fmu_export::Fmus =
         fmu_export::Fmus::new("none", || vec![ModelType::of::<fmu_export::Sampled<Flattened>>()]);
-    pub static EMPTY: fmu_export::Fmus = fmu_export::Fmus::new("none", || vec![ModelType::of::<empty::Mistaken>()]);
+    /// A library with a single model.
+    macro_rules! alone {
+        ($library:ident, $module:ident) => {
+            pub static $library: fmu_export::Fmus =
+                fmu_export::Fmus::new("none", || vec![ModelType::of::<$module::Mistaken>()]);
+        };
+    }
+    alone!(EMPTY, empty);
+    alone!(DIRECTION, direction);
+    alone!(RATE, rate);
+    alone!(OVERWRITING, overwriting);
     pub static TWICE: fmu_export::Fmus =
         fmu_export::Fmus::new("none", || vec![ModelType::of::<named::Mistaken>(), ModelType::of::<named::Mistaken>()]);
 }
@@ -576,13 +627,22 @@ fn samples_with_the_inputs_of_another_instant_cause_a_warning() {
     assert_eq!((warnings(1e-4), warnings(2e-5)), (Vec::new(), Vec::new()));
 }
 
-/// Fails if an archive is written of a model that cannot be instantiated, or of two models with one name.
+/// Fails if an archive is written of a model that cannot be instantiated, or of two models with one name; that promises derivatives without
+/// having them; or whose start replaces a start value.
 #[test]
 fn models_that_cannot_run_are_not_packed() {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("mistakes");
     let error = Packager::new(&mistakes::EMPTY).write(&folder).expect_err("it panics");
     assert!(matches!(error, PackageError::Trial { name: "Empty", .. } | PackageError::Model { .. }), "{error}");
     assert!(error.to_string().contains("panics"), "{error}");
+    for (library, words) in [
+        (&mistakes::DIRECTION, "promises directional derivatives, but `differentiate` is not implemented"),
+        (&mistakes::RATE, "promises derivatives of outputs, but `output_derivatives` is not implemented"),
+        (&mistakes::OVERWRITING, "u = Real(7.0) after the start: expected Real(0.0), the start value"),
+    ] {
+        let error = Packager::new(library).write(&folder).expect_err("a mistake");
+        assert!(error.to_string().contains(words), "{error}");
+    }
     let error = Packager::new(&mistakes::TWICE).write(&folder).expect_err("two of one name");
     assert!(error.to_string().contains("Named"), "{error}");
     let error = Packager::new(&FMUS).arguments(["--fast".to_owned()]).err().expect("an unknown argument");

@@ -388,10 +388,14 @@ impl Instance {
         if !(self.are_valid(&read.next_derivatives) && self.are_valid(&read.last_derivatives)) {
             return Err("the derivatives of inputs are not valid".into());
         }
-        // An input may be missing, like a sensor; the step handles that. Before the run, limits are checked as when a value is set.
-        let is_checked = |variable: &Variable| read.has_begun || variable.is_checked_when_set();
+        // An input may be missing, like a sensor; the step handles that. One with derivatives may have left its limits. Before the run, limits are
+        // checked as when a value is set.
+        let is_checked = |(index, variable): &(usize, &Variable)| match read.has_begun {
+            true => self.check_derivative(*index, 1).is_err(),
+            false => variable.is_checked_when_set(),
+        };
         let settable = self.variables.iter().enumerate().filter(|(_, variable)| variable.is_settable());
-        for (index, variable) in settable.filter(|(_, variable)| is_checked(variable)) {
+        for (index, variable) in settable.filter(is_checked) {
             let value = read.core.get(index);
             variable.admits(&value).map_err(|finding| finding.to_string())?;
             if variable.causality == Causality::Parameter

@@ -26,7 +26,8 @@ pub(crate) fn initialize(library: &Path, standard: Standard, token: &str, resour
     match standard {
         #[cfg(feature = "fmi2")]
         Standard::Fmi2 => {
-            let location = text(format!("file:///{}", folder.trim_start_matches('/').replace(' ', "%20")))?;
+            let location =
+                text(format!("file:///{}", folder.trim_start_matches('/').replace('%', "%25").replace(' ', "%20")))?;
             initialize2(&library, &name, &token, &location)
         }
         #[cfg(feature = "fmi3")]

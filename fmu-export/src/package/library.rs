@@ -14,11 +14,19 @@ pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     let folder = program.parent().unwrap_or(Path::new(""));
     // Cargo compiles into `deps`, where test programs are too, and links the library into the parent folder only when building the
     // library itself: beside a program built by `cargo run` it is missing or stale.
-    let beside = folder.join(file_name(name));
-    [folder.join("deps").join(file_name(name)), beside.clone()]
-        .into_iter()
-        .find(|candidate| candidate.is_file())
-        .ok_or(PackageError::NoBinary(beside))
+    let (deps, beside) = (folder.join("deps"), folder.join(file_name(name)));
+    let built = if deps.is_dir() || cargo().is_some() { deps.join(file_name(name)) } else { beside.clone() };
+    if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(beside)) }
+}
+
+/// Whether cargo has since built the package without the crate type `cdylib`: only then it names the file for Rust with a hash.
+fn is_outdated(library: &Path, name: &str) -> bool {
+    let built = |path: &Path| path.metadata().and_then(|metadata| metadata.modified()).ok();
+    let folder = library.parent().and_then(|folder| folder.read_dir().ok());
+    folder.into_iter().flatten().flatten().any(|entry| {
+        let file = entry.file_name().to_string_lossy().into_owned();
+        file.starts_with(&format!("lib{name}-")) && file.ends_with(".rlib") && built(&entry.path()) > built(library)
+    })
 }
 
 /// An example of the crate type `cdylib`, built by cargo with optimization, unless the running program has another profile.

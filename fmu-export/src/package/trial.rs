@@ -5,10 +5,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 
 use super::{Extras, PackageError, at};
+use crate::instance::Instance;
 use crate::interface::guard::panic_message;
 use crate::interface::load;
-use crate::model::Invalid;
-use crate::variable::Value;
+use crate::model::{Capabilities, Invalid};
+use crate::variable::{Causality, Value};
 use crate::{ModelType, Resources, Standard};
 
 /// A temporary folder with the files of a model.
@@ -43,12 +44,22 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
     let folder = Folder::with(extras)?;
     let tried = catch_unwind(AssertUnwindSafe(|| {
         let mut instance = model.instantiate_with(Resources::in_folder(&folder.0));
+        let read = |instance: &mut Instance| -> Result<Vec<Value>, String> {
+            let all = 0..model.variables().len();
+            all.map(|index| instance.get(index)).collect::<Result<_, _>>().map_err(|error| error.to_string())
+        };
+        let before = read(&mut instance)?;
         instance.start().map_err(|findings| {
             format!("the model does not start with its start values: {}", Invalid::list(&findings))
         })?;
-        for index in 0..model.variables().len() {
-            let value = instance.get(index).map_err(|error| error.to_string())?;
-            if let (Value::Real(value), variable) = (value, &model.variables()[index])
+        for ((variable, value), before) in model.variables().iter().zip(read(&mut instance)?).zip(before) {
+            if variable.has_start() && value != before {
+                return Err(format!(
+                    "{} = {value:?} after the start: expected {before:?}, the start value, which importers may have set",
+                    variable.name
+                ));
+            }
+            if let Value::Real(value) = value
                 && variable.is_computed()
                 && !value.is_finite()
             {
@@ -58,11 +69,24 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
                 ));
             }
         }
-        if !model.capabilities.snapshots {
+        // Those that are promised exist.
+        let Capabilities { directional_derivatives, output_derivative_order, snapshots, .. } = model.capabilities;
+        let output = model.variables().iter().position(|of| of.causality == Causality::Output && of.is_continuous());
+        if let Some(output) = output {
+            if directional_derivatives {
+                let derivatives = instance.differentiate(0, &|_| unreachable!("no directions"));
+                derivatives.and_then(|of| of.of(output)).map_err(|error| error.to_string())?;
+            }
+            if output_derivative_order > 0 {
+                instance.output_derivative(output, 1).map_err(|error| error.to_string())?;
+            }
+        }
+        if !snapshots {
             return Ok(());
         }
         let not_saved = "the type of its state or values cannot be saved, for instance because of serde's attributes flatten, tag or \
-                         skip_serializing_if; wrap the state in NotSaved for an FMU without snapshots";
+                         skip_serializing_if, or because a HashMap has no order (use a BTreeMap); wrap the state in NotSaved for an FMU \
+                         without snapshots";
         let bytes = instance.write().ok_or(not_saved)?;
         let mut read = model.instantiate_with(Resources::in_folder(&folder.0));
         read.read(&bytes, 0.0, true).map_err(|why| format!("{not_saved}: {why}"))?;

@@ -116,7 +116,7 @@ accessors! {
     "Reads Boolean variables."
     fmi2GetBoolean: fmi2GetBooleanTYPE = GetBoolean(*mut fmi2Boolean), get(only!(Boolean), "Boolean");
     "Writes Real variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
-     used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input."
+     used: a parameter at the end of initialization. An input may be missing, like a sensor's reading: the model decides."
     fmi2SetReal: fmi2SetRealTYPE = SetReal(*const fmi2Real), set(|value| Ok(Value::Real(value)));
     "Writes Integer and Enumeration variables: all of them, or none if one is refused."
     fmi2SetInteger: fmi2SetIntegerTYPE = SetInteger(*const fmi2Integer), set(|value| Ok(Value::Integer(value)));

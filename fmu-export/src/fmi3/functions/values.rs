@@ -249,7 +249,7 @@ accessors! {
     "Reads Boolean variables."
     fmi3GetBoolean: fmi3GetBooleanTYPE = GetBoolean(*mut fmi3Boolean), get(only!(Boolean, is_boolean, "Boolean"));
     "Writes Float64 variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
-     used: a parameter at the end of initialization, an input in the step, unless the model accepts a missing input."
+     used: a parameter at the end of initialization. An input may be missing, like a sensor's reading: the model decides."
     fmi3SetFloat64: fmi3SetFloat64TYPE = SetFloat64(*const fmi3Float64),
         set((is_float, "Float64"), |value| Ok(Value::Real(value)));
     "Writes Int32 variables: all of them, or none if one is refused."
