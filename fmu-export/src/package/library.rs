@@ -15,8 +15,8 @@ pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     // Cargo compiles into `deps`, where test programs are too, and links the library into the parent folder only when building the
     // library itself: beside a program built by `cargo run` it is missing or stale.
     let (deps, beside) = (folder.join("deps"), folder.join(file_name(name)));
-    let built = if deps.is_dir() || cargo().is_some() { deps.join(file_name(name)) } else { beside.clone() };
-    if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(beside)) }
+    let built = if deps.is_dir() || cargo().is_some() { deps.join(file_name(name)) } else { beside };
+    if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(built)) }
 }
 
 /// Whether cargo has since built the package without the crate type `cdylib`: only then it names the file for Rust with a hash.

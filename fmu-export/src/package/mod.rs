@@ -77,9 +77,9 @@ pub enum PackageError {
     /// A platform that the packager does not know.
     #[error("{0}")]
     NoPlatform(String),
-    /// The binary to package does not exist.
+    /// The binary to package does not exist, or is from an earlier build.
     #[error(
-        "{0} does not exist: in Cargo.toml the library needs `crate-type = [\"rlib\", \"cdylib\"]` below `[lib]`, and it is built \
+        "{0} was not built with this program: in Cargo.toml the library needs `crate-type = [\"rlib\", \"cdylib\"]` below `[lib]`, and it is built \
          together with the program, as by `cargo run --release`"
     )]
     NoBinary(PathBuf),
