@@ -14,8 +14,8 @@ pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     let folder = program.parent().unwrap_or(Path::new(""));
     // Cargo compiles into `deps`, where test programs are too, and links the library into the parent folder only when building the
     // library itself: beside a program built by `cargo run` it is missing or stale.
-    let (deps, beside) = (folder.join("deps"), folder.join(file_name(name)));
-    let built = if deps.is_dir() || cargo().is_some() { deps.join(file_name(name)) } else { beside };
+    let deps = if folder.ends_with("deps") { folder.to_owned() } else { folder.join("deps") };
+    let built = if deps.is_dir() || cargo().is_some() { deps } else { folder.to_owned() }.join(file_name(name));
     if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(built)) }
 }
 
