@@ -195,6 +195,36 @@ fn two_speeds_of_a_shaft_are_identified_together() {
     }
 }
 
+/// Another recording agrees with the estimate unless its bench differs, and is predicted as well as by a fit of its own.
+#[test]
+fn another_recording_is_checked_with_the_estimate() {
+    let folder = folder("machines-identified/check");
+    for machine in [&PLANAR4, &SPINDLE] {
+        let names = machine.of_magnets("lambda");
+        let first = record(&folder, machine, |text| text);
+        fs::rename(folder.join("run.csv"), folder.join("first.csv")).expect("a file");
+        let weaker = [(names[1].as_str(), 0.95 * first.number("plant", &names[1]))];
+        let slower = [("omega", 0.8 * first.number("plant", "omega"))];
+        for (values, is_same) in [(slower, true), (weaker, false)] {
+            record_with(&folder, machine, &values, |text| text);
+            let arguments = format!("first.csv --machine {} --check run.csv", machine.name);
+            let document = identified(&folder, &words(&arguments));
+            let check = &document["check"];
+            assert_eq!(check["agrees"], is_same, "{}", check["verdict"]);
+            let [of_sample, ahead] = [0, 1].map(|at| &check["predictions"][at]);
+            let ratio = |of: &Json| number(&of["rms"]) / number(&of["rmsOwn"]);
+            assert_eq!(number(&ahead["ahead"]), 0.02);
+            below("ratio of the prediction errors", ratio(of_sample), if is_same { 1.05 } else { 1.5 });
+            assert_eq!(ratio(ahead) < 1.25, is_same, "{}", check["verdict"]);
+            let symbol = &machine.symbols("λ")[1];
+            assert_eq!(
+                check["verdict"].as_str().expect("words").contains(&format!("{symbol} of recording 2")),
+                !is_same
+            );
+        }
+    }
+}
+
 /// All errors are reported at once and by name.
 #[test]
 fn wrong_columns_and_options_are_named() {

@@ -117,26 +117,17 @@ pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
         let blocks: Vec<&Block> = finished.blocks(recording).collect();
         let mean = |block: &Block| block.nis / (coordinates * block.count);
         let median = median(blocks.iter().map(|block| mean(block)));
-        for block in blocks {
-            let ratio = mean(block) / median;
-            // The variance of χ² with Nn degrees of freedom is 2Nn.
-            if ratio > DISTURBED_RATIO && ratio > 1.0 + DISTURBED_STD / (0.5 * coordinates * block.count).sqrt() {
-                match found.last_mut() {
-                    Some(Contradiction { recording: r, rows, what: Change::Disturbed { ratio: before }, .. })
-                        if *r == recording && rows.end == block.rows.start =>
-                    {
-                        rows.end = block.rows.end;
-                        *before = before.max(ratio);
-                    }
-                    _ => found.push(Contradiction {
-                        recording,
-                        part: 0,
-                        rows: block.rows.clone(),
-                        what: Change::Disturbed { ratio },
-                    }),
-                }
-            }
-        }
+        let ratio = |block: &Block| mean(block) / median;
+        // The variance of χ² with Nn degrees of freedom is 2Nn.
+        let limit = |block: &Block| 1.0 + DISTURBED_STD / (0.5 * coordinates * block.count).sqrt();
+        let is_loud = |block: &&Block| ratio(block) > DISTURBED_RATIO && ratio(block) > limit(block);
+        let loud: Vec<&Block> = blocks.into_iter().filter(is_loud).collect();
+        found.extend(loud.chunk_by(|a, b| a.rows.end == b.rows.start).map(|run| Contradiction {
+            recording,
+            part: 0,
+            rows: run[0].rows.start..run[run.len() - 1].rows.end,
+            what: Change::Disturbed { ratio: run.iter().map(|block| ratio(block)).fold(0.0, f64::max) },
+        }));
     }
     found
 }

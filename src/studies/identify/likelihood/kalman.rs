@@ -145,16 +145,9 @@ impl<const N: usize> Transition<N> {
     fn propagate<const S: usize>(&self, noise: &[[f64; N]], scales: &ByMagnet, slow: f64, p: &mut [[f64; S]; S]) {
         let h = self.h;
         // P is symmetric: its rows are its columns.
-        let mut half = [[0.0; S]; S];
-        for j in 0..S {
-            half[j] = self.apply(&p[j]);
-        }
+        let half: [[f64; S]; S] = array::from_fn(|j| self.apply(&p[j]));
         for i in 0..S {
-            let mut column = [0.0; S];
-            for j in 0..S {
-                column[j] = half[j][i];
-            }
-            p[i] = self.apply(&column);
+            p[i] = self.apply(&array::from_fn(|j| half[j][i]));
         }
         let mut w = [[0.0; N]; N];
         for (g, scale) in noise.iter().zip(scales) {
@@ -231,33 +224,17 @@ impl<const S: usize> Kalman<S> {
             }
             read
         };
-        let (mut pht, mut columns) = ([[0.0; N]; S], [[0.0; N]; N]);
-        for i in 0..S {
-            pht[i] = at(&self.p[i]);
-        }
+        let pht: [[f64; N]; S] = array::from_fn(|i| at(&self.p[i]));
+        let columns: [[f64; N]; N] = array::from_fn(|a| at(&array::from_fn(|i| pht[i][a])));
+        let symmetric = |a: usize, b: usize| 0.5 * (columns[a][b] + columns[b][a]);
+        let mut covariance: [[f64; N]; N] = array::from_fn(|a| array::from_fn(|b| symmetric(a, b)));
         for a in 0..N {
-            let mut column = [0.0; S];
-            for i in 0..S {
-                column[i] = pht[i][a];
-            }
-            columns[a] = at(&column);
-        }
-        let mut covariance = [[0.0; N]; N];
-        for a in 0..N {
-            for b in 0..N {
-                covariance[a][b] = 0.5 * (columns[a][b] + columns[b][a]);
-            }
             covariance[a][a] += variance[a];
         }
         let (factor, det) = Factor::of(&covariance);
-        let mut gain = [[0.0; N]; S];
-        for i in 0..S {
-            gain[i] = factor.unwhiten(factor.whiten(pht[i]));
-        }
-        let (predicted, mut e) = (at(&self.x), residual);
-        for a in 0..N {
-            e[a] -= predicted[a];
-        }
+        let gain: [[f64; N]; S] = array::from_fn(|i| factor.unwhiten(factor.whiten(pht[i])));
+        let predicted = at(&self.x);
+        let e: [f64; N] = array::from_fn(|a| residual[a] - predicted[a]);
         for i in 0..S {
             for a in 0..N {
                 self.x[i] += gain[i][a] * e[a];
