@@ -42,6 +42,8 @@ pub struct Rotation {
     mean_rad_s: [f64; 2],
     /// Samples since the start.
     samples: u32,
+    /// Whether the last angle was too far off, which the next one confirms or not.
+    has_jumped: bool,
 }
 
 impl Rotation {
@@ -65,18 +67,23 @@ impl Rotation {
     pub fn advance(&mut self, step_s: f64, theta_rad: f64, omega_rad_s: f64) {
         self.predict(step_s);
         let error = angle_difference(self.theta_rad, theta_rad);
-        let first = angle_difference(self.measured_rad[0], theta_rad);
-        let weight = (step_s / MEAN_TIME_S).min(1.0);
         let jumps = error.abs() > 1.0;
-        // The very first angle has no difference.
-        let follows_jump = self.samples == 1 && self.measured_rad[1] != 0.0;
-        // A single jump does not enter the means; angles that keep jumping are not in rad.
-        if !jumps || follows_jump {
-            self.mean_rad_s[0] += (omega_rad_s - self.mean_rad_s[0]) * weight;
-            self.mean_rad_s[1] += (first / step_s - self.mean_rad_s[1]) * weight;
+        let has_jumped = self.has_jumped;
+        self.has_jumped = jumps && !has_jumped;
+        if self.has_jumped {
+            // Too far off to be noise: a wrong reading, which counts as missing, unless the next one confirms it.
+            self.measured_rad[0] = theta_rad;
+            return;
         }
+        let first = match has_jumped && !jumps {
+            true => self.omega_rad_s * step_s,
+            false => angle_difference(self.measured_rad[0], theta_rad),
+        };
+        let weight = (step_s / MEAN_TIME_S).min(1.0);
+        self.mean_rad_s[0] += (omega_rad_s - self.mean_rad_s[0]) * weight;
+        self.mean_rad_s[1] += (first / step_s - self.mean_rad_s[1]) * weight;
         if jumps {
-            // Too far off to be noise: start again.
+            // Start again.
             let Self { mean_rad_s, noise_rad2, .. } = *self;
             let measured_rad = [theta_rad, first, 0.0];
             *self = Self { measured_rad, mean_rad_s, noise_rad2, ..Self::start(theta_rad, omega_rad_s) };

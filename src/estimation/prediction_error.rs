@@ -238,6 +238,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.pending.push(Sample { missing, ..sample() });
         if state.noise.is_none() {
             state.noise = state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
+            state.uncounted = state.uncounted.saturating_add(1);
+            if state.uncounted > MAX_UNCOUNTED {
+                state.estimate.verdict = Verdict::BadSample;
+            }
         }
         // Two per step, to catch up with the samples that waited for the noise estimate.
         for _ in 0..2 {
@@ -257,6 +261,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         state.since_gap = if sample.missing > 0 { 0 } else { state.since_gap.saturating_add(1) };
         state.advance(&sample, self.filter.step_s);
+        if f64::from(sample.missing) * self.filter.step_s > REVOLUTION_AT_REST_S {
+            // λ may have changed meanwhile.
+            state.valid_from = state.valid_from.max(state.samples + state.per_revolution() as u64);
+        }
         let Some(filter) = &mut state.filter else {
             state.filter = Some(self.filter.start(sample, position_variance));
             return self.report(state);
@@ -349,10 +357,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         verdict
     }
 
-    /// Restarts from the initial state, keeping the estimate.
+    /// Restarts from the initial state, keeping the estimate and the times from which it may be valid again.
     fn reset(&self, state: &mut PredictionErrorState<N, K, U, T>) {
         let estimate = Estimate { condition: CONDITION_CAP, ..state.estimate.clone() };
-        *state = PredictionErrorState { estimate, ..self.start() };
+        let from = |at: u64| at.saturating_sub(state.samples);
+        let (valid_from, revalid_from) = (from(state.valid_from), state.revalid_from.map(from));
+        *state = PredictionErrorState { estimate, valid_from, revalid_from, ..self.start() };
     }
 
     /// Restarts after a change of λ.
