@@ -263,7 +263,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.advance(&sample, self.filter.step_s);
         if f64::from(sample.missing) * self.filter.step_s > REVOLUTION_AT_REST_S {
             // λ may have changed meanwhile.
-            state.valid_from = state.valid_from.max(state.samples + state.per_revolution() as u64);
+            state.valid_from = state.valid_from.max(state.samples + (2.0 * state.per_revolution()) as u64);
         }
         let Some(filter) = &mut state.filter else {
             state.filter = Some(self.filter.start(sample, position_variance));

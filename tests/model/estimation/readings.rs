@@ -59,6 +59,33 @@ fn gaps_keep_the_accumulated_information() {
     }
 }
 
+/// λ may have changed during a long gap: the estimate of before is not valid at once.
+#[test]
+fn a_changed_lambda_after_a_long_gap_is_no_surprise() {
+    let cold = noisy(10, 9001);
+    let warm = Rotor { lambda: cold.lambda.map(|lambda| 1.03 * lambda), ..cold.clone() };
+    let mut inputs = cold.inputs(Hold::HeldBefore);
+    inputs[4000..].clone_from_slice(&warm.inputs(Hold::HeldBefore)[4000..]);
+    inputs[4000..6000].iter_mut().for_each(|input| input.enable = false);
+    for noise in [NOISE, (0.0, 0.0)] {
+        let outputs = run(&estimator(with_noise(config(&cold), noise)), &inputs).0;
+        assert!(outputs[3999].valid);
+        let valid = assert_never_wrong("3 % more after a gap", &warm, &outputs[6000..]);
+        assert!(valid > 1000, "valid at {valid} samples");
+    }
+}
+
+/// A wrong angle counts as a missing one.
+#[test]
+fn single_wrong_angles_do_no_harm() {
+    let rotor = noisy(13, 6001);
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    inputs[2000..].iter_mut().step_by(300).for_each(|input| input.theta_rad += 1.6);
+    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    assert!(outputs[1999..].iter().all(|output| output.valid));
+    assert_never_wrong("wrong angles", &rotor, &outputs);
+}
+
 /// Missing samples at the start delay the noise estimate.
 #[test]
 fn a_gap_while_the_noise_is_estimated() {
@@ -83,6 +110,10 @@ fn gaps_too_frequent_are_named() {
     assert!(outputs[3100..4000].iter().all(|output| output.verdict == Verdict::BadSample));
     assert!(outputs[5000..].iter().all(|output| output.valid), "it comes back by itself");
     assert_never_wrong("frequent gaps", &rotor, &outputs);
+    // With every fifth sample missing the noise cannot even be estimated.
+    inputs.iter_mut().step_by(5).for_each(|input| input.position_m[1] = f64::NAN);
+    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    assert!(outputs[1500..].iter().all(|output| output.verdict == Verdict::BadSample));
 }
 
 /// A single outlier of a position is excluded; several in a row are not sensor noise.

@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use super::data::Input;
 use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
-use super::search::{AHEAD, Finished, METRES};
+use super::search::Finished;
 use super::solve::{self, inverse, submatrix};
 use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Suspect, Unbalance};
 use crate::bearing::array;
@@ -23,8 +23,8 @@ pub(super) fn report(
     let search = &finished.search;
     let (magnets, load) = (search.model.layout.magnets, search.model.layout.load);
     let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
-    let errors_m = search.prediction_errors(METRES).into_iter().zip(search.prediction_errors(AHEAD)).enumerate();
-    let conditions = errors_m.map(|(r, (errors_m, ahead_m))| conditions(finished, r, &lambda, errors_m, &ahead_m));
+    let errors_m = search.prediction_errors().into_iter().enumerate();
+    let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
     Identification {
         lambda_covariance: finished.total.view((0, 0), (magnets, magnets)).into_owned(),
         unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
@@ -63,8 +63,7 @@ fn conditions(
     finished: &Finished<'_>,
     r: usize,
     lambda: &[Estimate],
-    prediction_errors_m: Vec<Vec<f64>>,
-    ahead_m: &[Vec<f64>],
+    [prediction_errors_m, ahead_m]: [Vec<Vec<f64>>; 2],
 ) -> Conditions {
     let search = &finished.search;
     let case = &search.cases[r];
@@ -113,7 +112,7 @@ fn conditions(
             }),
             rows: case.rows(),
             counting: case.effective_rows(),
-            prediction_rms_m: [rms(&prediction_errors_m), rms(ahead_m)],
+            prediction_rms_m: [rms(&prediction_errors_m), rms(&ahead_m)],
             correlation: neighbours / blocks().map(|block| block.nis).sum::<f64>(),
         }],
         resolution_m: case.resolution_m.clone(),

@@ -51,9 +51,9 @@ const BENCH_ROWS: f64 = 50_000.0;
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
 /// Indices of the innovations: in m, whitened, and of predictions further ahead in m.
-pub(super) const METRES: usize = 0;
+const METRES: usize = 0;
 const WHITENED: usize = 1;
-pub(super) const AHEAD: usize = 2;
+const AHEAD: usize = 2;
 /// Minimum number of pieces smoothed together.
 const MIN_SMOOTHED: usize = 8;
 
@@ -236,33 +236,36 @@ impl Search<'_> {
         if !self.corrects_bias() {
             return;
         }
-        let innovations = self.innovations(WHITENED, 0.0);
+        let innovations = self.innovations([WHITENED], 0.0);
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
-        for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
+        for ((case, rotor), [innovations]) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
             let input = Input { case, rotor, piece: &case.pieces[0] };
             case.track.expected = expected(input, innovations);
         }
     }
 
     /// Innovations of every recording, row by row, [`METRES`], [`WHITENED`] or [`AHEAD`]; `none` where there are none.
-    fn innovations(&self, which: usize, none: f64) -> Vec<Vec<f64>> {
+    fn innovations<const W: usize>(&self, which: [usize; W], none: f64) -> Vec<[Vec<f64>; W]> {
         let pass = |input: Input<'_>| {
-            (input.piece.counted.clone(), std::mem::take(&mut (input.rotor.passes.innovations)(input)[which]))
+            let mut own = (input.rotor.passes.innovations)(input);
+            (input.piece.counted.clone(), which.map(|which| std::mem::take(&mut own[which])))
         };
         let n = self.coordinates();
-        let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.at.len()]).collect();
+        let empty = |case: &Case<'_>| which.map(|_| vec![none; n * case.at.len()]);
+        let mut all: Vec<_> = self.cases.iter().map(empty).collect();
         for (r, (rows, own)) in self.passes(&self.tasks(), &pass) {
-            all[r][n * rows.start..n * rows.end].copy_from_slice(&own);
+            let columns = all[r].iter_mut().zip(own);
+            columns.for_each(|(all, own)| all[n * rows.start..n * rows.end].copy_from_slice(&own));
         }
         all
     }
 
-    /// Position minus its prediction, [`METRES`] or [`AHEAD`], by recording, coordinate and row; NaN where there is none.
-    pub fn prediction_errors(&self, which: usize) -> Vec<Vec<Vec<f64>>> {
+    /// Position minus its prediction one sample and further ahead, by recording, coordinate and row, m; NaN where there is none.
+    pub fn prediction_errors(&self) -> Vec<[Vec<Vec<f64>>; 2]> {
         let count = self.coordinates();
         let column = |rows: &[f64], n: usize| rows.iter().skip(n).step_by(count).copied().collect();
         let by_coordinate = |rows: Vec<f64>| (0..count).map(|n| column(&rows, n)).collect();
-        self.innovations(which, f64::NAN).into_iter().map(by_coordinate).collect()
+        self.innovations([METRES, AHEAD], f64::NAN).into_iter().map(|of| of.map(by_coordinate)).collect()
     }
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
