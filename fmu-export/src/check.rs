@@ -56,8 +56,10 @@ pub fn problems(info: &Info, variables: &[Variable]) -> Vec<String> {
         if !state.is_continuous() {
             found.push(format!("the state {name} is not a continuous variable of type Real"));
         }
-        if !variables.iter().any(|variable| variable.derivative_of.as_ref() == Some(name)) {
-            found.push(format!("the state {name} has no derivative among the variables"));
+        match variables.iter().filter(|variable| variable.derivative_of.as_ref() == Some(name)).count() {
+            0 => found.push(format!("the state {name} has no derivative among the variables")),
+            1 => (),
+            several => found.push(format!("the state {name} has {several} derivatives among the variables")),
         }
     }
     check_definitions(variables, &mut found);
@@ -69,7 +71,7 @@ fn check_name(variable: &Variable, found: &mut Vec<String>) {
     let name = &variable.name;
     if !is_structured(name) {
         found.push(format!(
-            "the name `{name}` is not allowed: expected letters, digits and underscores, not beginning with a digit, in \
+            "the name `{name}` is not allowed: expected ASCII letters, digits and underscores, not beginning with a digit, in \
              parts divided by points, with indices such as [1] or [2,3]; other characters of ASCII between apostrophes"
         ));
     }

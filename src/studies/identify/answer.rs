@@ -36,6 +36,8 @@ const TURNED_RAD: f64 = 0.1;
 const NOT_COMPARED: &str =
     "± does not contain by how much λ would differ with another reading of the currents: no other search converged.";
 
+const NO_ROTATION: &str = "neither angle nor speed was recorded: give --speed RPM, 0 at rest";
+
 /// The question that recordings shall answer.
 #[derive(Clone, Debug)]
 pub struct Question {
@@ -95,7 +97,7 @@ enum Details {
 #[must_use]
 pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
-        let verdict = "Not valid: neither angle nor speed was recorded: give --speed RPM, 0 at rest.".into();
+        let verdict = format!("Not valid: {NO_ROTATION}.");
         let finding = "The unbalance, which turns with the rotor, is not known then, and with it neither force constants, ki and ks nor the \
                        load.";
         return Answer { valid: false, verdict, findings: vec![finding.into()], found: None, question };
@@ -301,6 +303,9 @@ impl Answer {
     /// Why there is nothing to compare.
     pub fn check(&self, samples: &Samples) -> Result<Check, String> {
         let found = self.found.as_ref().ok_or("the first recording gives no estimate")?;
+        if samples.rotation == Rotation::Unknown {
+            return Err(NO_ROTATION.into());
+        }
         let stated = &self.question.stated;
         let mut other = recording(samples, stated, stated.hold);
         let own = identify_and_judge(std::slice::from_ref(&other), std::iter::empty(), self.question.clone());

@@ -35,7 +35,7 @@ pub(super) fn indices_of<'r>(
                 component.name_of(*reference)
             )));
         }
-        indices.extend(*reference..reference.saturating_add(size));
+        indices.extend((0..size).map(|at| reference.saturating_add(at)));
     }
     if indices.len() == count { Ok(Cow::Owned(indices)) } else { Err(wrong_count(name, count, indices.len())) }
 }
