@@ -39,6 +39,7 @@ pub fn check(name: &LitStr) -> Result<()> {
     if quoted_or_derivative || text.split('.').all(part) {
         return Ok(());
     }
-    let wanted = "expected ASCII letters, digits and underscores, not beginning with a digit, in parts divided by points";
+    let wanted =
+        "expected ASCII letters, digits and underscores, not beginning with a digit, in parts divided by points";
     Err(Error::new(name.span(), format!("`{text}` is not allowed as the name of a variable: {wanted}")))
 }

@@ -36,7 +36,8 @@ const TURNED_RAD: f64 = 0.1;
 const NOT_COMPARED: &str =
     "± does not contain by how much λ would differ with another reading of the currents: no other search converged.";
 
-const NO_ROTATION: &str = "neither angle nor speed was recorded: give --speed RPM, 0 at rest";
+const NO_ROTATION: &str =
+    "neither angle nor speed was recorded: give --speed RPM, 0 at rest, or assign a column (--column theta=…)";
 
 /// The question that recordings shall answer.
 #[derive(Clone, Debug)]
@@ -137,44 +138,40 @@ fn speed_error(samples: &Samples, recording: &Recording) -> Option<f64> {
 /// Longest delay that is accepted without being requested, relative to that of a typical bench.
 const LONGEST_DELAY: f64 = 3.0;
 
-/// The same with a free delay of the positions, where none is stated: if the residuals call for one, or several meanings of the currents are
-/// as likely (each with a delay), and it fits much better. The current between two samples is not known then: the difference of λ with the
-/// next likely meaning of the samples widens its standard deviation.
+/// The same with a free delay of the positions, where none is stated and the data determine one: neither the residuals nor the meaning of the samples
+/// shows it for certain. The current between two samples is not known then: the difference of λ with the next likely meaning of the samples widens its
+/// standard deviation.
 fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &Judged) -> Option<Judged> {
-    let is_uncertain = !before.question.equally_likely.is_empty();
-    if before.refusal.is_none() && !is_uncertain {
-        return None;
-    }
     let found = before.found.as_ref().filter(|found| found.converged)?;
-    let next = before.question.holds?.without_lag().find(|of| of.hold != before.question.stated.hold)?.hold;
+    let next = before.question.holds?.without_lag().find(|of| of.hold != before.question.stated.hold);
+    let next = next.map(|of| other(of.hold));
     let is_delay = |at: &usize| {
         let parameter = &found.bench[*at].parameter;
         plain(&parameter.name) == DELAY && !parameter.is_uncertain()
     };
-    let delays: Vec<usize> = if is_uncertain {
-        (0..found.bench.len()).filter(is_delay).collect()
-    } else {
-        found.suspects.iter().map(|of| of.parameter).filter(is_delay).take(1).collect()
-    };
+    let delays: Vec<usize> = (0..found.bench.len()).filter(is_delay).collect();
     let first = *delays.first()?;
     let mut question = before.question.clone();
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
-    let mut delayed = identify_and_judge(all, [(&other(next), false)].into_iter(), question);
+    let mut delayed = identify_and_judge(all, next.iter().map(|next| (next, false)), question);
     let now = delayed.found.as_ref().filter(|now| now.converged)?;
-    // Instrumental-variable estimates do not maximise the likelihood: the delay must also be significant, the more so the less typical it is.
+    // The less typical a delay is, the more significant it must be.
     let delay_of = |at: &usize| (now.bench[*at].estimate, now.bench[*at].parameter.typical);
     let evidence = |(delay, typical): (Estimate, f64)| {
         0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
     };
-    let gain = (now.log_likelihood - found.log_likelihood).min(delays.iter().map(delay_of).map(evidence).sum());
-    // A longer delay has another cause, such as noise of the currents with a backward force (130 µs, λ 7 standard deviations off).
-    let is_usual = |(delay, typical): (Estimate, f64)| delay.value.abs() < LONGEST_DELAY * typical;
-    if gain < diagnosis::VERY_STRONG || !delays.iter().map(delay_of).all(is_usual) {
+    let gain: f64 = delays.iter().map(delay_of).map(evidence).sum();
+    // Of two refused answers, the simpler is given.
+    let is_worse = delayed.refusal.is_some() && before.refusal.is_some();
+    if gain < diagnosis::VERY_STRONG || is_worse {
         return None;
     }
-    // An answer that fits worse than a refused one is not valid either; of two refused ones, the simpler is given.
-    if delayed.refusal.is_some() && before.refusal.is_some() {
-        return None;
+    // A longer delay has another cause, such as noise of the currents with a backward force (130 µs, λ 7 standard deviations off).
+    let is_long = |at: &&usize| delay_of(at).0.value.abs() >= LONGEST_DELAY * delay_of(at).1;
+    if let Some(at) = delays.iter().find(is_long) {
+        let why = words::long_delay(delay_of(at).0);
+        delayed.refusal = Some(Refusal { why, details: Details::Proposals });
+        return before.refusal.is_none().then_some(delayed);
     }
     let late = words::acting_later(now.bench[first].estimate, delayed.question.stated.hold, gain);
     delayed.notes.push(late);

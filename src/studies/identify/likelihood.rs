@@ -287,7 +287,7 @@ pub struct PartResults {
     pub rows: usize,
     /// Effective number of rows: smaller where quantisation errors repeat with the readings.
     pub counting: usize,
-    /// rms of the prediction errors one sample and [`AHEAD_S`](super::agreement::AHEAD_S) ahead, m.
+    /// rms of the prediction errors one sample and 20 ms ahead, m.
     pub prediction_rms_m: [f64; 2],
     /// Lag-one correlation of the whitened innovations, mean over all axes; 1/√(axes · rows) by chance.
     pub correlation: f64,
