@@ -76,8 +76,9 @@ pub(super) fn acting_later(delay: Estimate, hold: Hold, gain: f64) -> String {
 
 /// Why a delay is not believed.
 pub(super) fn long_delay(delay: Estimate) -> String {
-    let [value, std] = [delay.value, delay.total_std].map(|of_s| rounded_time(of_s, 2));
-    format!("the data call for positions that come {value} ± {std} later than stated, more than on a usual bench")
+    let later = if delay.value > 0.0 { "later" } else { "earlier" };
+    let [value, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
+    format!("the data call for positions that come {value} ± {std} {later} than stated, more than on a usual bench")
 }
 
 /// Words for a parameter of the axial motion of a shaft.
