@@ -250,6 +250,7 @@ FAULTS = [
     following("lag of 200 µs", (0, 2e-4, 0)),
     following("lag of 50 µs after 25 µs", (2.5e-5, 5e-5, 0)),
     following("lags of 100 and 50 µs", (0, 1e-4, 5e-5)),
+    Fault("measured currents, 25 µs later", cause="|The currents act", world=(("amplifier_s", (2.5e-5, 0, 0)),)),
     Fault("stuck sensor", stuck, cause=SENSORS + "(stuck|clipped)"),
     Fault("stuck sensor, tolerances", stuck, cause=SENSORS + "(stuck|clipped)", options=lambda _: TOLERANCES),
     Fault("clipped currents", clipped, cause=SENSORS + "clipped"),

@@ -155,12 +155,12 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
     let mut delayed = identify_and_judge(all, next.iter().map(|next| (next, false)), question);
     let now = delayed.found.as_ref().filter(|now| now.converged)?;
-    // The less typical a delay is, the more significant it must be.
+    // Instrumental-variable estimates do not maximise the likelihood: the delay must also be significant, the more so the less typical it is.
     let delay_of = |at: &usize| (now.bench[*at].estimate, now.bench[*at].parameter.typical);
     let evidence = |(delay, typical): (Estimate, f64)| {
         0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
     };
-    let gain: f64 = delays.iter().map(delay_of).map(evidence).sum();
+    let gain = (now.log_likelihood - found.log_likelihood).min(delays.iter().map(delay_of).map(evidence).sum());
     // Of two refused answers, the simpler is given.
     let is_worse = delayed.refusal.is_some() && before.refusal.is_some();
     if gain < diagnosis::VERY_STRONG || is_worse {
