@@ -75,7 +75,8 @@ pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     if total <= chi_square((count * (own.len() - 1)) as f64, LIMIT) {
         return None;
     }
-    let at = (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))?;
+    // Of two, the second differs from the first.
+    let at = if own.len() == 2 { 1 } else { (0..own.len()).max_by(|a, b| chi(*a).total_cmp(&chi(*b)))? };
     // Against the others alone: the mean includes the one that differs.
     let others = inverse(&(all - &weights[at]))?;
     let of_others = &others * (sum - &weights[at] * &own[at].0);
