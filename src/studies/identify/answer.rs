@@ -142,9 +142,14 @@ const LONGEST_DELAY: f64 = 3.0;
 /// shows it for certain. The current between two samples is not known then: the difference of λ with the next likely meaning of the samples widens its
 /// standard deviation.
 fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &Judged) -> Option<Judged> {
+    let is_certain = before.refusal.is_none() && before.question.equally_likely.is_empty();
+    let rows: usize = all.iter().map(|recording| recording.used().count()).sum();
+    // The likelihood of more rows is weighted if a bench parameter is searched, and cannot be compared.
+    if is_certain && rows as f64 > likelihood::BENCH_ROWS {
+        return None;
+    }
     let found = before.found.as_ref().filter(|found| found.converged)?;
     let next = before.question.holds?.without_lag().find(|of| of.hold != before.question.stated.hold);
-    let next = next.map(|of| other(of.hold));
     let is_delay = |at: &usize| {
         let parameter = &found.bench[*at].parameter;
         plain(&parameter.name) == DELAY && !parameter.is_uncertain()
@@ -153,17 +158,21 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     let first = *delays.first()?;
     let mut question = before.question.clone();
     delays.iter().for_each(|at| question.stated.know(*at, Knowledge::Free));
-    let mut delayed = identify_and_judge(all, next.iter().map(|next| (next, false)), question);
-    let now = delayed.found.as_ref().filter(|now| now.converged)?;
+    let options = Options { parts: question.stated.parts.clone(), ..before.options.clone() };
+    let now = likelihood::identify(all, &options).ok().filter(|now| now.converged)?;
     // Instrumental-variable estimates do not maximise the likelihood: the delay must also be significant, the more so the less typical it is.
     let delay_of = |at: &usize| (now.bench[*at].estimate, now.bench[*at].parameter.typical);
     let evidence = |(delay, typical): (Estimate, f64)| {
         0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
     };
     let gain = (now.log_likelihood - found.log_likelihood).min(delays.iter().map(delay_of).map(evidence).sum());
+    if gain < diagnosis::VERY_STRONG {
+        return None;
+    }
+    let next = next.map(|of| other(of.hold));
+    let mut delayed = identify_and_judge(all, next.iter().map(|next| (next, false)), question);
     // Of two refused answers, the simpler is given.
-    let is_worse = delayed.refusal.is_some() && before.refusal.is_some();
-    if gain < diagnosis::VERY_STRONG || is_worse {
+    if delayed.refusal.is_some() && before.refusal.is_some() {
         return None;
     }
     // A longer delay has another cause, such as noise of the currents with a backward force (130 µs, λ 7 standard deviations off).

@@ -52,6 +52,7 @@ pub use self::bench::{BenchParameter, Knowledge, by_name, parameters};
 pub(super) use self::bench::{DELAY, DYNAMICS, LAG};
 pub use self::body::Body;
 pub use self::filter::HARMONICS;
+pub(super) use self::search::BENCH_ROWS;
 pub use crate::estimation::Hold;
 use crate::machine::Bearing;
 use crate::studies::identify::tolerance::plain;

@@ -46,7 +46,7 @@ const MAX_FREE_STD: f64 = 20.0;
 /// together) absorb it. At the true parameters, nominal bench, 0.1 µm and 10 mA, the step with all typical tolerances is −2.1 standard deviations in the
 /// delay after 5 s, −4.9 after 40 s, with 1 µm −10.6 in an offset and −6 in λ2 after 40 s (seeds 70000–70003). A single parameter shows no such bias, nor
 /// do regressors predicted from other turns; these carry too little information to find the other parameters.
-const BENCH_ROWS: f64 = 50_000.0;
+pub(in crate::studies::identify) const BENCH_ROWS: f64 = 50_000.0;
 /// Rows from which the search of a long recording starts, in stretches spread over all of it; only the last iterations use all rows.
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
