@@ -462,7 +462,7 @@ impl<S: SampledModel> Model for Sampled<S> {
     type State = SampledState<S::State>;
 
     fn table() -> Vec<Row<S::Values>> {
-        // What a sample computes is constant until the next one, and depends on nothing in between.
+        // Outputs of a sample are constant until the next one, and depend on nothing in between.
         let mut rows = S::table();
         for Row { variable, .. } in &mut rows {
             let is_computed = matches!(variable.causality, Causality::Output | Causality::Local);

@@ -57,6 +57,11 @@ impl Check {
 /// Estimates of one recording: values with their covariance.
 pub(super) type Own = (DVector<f64>, DMatrix<f64>);
 
+/// A disagreement as a sentence.
+pub(super) fn sentence(differ: &str) -> String {
+    format!("T{}.", &differ[1..])
+}
+
 /// The disagreement, unless chance explains it: in the recording furthest from the mean, the value that alone explains most of the difference.
 pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     let [first, _, ..] = own else { return None };

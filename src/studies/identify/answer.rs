@@ -12,7 +12,7 @@ pub(super) use self::judge::implausible;
 use self::judge::{judge, moved};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::words::{constant_currents, dynamics_remark};
-use super::agreement::{Check, Own, disagreement};
+use super::agreement::{Check, Own, disagreement, sentence};
 use super::diagnosis::{self, Trial};
 use super::likelihood::{self, DELAY, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
 use super::samples::{Rotation, Samples};
@@ -328,7 +328,7 @@ impl Answer {
             [0, 1].map(|at| (square(at) / all).sqrt())
         };
         let differ = disagreement(&[estimates(found), estimates(&own)], &stated.machine.symbols("λ"));
-        Ok(Check::new(differ.map(|differ| format!("T{}.", &differ[1..])), samples.step_s, rms(&foreign), rms(&own)))
+        Ok(Check::new(differ.as_deref().map(sentence), samples.step_s, rms(&foreign), rms(&own)))
     }
 }
 

@@ -12,7 +12,7 @@ use super::{
 use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
 use crate::studies::identify::Statement;
-use crate::studies::identify::agreement::{Check, disagreement, rows_ahead};
+use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
 use crate::studies::identify::answer::{constant_currents, dynamics_remark};
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::samples::Samples;
@@ -401,6 +401,6 @@ pub fn agreement<'a>(answers: impl IntoIterator<Item = &'a Answer>) -> Option<St
         let variances = DVector::from_iterator(3, all.iter().map(|of| of.total_std * of.total_std));
         (DVector::from_iterator(3, all.iter().map(|of| of.value)), DMatrix::from_diagonal(&variances))
     });
-    let differ = disagreement(&own.collect::<Vec<_>>(), &["ki", "ks", "κ"].map(String::from))?;
-    Some(format!("T{}.", &differ[1..]))
+    let differ = disagreement(&own.collect::<Vec<_>>(), &["ki", "ks", "κ"].map(String::from));
+    differ.as_deref().map(sentence)
 }
