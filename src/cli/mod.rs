@@ -452,7 +452,10 @@ fn claim(destinations: &[Destination<'_>]) -> Result<()> {
         let is_required = |folder: &&Path| option != "--report" || folder.exists();
         let folder = path.ancestors().skip(1).filter(|folder| !folder.as_os_str().is_empty()).find(is_required);
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
-            return Err(format!("{option} {}: there is no folder {}", path.display(), folder.display()).into());
+            let (is_file, folder) = (folder.exists(), folder.display());
+            let why =
+                if is_file { format!("{folder} is not a folder") } else { format!("there is no folder {folder}") };
+            return Err(format!("{option} {}: {why}", path.display()).into());
         }
         format.replaceable(path).map_err(named(path))?;
     }

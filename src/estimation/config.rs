@@ -237,7 +237,7 @@ pub enum Verdict {
     Collecting,
     /// The input enable is false
     Disabled,
-    /// A sample is not finite, or outside the gap
+    /// Samples are missing, repeated, not finite, or outside the gap
     ///
     /// More such samples in a row than a gap may have, or gaps so often that no sample between them counts.
     BadSample,

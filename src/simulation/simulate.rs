@@ -96,6 +96,10 @@ pub fn run_altered(
     wanted: impl Fn(&str) -> bool,
     mut alter: impl FnMut(f64, &mut [Value]),
 ) -> Result<Run, Refused> {
+    let repeated = repeated(scenario);
+    if !repeated.is_empty() {
+        return Err(Refused(repeated));
+    }
     let mut instances = instances(scenario)?;
     let wires = wires(scenario);
     let mut run = Run::default();
@@ -176,6 +180,21 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
         return Ok(instances);
     }
     Err(Refused(refused.iter().map(|(finding, names)| format!("[{}] {finding}", names.join(", "))).collect()))
+}
+
+/// Errors for elements that would read the same sample several times: the sensors, or the exchange of values, are slower than they are.
+fn repeated(scenario: &Scenario) -> Vec<String> {
+    let elements = &scenario.elements;
+    let times = |variable: &'static str| {
+        elements.iter().filter_map(move |of| Some((format!("{}.{variable}", of.name), of.value(variable)?.as_f64())))
+    };
+    let sources = [("step".to_owned(), scenario.step_s)].into_iter().chain(times("sensor.Ts"));
+    let pairs = sources.flat_map(|source| times("Ts").map(move |reader| (source.clone(), reader)));
+    let too_slow = pairs.filter(|((_, source_s), (_, reader_s))| *source_s > reader_s * (1.0 + 1e-9));
+    let words = |((source, source_s), (reader, reader_s)): ((String, f64), (String, f64))| {
+        format!("{source} = {source_s} s: expected at most {reader} = {reader_s} s, or it reads samples several times")
+    };
+    too_slow.map(words).collect()
 }
 
 /// Fits correction masses: subtracts the estimated unbalance of each plane from that of the plant.

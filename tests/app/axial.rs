@@ -287,6 +287,7 @@ fn the_command() {
     assert_contains(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
     // The saved answer agrees up to rounding.
     let again = identified(&folder, &words("mpc.csv.gz --scenario found.toml"));
+    assert_contains(&again["verdict"].to_string(), &["nothing was identified"]);
     let [first, second] = [&json, &again].map(|json| program::number(&json["operatingPoint"]["ki"]));
     below("ki of the saved scenario", (first / second - 1.0).abs(), 1e-3);
     let far = identified(&folder, &words(&arguments.replace("Xm=10mm", "Xm=30mm")));

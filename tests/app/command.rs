@@ -160,6 +160,11 @@ fn invalid_arguments_exit_with_2() {
         ("simulate paper --print --csv x.csv", &["error: ", "--help"]),
         ("simulate unbalanced --set m=-1", &["m = -1 kg is refused"]),
         ("simulate unbalanced --set m", &["NAME=VALUE"]),
+        (
+            "simulate unbalanced --set Ts=50us",
+            &["step = 0.0001 s: expected at most controller.Ts = 5e-5 s", "plant.sensor.Ts = 0.0001 s"],
+        ),
+        ("simulate unbalanced --set alpha[5]=1", &["alpha has no such element"]),
         ("simulate unbalanced --csv - --json -", &["--csv - and --json -"]),
         ("simulate unbalanced --set duration=1e9", &["duration = 1e9 s", "1e13 samples", "the limit is 8 GB"]),
         ("package --nonsense", &["error: ", "--help"]),

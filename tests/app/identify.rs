@@ -278,7 +278,7 @@ fn exact_positions_with_errors_of_the_forces_are_refused() {
     for gap_m in [5.2e-4, 6e-4] {
         let mut question = question(&exact, &[]);
         question.stated.parts[0].body = disc(6.7, gap_m);
-        is_refused(&identify::answer(std::slice::from_ref(&exact), question), "the residuals ask for");
+        is_refused(&identify::answer(std::slice::from_ref(&exact), question), "the residuals call for");
     }
     scenario.set("plant", "sensor.currentNoise", 0.01);
     is_refused(&ask(&[simulated(&scenario)], &[]), "the positions are exact, but the forces have errors");
@@ -505,7 +505,7 @@ fn the_verdict_begins_with_the_parameter_that_improves_the_residuals_most() {
     let bench = Bench { seconds: 1.0, runout2: [2e-7, 0.0, 0.0, 0.0], seed: 61, ..Bench::default() };
     let samples = recorded(&bench);
     let answer = identify::answer(std::slice::from_ref(&samples), question_to(&bench, &samples));
-    let wanted = "Not valid: the residuals ask most for runout2.y.cos, then for ";
+    let wanted = "Not valid: the residuals call most for runout2.y.cos, then for ";
     assert!(answer.verdict.starts_with(wanted), "{}", answer.verdict);
 }
 
@@ -517,7 +517,7 @@ fn the_parameter_that_improves_the_residuals_most_is_tried() {
     let samples = recorded(&bench);
     let mut question = question_to(&bench, &samples);
     question.stated.hold = Hold::HeldAfter;
-    let words = "ask most for delay (positions later than currents), and with it λ2 differs by";
+    let words = "call most for delay (positions later than currents), and with it λ2 differs by";
     is_refused(&identify::answer(std::slice::from_ref(&samples), question), words);
 }
 

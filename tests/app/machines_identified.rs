@@ -287,7 +287,7 @@ fn an_iron_path_is_named() {
     let (output, _) = exits(3, &folder, &words(&format!("identify {arguments}")));
     assert_contains(
         &output,
-        &["Not valid: the residuals ask for gap.iron (length of the iron path as a gap), and with it λ1 would"],
+        &["Not valid: the residuals call for gap.iron (length of the iron path as a gap), and with it λ1 would"],
     );
     let document = identified(&folder, &words(&format!("{arguments} --estimate gap.iron")));
     finds(&document, &[2.4608e-6, 2.3173e-6, 1.7012e-6, 1.9751e-6]);

@@ -98,8 +98,8 @@ pub fn markdown<'m>(models: impl IntoIterator<Item = &'m ModelType>) -> String {
             }
             text += &format!("\n### {title}\n\n| Name | Unit | Start | Description |\n|---|---|---|---|\n");
             for variable in group {
-                let (unit, start) = (unit(variable), start(variable));
-                text += &format!("| `{}` | {unit} | {start} | {} |\n", variable.name, variable.description);
+                let (unit, start, description) = (unit(variable), start(variable), description(variable));
+                text += &format!("| `{}` | {unit} | {start} | {description} |\n", variable.name);
             }
         }
     }
@@ -116,7 +116,7 @@ fn table(variables: &[&Variable]) -> maud::Markup {
                         td { code { (variable.name) } }
                         td { (unit(variable)) }
                         td { (start(variable)) }
-                        td { (variable.description) }
+                        td { (description(variable)) }
                     }
                 }
             }
@@ -142,8 +142,14 @@ fn start(variable: &Variable) -> String {
         Type::Integer { start, .. } => start.to_string(),
         Type::Boolean { start } => start.to_string(),
         Type::String { start } => format!("\"{start}\""),
-        Type::Enumeration { start, items } => {
-            format!("{} of {}", items.item(*start).unwrap_or_default(), items.listed())
-        }
+        Type::Enumeration { start, items } => items.item(*start).unwrap_or_default().into(),
     }
+}
+
+/// The description of a variable, with the items of an enumeration.
+fn description(variable: &Variable) -> String {
+    let description = &variable.description;
+    let Type::Enumeration { items, .. } = &variable.data_type else { return description.to_string() };
+    let items = items.items.iter().zip(1..).map(|((item, text), value)| format!("{value} {item}: {text}"));
+    format!("{description}. {}", items.collect::<Vec<_>>().join("; "))
 }

@@ -336,8 +336,13 @@ impl Scenario {
     pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
         let (name, key) = path.split_once('.').unwrap_or(("", path));
         let Some(at) = self.elements.iter().position(|element| element.name == name) else {
+            let knowing = self.elements.iter().filter(|element| element.index(path).is_some());
+            let paths: Vec<_> = knowing.map(|element| format!("{}.{path}", element.name)).collect();
             let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
-            return Err(format!("{path}: expected a path that begins with one of {}", names.join(", ")));
+            return Err(match paths.is_empty() {
+                true => format!("{path}: expected a path that begins with one of {}", names.join(", ")),
+                false => format!("{path}: expected {}", paths.join(", ")),
+            });
         };
         let variables = self.elements[at].model_type.variables();
         let Some(index) = self.elements[at].index(key) else {

@@ -530,6 +530,9 @@ fn likely(key: &str, known: &[String]) -> Option<String> {
 
 /// Suggests a known name for an unknown one.
 pub fn suggestion(key: &str, known: &[String]) -> String {
+    if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name == array)) {
+        return format!("{array} has no such element");
+    }
     let listed = || format!("known are {}", known.join(", "));
     likely(key, known).unwrap_or_else(|| match nearest(key, known) {
         Some((_, name)) => format!("{}; the nearest is {name}", listed()),

@@ -21,8 +21,8 @@ const TURNS: f64 = 5.0;
 /// The meaning of the currents decides several per cent of λ: it is judged on this many stretches. On one, a slow force made a held current look
 /// continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
-/// A gap that differs from the stated one by less, relative, is the same: a careful assembly is that accurate.
-const SAME_GAP: f64 = 0.01;
+/// A gap, or a gain of a position sensor, that differs from the stated one by less, relative, is the same: a careful assembly is that accurate.
+const SAME: f64 = 0.01;
 /// Probability of a proposal for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
@@ -125,6 +125,7 @@ fn shift_currents(trial: &mut Trial, is_later: bool) {
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
 const GAP: &str = "--estimate s";
+const GAINS: &str = "--estimate sensor.gain --estimate sensor.gainDifference";
 const COLUMNS: &str = "exchange their columns (--column)";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
 const BEFORE: &str = "--hold heldBefore";
@@ -165,7 +166,8 @@ const ALTERNATIVES: &[Alternative] = &[
     (All, "the speed is twice as high", |t| rotate(t, 2.0), "double theta and omega, or --speed"),
     (All, "the speed is half as high", |t| rotate(t, 0.5), "halve theta and omega, or --speed"),
     (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
-    (All, "the gap differs", |t| free(t, "s"), GAP),
+    (All, "the gap differs", |t| free(t, &["s"]), GAP),
+    (All, "the gains of the position sensors differ", |t| free(t, &["sensor.gain", "sensor.gainDifference"]), GAINS),
 ];
 
 /// Relative difference of the speed of the motion from the stated one, its standard deviation, and the angle in rad that it amounts to over the
@@ -215,8 +217,9 @@ fn rotate(trial: &mut Trial, factor: f64) {
     rotation.for_each(|value| *value *= factor);
 }
 
-fn free(trial: &mut Trial, name: &str) {
-    let meant = trial.options.bench().filter(|of| plain(&of.name) == name);
+/// Frees these parameters of all bearings.
+fn free(trial: &mut Trial, names: &[&str]) {
+    let meant = trial.options.bench().filter(|of| names.contains(&plain(&of.name)));
     meant.for_each(|of| of.knowledge = Knowledge::Free);
 }
 
@@ -224,12 +227,11 @@ fn identified(trial: &Trial) -> Option<Identification> {
     with_slow_force(std::slice::from_ref(&trial.recording), &mut trial.options.clone()).ok()
 }
 
-/// Log-likelihood of a trial, relative error of the gap, and whether the estimates are plausible.
-fn fit(trial: &Trial) -> Option<(f64, Option<f64>, bool)> {
+/// The identification of a trial, and whether its estimates are plausible.
+fn fit(trial: &Trial) -> Option<(Identification, bool)> {
     let found = identified(trial)?;
     let sound = found.converged && implausible(&found, &trial.recording, trial.machine, &trial.options.parts).is_none();
-    let gap = found.bench.iter().find(|of| of.parameter.name == "s").map(|of| of.estimate.value);
-    Some((found.log_likelihood, gap, sound))
+    Some((found, sound))
 }
 
 /// The middle of a recording, as long as this number of stretches.
@@ -297,7 +299,7 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
 pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut trial = stretch(trial, 1);
     trial.options.excludes_rows = false;
-    let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(likelihood, ..)| likelihood);
+    let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(found, _)| found.log_likelihood);
     let bearings = trial.machine.bearings;
     let is_shaft = bearings.iter().filter(|of| of.is_radial).count() == 2;
     let each = |alternative: &'static Alternative| {
@@ -315,21 +317,24 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         let ((concerns, name, apply, proposal), at, bearing) = &alternatives[index];
         let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
-        let (likelihood, gap, sound) = fit(&other)?;
-        let is_stated = *proposal == GAP && gap.is_some_and(|gap| gap.abs() < SAME_GAP);
-        if !sound || likelihood <= least || is_stated {
+        let (found, sound) = fit(&other)?;
+        let of_bench =
+            found.bench.iter().filter(|of| proposal.split(' ').any(|name| name == plain(&of.parameter.name)));
+        let off: Vec<(&str, f64)> = of_bench.map(|of| (&*of.parameter.name, of.estimate.value)).collect();
+        let is_stated = !off.is_empty() && off.iter().all(|(_, off)| off.abs() < SAME);
+        if !sound || found.log_likelihood <= least || is_stated {
             return None;
         }
         let is_local = matches!(concerns, Radial(_) | Axial) && is_shaft;
         let of = if is_local { format!(" at {bearing}") } else { String::new() };
         let mut words = format!("{name}{of}: {proposal}");
-        if let (GAP, Some(gap)) = (*proposal, gap) {
-            words += &format!("; about {} mm", significant(1e3 * trial.options.parts[0].body.gap_m() * (1.0 + gap), 3));
+        for (name, off) in off {
+            words += &format!("; {name} by about {} %", significant(100.0 * off, 2));
         }
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
         }
-        Some((likelihood, words))
+        Some((found.log_likelihood, words))
     };
     let tried = in_order_shown("trying alternatives", alternatives.len(), &words);
     let mut fits: Vec<(f64, String)> = tried.into_iter().flatten().collect();

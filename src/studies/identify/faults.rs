@@ -172,6 +172,8 @@ fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
             median > 0.0
                 && size > (limit * median).max(rare * usual)
                 && 4.0 * (values[row + 1] - values[row - 1]).abs() < size
+                // Beside a step only the farther neighbours differ.
+                && 2.0 * (values[row + 1] - values[*row]).abs() > size
         };
         found.extend(block.filter(is_outlier));
     }

@@ -58,6 +58,16 @@ use crate::machine::Bearing;
 use crate::studies::identify::tolerance::plain;
 use crate::studies::identify::units::significant;
 
+/// Noise below that of any position sensor, m, and of any current sensor, A: a simulation without noise, whose residuals are rounding. A wrong bench
+/// raises that of the currents, a gap stated 4 % too large to 6 mA.
+pub(super) const SILENT_M: f64 = 1e-9;
+pub(super) const SILENT_A: f64 = 1e-4;
+
+/// Whether the noise is below that of any sensor.
+pub(super) fn is_silent(position_noise_m: f64, current_noise_a: f64) -> bool {
+    position_noise_m < SILENT_M && current_noise_a < SILENT_A
+}
+
 /// One recording with a uniform sample time.
 #[derive(Clone, Debug)]
 pub struct Recording {

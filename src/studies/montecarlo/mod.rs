@@ -352,8 +352,10 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         });
     }
     let (seed, worst) = worst(&outcome.trials);
-    let last_seed = study.first_seed + study.runs as u64 - 1;
-    let mut note = format!("{} runs, seeds {} to {last_seed}. ", study.runs, study.first_seed);
+    let mut note = match (study.runs, study.first_seed) {
+        (1, seed) => format!("1 run, seed {seed}. "),
+        (runs, first) => format!("{runs} runs, seeds {first} to {}. ", first + runs as u64 - 1),
+    };
     note += &match worst.ratio {
         0.0 => "No sample is valid.".into(),
         ratio => format!(

@@ -4,7 +4,7 @@ use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
-    self, BenchParameter, HARMONICS, Identification, Knowledge, Options, Part, Recording, Suspect,
+    self, BenchParameter, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M, Suspect,
 };
 use crate::studies::identify::units::significant;
 
@@ -16,12 +16,10 @@ use crate::studies::identify::units::significant;
 const SUSPECTED: f64 = 3.0;
 /// Relative standard deviation of a λ beyond which a longer recording is no remedy: for 5 % it would have to be a hundred times as long.
 const NOT_KNOWN: f64 = 0.5;
+/// Standard deviation of a current, relative to its mean, below which its force resembles a load: the force changes by less than 10 %.
+const CONSTANT: f64 = 0.05;
 /// Autocorrelation of the innovations at lag one beyond which the model does not describe the motion, unless chance explains it.
 const COLOURED: f64 = 0.15;
-/// Noise below that of any position sensor, m, and of any current sensor, A: a simulation without noise, whose residuals are rounding. A wrong bench
-/// raises that of the currents, a gap stated 4 % too large to 6 mA.
-const SILENT_M: f64 = 1e-9;
-const SILENT_A: f64 = 1e-4;
 /// Amplitude of a harmonic, relative to the noise of one innovation, beyond which it counts.
 const HARMONIC: f64 = 0.3;
 /// χ² of a harmonic, with two degrees of freedom: e⁻¹⁵ by chance.
@@ -82,9 +80,17 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     }
     let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value.abs();
     let worst = (0..found.lambda.len()).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
+    let is_constant = |recording: &Recording| {
+        let [mean, variance] = recording.spread(&recording.current_a[worst]);
+        variance.sqrt() < CONSTANT * mean.abs()
+    };
     if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
         let wanted = match relative(worst) < NOT_KNOWN {
             true => "use a longer recording, a larger path, or better knowledge of the bench",
+            false if all.iter().all(is_constant) => {
+                "the current of its magnet hardly changes, so that its force looks like a load: state the load (--set pY=…), or vary \
+                 that current by a larger path or a modulation"
+            }
             false => "the model does not describe these data, or hardly anything excites the rotor",
         };
         let (name, percent, limit) = (&names[worst], significant(100.0 * relative(worst), 2), 100.0 * STD_LIMIT);
@@ -103,7 +109,7 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
                 let (most, this) = (parameter(&found.suspects[0]), parameter(suspect));
                 let most = if most == this { String::new() } else { format!("most for {}, then ", most.name) };
                 return Some(format!(
-                    "the residuals ask {most}for {} ({}), and with it {name} would differ by {} %",
+                    "the residuals call {most}for {} ({}), and with it {name} would differ by {} %",
                     this.name,
                     this.description,
                     significant(100.0 * shift.abs(), 2)
@@ -161,10 +167,10 @@ pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options
     let BenchParameter { name, description, .. } = &found.bench[suspect.parameter].parameter;
     let lambda = &stated.machine.symbols("λ")[k];
     let percent = significant(100.0 * shift(k) / found.lambda[k].value, 2);
-    Some(format!("the residuals ask most for {name} ({description}), and with it {lambda} differs by {percent} %"))
+    Some(format!("the residuals call most for {name} ({description}), and with it {lambda} differs by {percent} %"))
 }
 
 /// Whether the noise is below that of any sensor.
 pub(super) fn is_silent(found: &Identification) -> bool {
-    found.parts().all(|part| part.position_noise_m < SILENT_M && part.current_noise_a < SILENT_A)
+    found.parts().all(|part| likelihood::is_silent(part.position_noise_m, part.current_noise_a))
 }

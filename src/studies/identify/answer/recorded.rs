@@ -149,7 +149,7 @@ impl Recording {
     }
 
     /// Mean and variance over the rows that are used.
-    fn spread(&self, of: &[f64]) -> [f64; 2] {
+    pub(super) fn spread(&self, of: &[f64]) -> [f64; 2] {
         let count = self.used().count().max(1) as f64;
         let mean = self.used().map(|j| of[j]).sum::<f64>() / count;
         [mean, self.used().map(|j| (of[j] - mean).powi(2)).sum::<f64>() / count]

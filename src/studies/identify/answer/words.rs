@@ -121,7 +121,7 @@ fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
         more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
     }
     format!(
-        "The residuals ask for {} of {} ± {} {unit} ({}): {more}.",
+        "The residuals call for {} of {} ± {} {unit} ({}): {more}.",
         parameter.name,
         significant(suspect.value / factor, 3),
         significant(suspect.std / factor, 2),

@@ -201,6 +201,11 @@ impl Answer {
         self.valid = refusal.is_none();
         self.verdict = match refusal {
             Some(why) => format!("Not valid: {why}."),
+            None if ki.noise_std == 0.0 => {
+                "Valid: the law describes the recording. λ, s, pX and dynamics are all stated, so nothing was identified; --estimate names what \
+                 is to be."
+                    .into()
+            }
             None => {
                 let (at, worst, floor) = (significant(1e3 * self.at_m, 4), percent(worst), 100.0 * FLOOR);
                 format!("Valid: ki and ks at x = {at} mm are known within {worst} %, {floor} % of any bench included.")

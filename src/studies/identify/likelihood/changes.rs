@@ -6,7 +6,7 @@ use super::case::SHORTEST_BLOCK;
 use super::filter::Block;
 use super::search::{Finished, fit};
 use super::solve::{Normal, inverse, submatrix};
-use super::{Change, Contradiction, Estimate, Recording, SHORTEST};
+use super::{Change, Contradiction, Estimate, Recording, SHORTEST, is_silent};
 use crate::estimation::chi_square as chi_square_limit;
 use crate::studies::statistics::median;
 
@@ -109,11 +109,14 @@ pub(super) fn leave_out(
     Some(Contradiction { recording, part: 0, rows, what })
 }
 
-/// Blocks with excessive innovations.
+/// Blocks with excessive innovations. Where the noise is that of a simulation, they are rounding errors.
 pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
     let mut found: Vec<Contradiction> = Vec::new();
     let coordinates = finished.search.model.layout.loads() as f64;
-    for recording in 0..finished.search.cases.len() {
+    for (recording, case) in finished.search.cases.iter().enumerate() {
+        if is_silent(case.position_noise, case.current_noise) {
+            continue;
+        }
         let blocks: Vec<&Block> = finished.blocks(recording).collect();
         let mean = |block: &Block| block.nis / (coordinates * block.count);
         let median = median(blocks.iter().map(|block| mean(block)));
