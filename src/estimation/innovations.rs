@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Hold;
 use super::angle::{Rotation, angle_difference, cos_sin};
-use super::motion::{Covariance, Motions, Square, Transition, add_product, product};
+use super::motion::{Covariance, Motions, Square, Transition, Turn, add_product, product};
 use crate::bearing::array;
 use crate::bearing::magnet::Geometry;
 
@@ -332,11 +332,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let omega = 0.5 * (last.rotation.omega_rad_s + sample.rotation.omega_rad_s);
         let pairs = self.rotating_factors(&last, sample);
 
-        // Mean acceleration over the interval due to a constant force: gyroscopic effects turn part of it.
-        let gyroscopic = self.machine.gyroscopic.map(|per_speed| per_speed * omega);
-        let mut accelerations = self.machine.accelerations;
-        if let Some(gyroscopic) = &gyroscopic {
-            add_product(&mut accelerations, &self.machine.accelerations, &(gyroscopic * (0.5 * h)));
+        // Mean accelerations over the interval due to constant forces, for rates and for coordinates: gyroscopic effects turn part of them.
+        let turn = self.machine.gyroscopic.map(|per_speed| Turn::of(per_speed * (omega * h)));
+        let (mut accelerations, mut to_coordinates) = (self.machine.accelerations, self.machine.accelerations);
+        if let Some(turn) = &turn {
+            accelerations = product(&accelerations, &turn.once);
+            to_coordinates = product(&to_coordinates, &turn.twice);
         }
 
         // Initial velocity of the motion q̄ along which the field is evaluated: a difference of positions in the first interval, and with the first guess,
@@ -393,10 +394,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             rate_by_position: stiff.rate_by_position,
             rate: Square::identity() + stiff.rate,
         };
-        if let Some(gyroscopic) = &gyroscopic {
-            let gyroscopic = gyroscopic + gyroscopic * gyroscopic * (0.5 * h);
-            a.position_by_rate += gyroscopic * h2;
-            a.rate += gyroscopic * h;
+        if let Some(turn) = &turn {
+            a.position_by_rate += (turn.once - Square::identity()) * h;
+            a.rate += turn.whole - Square::identity();
         }
         state.motion.predict(&a);
         state.unknowns.predict(&a);
@@ -405,11 +405,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         let start = Motions { position: last.position_m.transpose(), rate: velocity.transpose() };
         state.motion.add(&stiff, &start);
         // Simpson's rule.
-        for (sum, weights) in [
-            (&mut state.unknowns.position, [h2 / 3.0, 2.0 * h2 / 3.0, 0.0]),
-            (&mut state.unknowns.rate, [h / 6.0, 4.0 * h / 6.0, h / 6.0]),
+        for (sum, accelerations, weights) in [
+            (&mut state.unknowns.position, &to_coordinates, [h2 / 3.0, 2.0 * h2 / 3.0, 0.0]),
+            (&mut state.unknowns.rate, &accelerations, [h / 6.0, 4.0 * h / 6.0, h / 6.0]),
         ] {
-            *sum += self.responses(&accelerations, &Regressors::weighted(weights, &regressors));
+            *sum += self.responses(accelerations, &Regressors::weighted(weights, &regressors));
         }
         // Instruments are constant over the interval.
         let instruments = instrument(&square);
@@ -425,14 +425,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             state.tolerances.rate -= by_force * h;
         }
         state.covariance.predict(&a);
-        let per_step = gyroscopic.map(|gyroscopic| gyroscopic * h);
         for (k, pull) in pulls.iter().enumerate() {
             // The variance of i² per unit of σ_i² is 4 i² + 2 σ_i².
             let variance = 4.0 * currents[1][k] * currents[1][k] + 2.0 * parameters.current_variance;
             let force = pull * (reciprocal[k] * reciprocal[k] * h);
             let noise = product(&force, &force) * variance;
             let own = &mut state.by_current_noise[k];
-            own.drift_and_kick(h, &stiff.rate_by_position, per_step.as_ref());
+            own.drift_and_kick(h, &stiff.rate_by_position, turn.as_ref().map(|turn| &turn.gyroscopic));
             for (covariance, scale) in [(own, 1.0), (&mut state.covariance, parameters.current_noise(k))] {
                 covariance.position += noise * (0.25 * h * h * scale);
                 covariance.mixed += noise * (0.5 * h * scale);

@@ -84,6 +84,33 @@ pub struct Transition<const N: usize> {
     pub rate: Square<N>,
 }
 
+/// What gyroscopic effects make of rates within a step: with `G = Γ h`, `exp(G)`, its mean `∫ exp(G t) dt` from 0 to 1, and `∫ 2 (1 − t) exp(G t) dt`.
+///
+/// G turns the axis of the rotor by g, so that `G³ = −g² G` and each is `1 + a G + b G²` (formula of Rodrigues).
+pub struct Turn<const N: usize> {
+    pub gyroscopic: Square<N>,
+    pub whole: Square<N>,
+    pub once: Square<N>,
+    pub twice: Square<N>,
+}
+
+impl<const N: usize> Turn<N> {
+    #[inline(always)]
+    pub fn of(gyroscopic: Square<N>) -> Self {
+        let square = gyroscopic * gyroscopic;
+        let g2 = -0.5 * square.trace();
+        // Taylor series of (sin g)/g, (1 − cos g)/g², (g − sin g)/g³ and (g²/2 − 1 + cos g)/g⁴, exact to 10⁻⁵ up to a radian in a step.
+        let series = |first: f64| {
+            let [a, b, c] =
+                [(first + 1.0) * (first + 2.0), (first + 3.0) * (first + 4.0), (first + 5.0) * (first + 6.0)];
+            1.0 - g2 / a * (1.0 - g2 / b * (1.0 - g2 / c))
+        };
+        let [a, b, c, d] = [series(1.0), series(2.0) / 2.0, series(3.0) / 6.0, series(4.0) / 24.0];
+        let polynomial = |a: f64, b: f64| Square::identity() + gyroscopic * a + square * b;
+        Self { gyroscopic, whole: polynomial(a, b), once: polynomial(b, c), twice: polynomial(2.0 * c, 2.0 * d) }
+    }
+}
+
 /// The blocks of a covariance of (q, q̇).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Covariance<const N: usize> {

@@ -14,7 +14,9 @@ type State = StateOf<RotorConfig<f64, 3>, 5, 8, 2>;
 
 fn config(shaft: &FiveAxes, noise_known: bool) -> Config {
     let [position_noise_m, current_noise_a] = if noise_known { [1e-7, 1e-2] } else { [0.0; 2] };
-    Config { lambda0_nm2_a2: shaft.guess, position_noise_m, current_noise_a, ..Default::default() }
+    let mut config = Config { lambda0_nm2_a2: shaft.guess, position_noise_m, current_noise_a, ..Default::default() };
+    config.geometry.shaft.polar_kgm2 = shaft.polar_kgm2;
+    config
 }
 
 fn inputs(shaft: &FiveAxes) -> Vec<Input> {
@@ -107,6 +109,13 @@ fn eight_magnets_and_two_planes_are_found_at_the_bound() {
             assert!(percent < 1.5 && rad < 0.015, "unbalance off by {percent} %, {rad} rad");
         }
     }
+}
+
+/// The axis of a disc with Jp nearly twice Jt turns by 13 degrees in a sample.
+#[test]
+fn a_disc_at_high_speed_is_known() {
+    let figures = study(2201..2205, true, |shaft| FiveAxes { rpm: 12_000.0, polar_kgm2: 0.3, ..shaft });
+    assert_efficient("a disc at 12,000 rpm", &figures, 4, 0.5);
 }
 
 /// Up to the speed at which gyroscopic motion is fastest relative to a sample.

@@ -7,8 +7,8 @@ use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
 use nalgebra::DMatrix;
 
 const ALPHA: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];
-/// Mass in kg, moments of inertia in kg·m².
-const INERTIA: [f64; 3] = [12.0, 0.16, 0.02];
+/// Mass in kg, transverse moment of inertia in kg·m².
+const INERTIA: [f64; 2] = [12.0, 0.16];
 /// Axial positions of the bearings, their sensors, and the planes of unbalance.
 const AT_M: [f64; 2] = [-0.12, 0.15];
 const SENSORS_M: [f64; 2] = [-0.10, 0.13];
@@ -33,6 +33,8 @@ pub struct Sample {
 #[derive(Clone, Debug)]
 pub struct FiveAxes {
     pub rpm: f64,
+    /// Polar moment of inertia.
+    pub polar_kgm2: f64,
     pub gap_m: [f64; 2],
     pub lambda: [f64; 8],
     /// λ used by the controller.
@@ -55,6 +57,7 @@ impl Default for FiveAxes {
         let lambda = [1.8e-6, 2.0e-6, 2.2e-6, 2.4e-6, 2.1e-6, 1.9e-6, 3.0e-6, 2.6e-6];
         Self {
             rpm: 3000.0,
+            polar_kgm2: 0.02,
             gap_m: [5e-4, 6e-4],
             lambda,
             guess: lambda,
@@ -130,8 +133,8 @@ impl FiveAxes {
             f[3] -= xi * z;
             f[4] += xi * y;
         }
-        f[3] -= INERTIA[2] * w * v[4];
-        f[4] += INERTIA[2] * w * v[3];
+        f[3] -= self.polar_kgm2 * w * v[4];
+        f[4] += self.polar_kgm2 * w * v[3];
         let m = self.inertia();
         std::array::from_fn(|j| f[j] / m[j])
     }
@@ -179,7 +182,7 @@ impl FiveAxes {
         let (ts, w, m) = (STEP_S, self.omega(), self.inertia());
         let pole = 1.0 - (-3500.0 * ts).exp();
         let gains = [3.0 * pole, (3.0 * pole * pole - pole.powi(3) / 2.0) / ts, pole.powi(3) / (ts * ts)];
-        let spin = |v: &Five| [0.0, 0.0, 0.0, -INERTIA[2] * w * v[4], INERTIA[2] * w * v[3]];
+        let spin = |v: &Five| [0.0, 0.0, 0.0, -self.polar_kgm2 * w * v[4], self.polar_kgm2 * w * v[3]];
         let [q, v, a] = self.reference(0.0);
         let mut x = joined([q, v]);
         let mut observed: [[f64; 3]; 5] = std::array::from_fn(|j| [q[j], v[j], 0.0]);
@@ -224,7 +227,7 @@ impl FiveAxes {
     pub fn bound(&self, samples: &[Sample]) -> [f64; 8] {
         let (directions, at) = (self.directions(), |xi: f64, y: f64, z: f64| vec![0.0, y, z, -xi * z, xi * y].into());
         let mut gyroscopic = DMatrix::zeros(5, 5);
-        (gyroscopic[(3, 4)], gyroscopic[(4, 3)]) = (-INERTIA[2], INERTIA[2]);
+        (gyroscopic[(3, 4)], gyroscopic[(4, 3)]) = (-self.polar_kgm2, self.polar_kgm2);
         let unit = |n: usize| std::array::from_fn(|at| f64::from(at == n));
         let mut bound = Bound::new(Rotor {
             inertia: self.inertia().to_vec().into(),
