@@ -101,9 +101,9 @@ enum Command {
         /// Bearing, reference trajectory and load: a file or a built-in scenario.
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
-        /// Speed of the rotor, in rpm; 0 means a rotor at rest.
-        #[arg(long, value_name = "RPM", default_value_t = 3000.0, value_parser = speed_or_rest, allow_hyphen_values = true)]
-        speed: f64,
+        /// Speed of the rotor, in rpm, by default that of the scenario; 0 means a rotor at rest.
+        #[arg(long, value_name = "RPM", value_parser = speed_or_rest, allow_hyphen_values = true)]
+        speed: Option<f64>,
         /// Sample time, in s.
         #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
         sample_time: Option<f64>,
@@ -299,8 +299,9 @@ fn run(command: Option<Command>) -> Result<()> {
         Some(Command::Identify(arguments)) => identify::run(&arguments),
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
-            let conditions = design::Conditions { rpm: speed, step_s: sample_time, noise, instant_s: at };
             let scenario = Scenario::open(&scenario)?;
+            let rpm = speed.or(scenario.speed_rpm()).unwrap_or(3000.0);
+            let conditions = design::Conditions { rpm, step_s: sample_time, noise, instant_s: at };
             let precisions = design::design(&scenario, &conditions)?;
             print::table(&design::table(&scenario, &conditions, &precisions));
             say!();

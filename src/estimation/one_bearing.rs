@@ -41,10 +41,8 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
             for (l, other) in alpha_rad.iter().enumerate().take(k) {
                 // Of four magnets two may be opposed, since these pull alternately: their currents distinguish them.
                 let sine = if K == 3 { sin(alpha - other).abs() } else { 2.0 * sin(0.5 * (alpha - other)).abs() };
-                let wanted = format!(
-                    "an angle off the line of magnet {}, from whose force it could not be distinguished,",
-                    l + 1
-                );
+                let wanted =
+                    format!("an angle off the line of magnet {}: their forces could not be distinguished", l + 1);
                 let name = format!("alpha[{}]", k + 1);
                 checks.number(sine >= SMALLEST_SINE, name, (*alpha, "rad"), wanted);
             }
@@ -53,11 +51,11 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
             return;
         }
         for (name, value, unit) in numbers("tolerance.", &self.tolerance, Names::of::<N, K>()) {
-            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance,";
+            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance";
             let unused = value == 0.0 || name == "tolerance.backwardForce";
             checks.require(unused, name, format_args!("{value} {unit}"), wanted);
         }
-        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance,";
+        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance";
         checks.require(self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
         let (n, slack) = (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE);
         for (holds, wanted) in [
@@ -68,7 +66,7 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
             checks.number(holds, "Tf", (self.window_s, "s"), wanted);
         }
         let is_long = self.epsilon_s >= self.window_s * (1.0 - slack);
-        let wanted = "at least Tf, the time to fill the first window,";
+        let wanted = "at least Tf, the time to fill the first window";
         checks.number(is_long, "epsilon", (self.epsilon_s, "s"), wanted);
     }
 

@@ -334,7 +334,7 @@ pub(super) fn all(run: &Signals) -> Vec<Figure> {
 
 fn estimates(run: &Signals) -> Figure {
     let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing, 300.0));
-    let caption = "Estimates over time, all methods use the same samples. Solid where valid, with a band of two standard \
+    let caption = "Estimates over time; all methods use the same samples. Solid where valid, with a band of two standard \
                    deviations; dotted and shaded where not; dashed: the truth.";
     let in_paper = match run.paper {
         Some(Paper::Simulation) => " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",
@@ -375,7 +375,7 @@ fn errors(run: &Signals) -> Figure {
         }
         plot
     });
-    let caption = "Errors in decades (solid) beside two stated standard deviations (dashed), which do not cover bench errors \
+    let caption = "Errors (solid) and two stated standard deviations (dashed), which do not cover bench errors \
                    without a stated tolerance.";
     run.figure("errors", "Errors of the estimates", plots, caption)
 }

@@ -102,10 +102,12 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
             format!("{:.0}", of(3)),
         ]
     };
-    let valid = if last(run, "estimator.valid") == 1.0 { "Valid" } else { "Not valid" };
-    let note = format!(
-        "{valid} at the end of the run. ± is one standard deviation; ki in N/A and ks in N/m at the operating point."
-    );
+    let valid = match run.recording.get("estimator.valid") {
+        Some(valid) if valid.last() == Some(&1.0) => "Valid at the end of the run",
+        Some(valid) if valid.contains(&1.0) => "Not valid at the end of the run",
+        _ => "Never valid: these are the first guesses",
+    };
+    let note = format!("{valid}. ± is one standard deviation; ki in N/A and ks in N/m at the operating point.");
     let head = ["", "truth", "estimate", "error", "±", "ki", "ks"];
     let rows = scenario.truth().into_iter().enumerate().filter(|(k, _)| scenario.uses(*k)).map(row);
     Table::new("Estimated force constants, 10⁻⁶ N·m²/A²", note, head, rows)

@@ -5,6 +5,7 @@ mod read;
 mod write;
 
 use std::collections::BTreeMap;
+use std::f64::consts::TAU;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -316,6 +317,12 @@ impl Scenario {
             }));
         }
         connections
+    }
+
+    /// Speed of the rotor at the start, rpm, to a thousandth, if it turns about an axis.
+    pub fn speed_rpm(&self) -> Option<f64> {
+        let omega = self.value("plant", "omega")?.as_f64();
+        Some((omega * 60e3 / TAU).round() / 1e3)
     }
 
     /// Whether magnet k, counted from 0, is used: an axial bearing may use only one.

@@ -34,7 +34,14 @@ pub fn scenario(
 ) -> Result<Scenario, ScenarioError> {
     let refuse = |findings: Vec<String>| ScenarioError { origin: origin.into(), findings };
     let mut findings = Vec::new();
-    let mut table: toml::Table = toml::from_str(text).map_err(|error| refuse(vec![error.to_string()]))?;
+    let mut table: toml::Table = toml::from_str(text).map_err(|error| {
+        let hint = if text.contains("]=") || text.contains("] =") {
+            "; a name with brackets needs quotes: \"lambda[1]\" = …"
+        } else {
+            ""
+        };
+        refuse(vec![format!("{}{hint}", error.to_string().trim_end())])
+    })?;
     let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
         .iter()
         .map(|(name, text)| (name.clone(), value_of(text)))

@@ -97,7 +97,7 @@ pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize,
             return Err(wanted());
         }
         if own == "1" && std >= 1.0 {
-            return Err(format!("tolerance {name}={value}: expected less than 100 %"));
+            return Err(format!("tolerance {name}={value}: this is {} %, expected less than 100 %", 100.0 * std));
         }
         Ok((at, std))
     };

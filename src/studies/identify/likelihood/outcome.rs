@@ -1,12 +1,14 @@
 //! Results of a finished search: estimates with their standard deviations, budget, residuals, suspects.
 
+use std::collections::HashSet;
+
 use nalgebra::DMatrix;
 
 use super::data::Input;
-use super::filter::HARMONICS;
+use super::filter::{Columns, HARMONICS};
 use super::rotor::ByMagnet;
-use super::search::Finished;
-use super::solve::{self, inverse, submatrix};
+use super::search::{BENCH_ROWS, Finished};
+use super::solve::{self, Normal, inverse, submatrix};
 use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Suspect, Unbalance};
 use crate::bearing::array;
 use crate::studies::identify::mean;
@@ -152,35 +154,44 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     BenchEstimate { parameter: parameter.clone(), estimate, estimated, is_held, sensitivity, tolerance, contribution }
 }
 
-/// Lagrange multiplier tests of the bench parameters that are not estimated.
+/// Lagrange multiplier tests of the bench parameters that are not estimated. Instruments have too little information on most of them (the sensitivity to
+/// motion that does not repeat with the turns is no part of them), so that measured sensitivities are tested as well; noise biases these in long recordings.
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
-    let search = &finished.search;
-    let (of, columns) = (&finished.estimated, &finished.columns);
-    let (h, b) = search.equations_by(&finished.normal, of, of, columns);
-    let (g, _) = search.equations(&finished.normal, of);
-    let Some(inverse) = solve::general_inverse(&h) else { return Vec::new() };
+    let Finished { search, normal, estimated: of, columns, .. } = finished;
     let coordinates = search.model.layout.loads() as f64;
     let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
-    let rows: f64 = blocks().map(|block| coordinates * block.count).sum();
-    let nis = blocks().map(|block| block.nis).sum::<f64>() / rows;
+    let rows: f64 = blocks().map(|block| block.count).sum();
+    let nis = (blocks().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
     let load = search.model.layout.load;
-    let suspect = |j: usize| {
-        let unknown = load + j;
-        let projected = submatrix(&finished.normal.j, &[unknown], columns) * &inverse;
-        let all = finished.normal.j[(unknown, unknown)];
-        let cross = submatrix(&finished.normal.j, of, &[unknown]);
-        let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
-        // A parameter that the other unknowns reproduce up to rounding cannot be suspected.
-        if own <= 1e-9 * all {
-            return None;
-        }
-        let score = finished.normal.b[unknown] - (&projected * &b)[(0, 0)];
-        let chi_square = score * score / own / nis.max(1.0);
-        let std = (nis.max(1.0) / own).sqrt();
-        (chi_square > SUSPECT).then_some(Suspect { parameter: j, value: score / own, std, chi_square })
+    let test = |normal: &Normal, columns: &[usize], weight: f64| -> Vec<Suspect> {
+        let (h, b) = search.equations_by(normal, of, of, columns);
+        let (g, _) = search.equations(normal, of);
+        let Some(inverse) = solve::general_inverse(&h) else { return Vec::new() };
+        let suspect = |j: usize| {
+            let unknown = load + j;
+            let projected = submatrix(&normal.j, &[unknown], columns) * &inverse;
+            let all = normal.j[(unknown, unknown)];
+            let cross = submatrix(&normal.j, of, &[unknown]);
+            let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
+            // A parameter that the other unknowns reproduce up to rounding cannot be suspected.
+            if own <= 1e-9 * all {
+                return None;
+            }
+            let score = normal.b[unknown] - (&projected * &b)[(0, 0)];
+            let chi_square = weight * score * score / own / nis;
+            let std = (nis / (weight * own)).sqrt();
+            (chi_square > SUSPECT).then_some(Suspect { parameter: j, value: score / own, std, chi_square })
+        };
+        let exact = (0..search.model.part.parameters.len()).filter(|j| finished.at(load + j).is_none());
+        exact.filter_map(suspect).collect()
     };
-    let exact = (0..search.model.part.parameters.len()).filter(|j| finished.at(load + j).is_none());
-    let mut suspects: Vec<Suspect> = exact.filter_map(suspect).collect();
+    let mut suspects = test(normal, columns, 1.0);
+    if of != columns {
+        let measured = search.normal(&search.pass(Columns::All));
+        suspects.extend(test(&measured, of, (BENCH_ROWS / rows).min(1.0)));
+    }
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
+    let mut seen = HashSet::new();
+    suspects.retain(|suspect| seen.insert(suspect.parameter));
     suspects
 }

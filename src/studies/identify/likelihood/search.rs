@@ -119,7 +119,7 @@ impl Search<'_> {
         })
     }
 
-    fn pass(&self, columns: Columns) -> Blocks {
+    pub fn pass(&self, columns: Columns) -> Blocks {
         let layout = &self.model.layout;
         let request = Request::of(columns, layout, |j| self.prior[layout.unknown(j, 0)].1 > 0.0);
         let mut blocks = self.passes(&self.tasks(), &|input| (input.rotor.passes.columns)(input, &request));
@@ -129,7 +129,7 @@ impl Search<'_> {
         blocks
     }
 
-    fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
+    pub fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
         let mut normal = Normal::new(self.model.layout, self.cases.len());
         blocks.iter().for_each(|(r, blocks)| blocks.iter().for_each(|block| normal.add(block, *r)));
         normal
