@@ -9,9 +9,12 @@ use super::filter::{Columns, HARMONICS};
 use super::rotor::ByMagnet;
 use super::search::{BENCH_ROWS, Finished};
 use super::solve::{self, Normal, inverse, submatrix};
-use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Suspect, Unbalance};
+use super::{
+    BenchEstimate, Conditions, Contradiction, DELAY, Estimate, Identification, PartResults, Suspect, Unbalance,
+};
 use crate::bearing::array;
 use crate::studies::identify::mean;
+use crate::studies::identify::tolerance::plain;
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
@@ -188,7 +191,10 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let mut suspects = test(normal, columns, 1.0);
     if of != columns {
         let measured = search.normal(&search.pass(Columns::All));
-        suspects.extend(test(&measured, of, (BENCH_ROWS / rows).min(1.0)));
+        // The delay, which is biased most, has a test of its own (`answer::with_delay`).
+        let parameters = &search.model.part.parameters;
+        let is_delay = |of: &Suspect| plain(&parameters[of.parameter].name) == DELAY;
+        suspects.extend(test(&measured, of, (BENCH_ROWS / rows).min(1.0)).into_iter().filter(|of| !is_delay(of)));
     }
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
     let mut seen = HashSet::new();
