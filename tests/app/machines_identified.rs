@@ -167,6 +167,7 @@ fn exchanged_columns_of_a_shaft_are_named() {
     for (signals, words) in [
         (&["B.im[1]", "B.im[2]"][..], "magnets 1 and 2 are exchanged at B: exchange the currents"),
         (&["X.im[1]", "X.im[2]"], "magnets 1 and 2 are exchanged at X: exchange their columns"),
+        (&["A.Ym", "B.Ym"], "y of the radial bearings is exchanged: exchange"),
         (&["A.Ym", "B.Ym", "A.Zm", "B.Zm"], "the positions of the radial bearings are exchanged: exchange"),
     ] {
         let column = |[one, other]: &[&str; 2]| [format!("{one}=plant.{other}"), format!("{other}=plant.{one}")];

@@ -178,6 +178,11 @@ fn a_rate_may_be_stated() {
     assert_contains(&refused(&none, ""), &["--rate"]);
     let samples = read(&none, "10kHz").expect("a usable recording");
     assert_eq!((samples.step_s, samples.len(), samples.start_s), (1e-4, BENCH.rows, 0.0));
+    let counted = BENCH.with_times("time", |j| Some(j.to_string()));
+    let implausible = read(&counted, "").expect("a usable recording").implausible(&[5e-4]).join("\n");
+    assert_contains(&implausible, &["a sample every 1 s", "if these are numbers of samples, --rate=…"]);
+    let samples = read(&counted, "10kHz").expect("a usable recording");
+    assert_eq!((samples.step_s, samples.len()), (1e-4, BENCH.rows));
     let stamps = BENCH.with_times("time [s]", |j| text(7, 1.0001 * at(j)));
     assert_eq!(read(&stamps, "10 kHz").expect("clocks may differ").step_s, 1e-4);
     assert_contains(&refused(&stamps, "9600 Hz"), &["104.1667 µs apart, the time stamps 100.01 µs"]);
@@ -268,22 +273,22 @@ fn table(signals: &[usize], units: [&str; 8], factors: [f64; 8], values: &[[f64;
 fn units_have_many_names() {
     use std::f64::consts::{PI, TAU};
     let cases: [(usize, f64, &[&str]); 18] = [
-        (0, 1.0, &["s", "sec"]),
+        (0, 1.0, &["s", "sec", "Second"]),
         (0, 1e-3, &["ms"]),
         (0, 1e-6, &["µs", "us", "μs"]),
         (0, 1e-9, &["ns"]),
         (1, 1.0, &["m"]),
         (1, 1e-3, &["mm"]),
-        (1, 1e-6, &["µm", "um", "Micron"]),
+        (1, 1e-6, &["µm", "um", "Micron", "micrometer"]),
         (1, 1e-9, &["nm"]),
         (1, 25.4e-6, &["mil", "Mil"]),
-        (3, 1.0, &["A", "Ampere"]),
+        (3, 1.0, &["A", "Amps", "Ampere"]),
         (3, 1e-3, &["mA"]),
         (6, 1.0, &["rad"]),
-        (6, PI / 180.0, &["deg", "°", "Deg", "º"]),
+        (6, PI / 180.0, &["deg", "°", "Deg", "º", "Grad"]),
         (6, TAU, &["rev"]),
-        (7, 1.0, &["rad/s", "rad / s"]),
-        (7, PI / 30.0, &["rpm", "RPM", "1/min", "U/min", "min-1", "min^-1", "min⁻¹", "min−1", "u/min"]),
+        (7, 1.0, &["rad/s", "rad / s", "rad/sec"]),
+        (7, PI / 30.0, &["rpm", "RPM", "1/min", "U/min", "min-1", "min^-1", "min⁻¹", "min−1", "u/min", "Upm"]),
         (7, TAU, &["Hz", "rev/s", "rps"]),
         (7, PI / 180.0, &["deg/s", "°/s"]),
     ];

@@ -95,11 +95,13 @@ fn currents(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
     reorder(trial, |order| change(&mut order[magnets]));
 }
 
-/// Exchanges the positions of the radial bearings of a shaft.
-fn exchange_positions(trial: &mut Trial) {
+/// Exchanges the positions of the radial bearings of a shaft along these axes, 0 for y and 1 for z.
+fn exchange_positions(trial: &mut Trial, axes: &[usize]) {
     let Recording { position_m, position_error_m, .. } = &mut trial.recording;
-    position_m[..4].rotate_left(2);
-    position_error_m.get_mut(..4).into_iter().for_each(|errors| errors.rotate_left(2));
+    axes.iter().for_each(|axis| position_m.swap(*axis, axis + 2));
+    if !position_error_m.is_empty() {
+        axes.iter().for_each(|axis| position_error_m.swap(*axis, axis + 2));
+    }
 }
 
 /// Exchanges the currents of the radial bearings of a shaft.
@@ -109,7 +111,7 @@ fn exchange_currents(trial: &mut Trial) {
 }
 
 fn exchange_bearings(trial: &mut Trial) {
-    exchange_positions(trial);
+    exchange_positions(trial, &[0, 1]);
     exchange_currents(trial);
 }
 
@@ -154,7 +156,9 @@ const ALTERNATIVES: &[Alternative] = &[
     (Radial(4), "the magnets count from the fourth", |t| currents(t, |order| order.rotate_left(3)), ORDER),
     (Axial, "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), COLUMNS),
     (Axial, "x is mirrored", |t| t.recording.position_m[4].iter_mut().for_each(|x| *x = -*x), MIRROR),
-    (Shaft, "the positions of the radial bearings are exchanged", exchange_positions, COLUMNS),
+    (Shaft, "the positions of the radial bearings are exchanged", |t| exchange_positions(t, &[0, 1]), COLUMNS),
+    (Shaft, "y of the radial bearings is exchanged", |t| exchange_positions(t, &[0]), COLUMNS),
+    (Shaft, "z of the radial bearings is exchanged", |t| exchange_positions(t, &[1]), COLUMNS),
     (Shaft, "the currents of the radial bearings are exchanged", exchange_currents, COLUMNS),
     (Shaft, "the radial bearings are exchanged", exchange_bearings, COLUMNS),
     (All, "the currents are those before the sample (measured)", |t| t.recording.hold = HeldBefore, BEFORE),

@@ -119,7 +119,8 @@ impl Checks<'_> {
         let fits = |scale: f64| (STEP_S[0]..=STEP_S[1]).contains(&(scale * step_s));
         let [least, most] = STEP_S.map(time);
         let value = format!("a sample every {}, where {least} to {most} is usual", rounded_time(step_s, 4));
-        (!fits(1.0)).then(|| self.misread(TIME_AT, &value, &[(TIME_AT, 1)], fits))
+        let count = if step_s == 1.0 { "; if these are numbers of samples, --rate=…" } else { "" };
+        (!fits(1.0)).then(|| self.misread(TIME_AT, &value, &[(TIME_AT, 1)], fits) + count)
     }
 
     /// Findings about the positions at a bearing.

@@ -8,29 +8,33 @@ use crate::simulation::scenario::number_and_unit;
 /// first name of a unit.
 pub(super) type Quantity = &'static [(&'static [&'static str], f64)];
 
-pub(super) const TIME: Quantity =
-    &[(&["s", "sec", "seconds"], 1.0), (&["ms", "msec"], 1e-3), (&["µs", "usec"], 1e-6), (&["ns", "nsec"], 1e-9)];
+pub(super) const TIME: Quantity = &[
+    (&["s", "sec", "second", "seconds"], 1.0),
+    (&["ms", "msec"], 1e-3),
+    (&["µs", "usec"], 1e-6),
+    (&["ns", "nsec"], 1e-9),
+];
 
 /// A mil is a thousandth of an inch.
 pub(super) const LENGTH: Quantity = &[
-    (&["m"], 1.0),
-    (&["mm"], 1e-3),
-    (&["µm", "micron", "microns"], 1e-6),
+    (&["m", "meter", "metre"], 1.0),
+    (&["mm", "millimeter", "millimetre"], 1e-3),
+    (&["µm", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"], 1e-6),
     (&["nm"], 1e-9),
     (&["mil", "mils"], 25.4e-6),
 ];
 
-pub(super) const CURRENT: Quantity = &[(&["A", "Amp", "Ampere"], 1.0), (&["mA"], 1e-3)];
+pub(super) const CURRENT: Quantity = &[(&["A", "Amp", "Amps", "Ampere"], 1.0), (&["mA"], 1e-3)];
 
 pub(super) const ANGLE: Quantity = &[
     (&["rad", "radian", "radians"], 1.0),
-    (&["deg", "°", "degree", "degrees"], PI / 180.0),
+    (&["deg", "°", "degree", "degrees", "Grad"], PI / 180.0),
     (&["rev", "revolution", "revolutions", "turn", "turns"], TAU),
 ];
 
 pub(super) const SPEED: Quantity = &[
-    (&["rad/s", "1/s*rad", "rad*s-1"], 1.0),
-    (&["rpm", "1/min", "U/min", "min-1", "rev/min", "r/min"], PI / 30.0),
+    (&["rad/s", "rad/sec", "1/s*rad", "rad*s-1"], 1.0),
+    (&["rpm", "1/min", "U/min", "Upm", "min-1", "rev/min", "r/min"], PI / 30.0),
     (&["Hz", "rev/s", "rps"], TAU),
     (&["deg/s", "°/s"], PI / 180.0),
 ];

@@ -188,6 +188,11 @@ fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatri
     &jacobian * &fit.covariance * jacobian.transpose()
 }
 
+/// A position in mm, to a tenth of a micrometre.
+fn in_mm(position_m: f64) -> String {
+    significant((1e7 * position_m).round() / 1e4, 4)
+}
+
 fn percent(part: f64) -> String {
     significant(100.0 * part, 2)
 }
@@ -207,7 +212,7 @@ impl Answer {
                     .into()
             }
             None => {
-                let (at, worst, floor) = (significant(1e3 * self.at_m, 4), percent(worst), 100.0 * FLOOR);
+                let (at, worst, floor) = (in_mm(self.at_m), percent(worst), 100.0 * FLOOR);
                 format!("Valid: ki and ks at x = {at} mm are known within {worst} %, {floor} % of any bench included.")
             }
         };
@@ -237,7 +242,7 @@ impl Answer {
         let ([low, high], positions) = self.found.position_range();
         let outside = format!(
             "x = {} mm is outside the positions of the recording, {positions}: ki and ks there rest on the law alone.",
-            significant(1e3 * self.at_m, 4)
+            in_mm(self.at_m)
         );
         let is_outside = self.at_m < low || self.at_m > high;
         let first = [(rows.start > 0).then_some(left_out), is_outside.then_some(outside)];
@@ -334,7 +339,7 @@ impl Answer {
         rows.push(noise("noise of the position", POSITION_NOISE, 1e-6, "µm"));
         rows.push(noise("noise of the currents", CURRENT_NOISE, 1e-3, "mA"));
         rows.push(noise("slow force", SLOW, 1e-3, "mN/√s"));
-        let (title, floor) = (format!("Axis at x = {} mm", significant(1e3 * self.at_m, 4)), 100.0 * FLOOR);
+        let (title, floor) = (format!("Axis at x = {} mm", in_mm(self.at_m)), 100.0 * FLOOR);
         let note =
             format!("± is one standard deviation: of noise and slow force; and with {floor} % that any bench hides.");
         Table::new(title, note, ["", "value", "± of noise", "± in all", ""], rows)

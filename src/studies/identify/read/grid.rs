@@ -53,7 +53,9 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     }
     let step_s = reading.rate_s.unwrap_or(pace.step_s);
     let tolerance = pace.uncertain.as_ref().map_or(CLOCKS, |(known, _)| *known);
-    if !is_same(pace.step_s, step_s, tolerance) {
+    // Numbers of samples instead of times.
+    let is_count = pace.step_s == 1.0;
+    if !is_count && !is_same(pace.step_s, step_s, tolerance) {
         let ([stated, found], percent) = ([step_s, pace.step_s].map(time), significant(100.0 * tolerance, 2));
         return Err(format!(
             "the stated rate has samples {stated} apart, the time stamps {found}; they must agree within {percent} %"
@@ -66,7 +68,8 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let first = placed.next().unwrap_or(0.0);
     let count = placed.next_back().unwrap_or(first) - first + 1.0;
     place.iter_mut().for_each(|place| *place -= first);
-    Ok((Pace { start_s: pace.start_s + first * step_s, step_s, place, ..pace }, count as usize))
+    let start_s = if is_count { (pace.start_s + first) * step_s } else { pace.start_s + first * step_s };
+    Ok((Pace { start_s, step_s, place, ..pace }, count as usize))
 }
 
 /// The samples of a recording that is interpolated to the stated pace, from the first row with all positions to the last.

@@ -51,7 +51,7 @@ pub(super) fn separator(header: &str) -> Option<char> {
 
 /// Whether a cell stands for a missing value.
 pub(super) fn missing(cell: &str) -> bool {
-    ["", "-", "nan", "na", "n/a", "null"].iter().any(|word| cell.eq_ignore_ascii_case(word))
+    ["", "-", "---", "nan", "na", "n/a", "#n/a", "null"].iter().any(|word| cell.eq_ignore_ascii_case(word))
 }
 
 /// A cell as a number; `None` if it is not one, NaN if it is missing. Decimal commas are accepted unless commas separate the

@@ -267,7 +267,18 @@ fn readings() -> Vec<Course> {
     ]
 }
 
-/// Some of these courses for a spindle.
+/// A backward force of this size, N, in one bearing of a shaft.
+fn backward_in_a(scenario: &mut Scenario, size_n: f64, seed: u64) {
+    let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).uniform(-PI, PI));
+    let at_m = scenario.number("plant", "A.position");
+    cases::push(scenario, &["pY", "pZ", "MY", "MZ"], scenario.duration_s, |time_s| {
+        let (sin, cos) = libm::sincos(omega * time_s + phase);
+        let [y, z] = [size_n * cos, -size_n * sin];
+        [y, z, -at_m * z, at_m * y]
+    });
+}
+
+/// Some of these courses for spindles.
 fn spindle() -> Vec<Course> {
     let spindle = |name: &str, length_s, set: fn(&mut Scenario, u64)| Course {
         base: "spindle",
@@ -282,17 +293,15 @@ fn spindle() -> Vec<Course> {
         spindle("nominal", 1.0, unchanged),
         Course { alter: Some(altered::given_lambda(0.02)), ..late },
         spindle("first guess × 0.2", 1.0, |scenario, _| guess(scenario, 0.2)),
-        spindle("0.5 N backward in bearing A", 1.0, |scenario, seed| {
-            let (omega, phase) = (scenario.number("plant", "omega"), Draw::new(seed).uniform(-PI, PI));
-            let at_m = scenario.number("plant", "A.position");
-            cases::push(scenario, &["pY", "pZ", "MY", "MZ"], scenario.duration_s, |time_s| {
-                let (sin, cos) = libm::sincos(omega * time_s + phase);
-                let [y, z] = [0.5 * cos, -0.5 * sin];
-                [y, z, -at_m * z, at_m * y]
-            });
-        }),
+        spindle("0.5 N backward in bearing A", 1.0, |scenario, seed| backward_in_a(scenario, 0.5, seed)),
         spindle("load ramp 1 N/s", 1.0, |scenario, seed| load_ramp(scenario, 1.0, seed)),
         spindle("λ drifts 2 %/s", 1.0, |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
+        Course {
+            base: "spindle4",
+            ..Course::new("spindle4, 0.3 N backward in bearing A", Valid, 1.0, |scenario, seed| {
+                backward_in_a(scenario, 0.3, seed);
+            })
+        },
     ]
 }
 
