@@ -184,17 +184,19 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
 
 /// Errors for elements that would read the same sample several times: the sensors, or the exchange of values, are slower than they are.
 fn repeated(scenario: &Scenario) -> Vec<String> {
-    let elements = &scenario.elements;
-    let times = |variable: &'static str| {
-        elements.iter().filter_map(move |of| Some((format!("{}.{variable}", of.name), of.value(variable)?.as_f64())))
+    let elements = || scenario.elements.iter();
+    let time_s = |of: &Element, variable: &str| of.value(variable).map(Value::as_f64);
+    let sensors = elements().filter_map(|of| Some((format!("{}.sensor.Ts", of.name), time_s(of, "sensor.Ts")?)));
+    let too_slow = |(source, source_s): (String, f64)| {
+        let faster = elements().filter_map(|of| Some((of.name.as_str(), time_s(of, "Ts")?)));
+        let faster: Vec<_> = faster.filter(|(_, own_s)| source_s > own_s * (1.0 + 1e-9)).collect();
+        let least_s = faster.iter().map(|(_, own_s)| *own_s).reduce(f64::min)?;
+        let names = faster.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ");
+        Some(format!(
+            "{source} = {source_s} s: expected at most Ts = {least_s} s, or {names} would read samples several times"
+        ))
     };
-    let sources = [("step".to_owned(), scenario.step_s)].into_iter().chain(times("sensor.Ts"));
-    let pairs = sources.flat_map(|source| times("Ts").map(move |reader| (source.clone(), reader)));
-    let too_slow = pairs.filter(|((_, source_s), (_, reader_s))| *source_s > reader_s * (1.0 + 1e-9));
-    let words = |((source, source_s), (reader, reader_s)): ((String, f64), (String, f64))| {
-        format!("{source} = {source_s} s: expected at most {reader} = {reader_s} s, or it reads samples several times")
-    };
-    too_slow.map(words).collect()
+    [("step".to_owned(), scenario.step_s)].into_iter().chain(sensors).filter_map(too_slow).collect()
 }
 
 /// Fits correction masses: subtracts the estimated unbalance of each plane from that of the plant.

@@ -162,7 +162,10 @@ fn invalid_arguments_exit_with_2() {
         ("simulate unbalanced --set m", &["NAME=VALUE"]),
         (
             "simulate unbalanced --set Ts=50us",
-            &["step = 0.0001 s: expected at most controller.Ts = 5e-5 s", "plant.sensor.Ts = 0.0001 s"],
+            &[
+                "step = 0.0001 s: expected at most Ts = 0.00005 s, or controller, estimator",
+                "plant.sensor.Ts = 0.0001 s",
+            ],
         ),
         ("simulate unbalanced --set alpha[5]=1", &["alpha has no such element"]),
         ("simulate unbalanced --csv - --json -", &["--csv - and --json -"]),

@@ -532,14 +532,14 @@ fn nearest<'k>(key: &str, known: &'k [String]) -> Option<(f64, &'k String)> {
 
 /// The known name that an unknown one probably means.
 fn likely(key: &str, known: &[String]) -> Option<String> {
+    if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name == array)) {
+        return Some(format!("{array} has no such element"));
+    }
     nearest(key, known).filter(|(likeness, _)| *likeness > 0.8).map(|(_, name)| format!("did you mean {name}?"))
 }
 
 /// Suggests a known name for an unknown one.
 pub fn suggestion(key: &str, known: &[String]) -> String {
-    if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name == array)) {
-        return format!("{array} has no such element");
-    }
     let listed = || format!("known are {}", known.join(", "));
     likely(key, known).unwrap_or_else(|| match nearest(key, known) {
         Some((_, name)) => format!("{}; the nearest is {name}", listed()),

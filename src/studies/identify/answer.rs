@@ -256,15 +256,18 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     let Judged { question, options, found, refusal, notes } = judged;
     let details = refusal.as_ref().map_or(&Details::Findings, |refusal| &refusal.details);
     let mut findings = Vec::new();
+    let mut is_explained = false;
     if *details == Details::Proposals {
         let trial = Trial { recording: all[0].clone(), options, machine: question.stated.machine, bearing: 0 };
         findings.extend(constant_currents(&all[0].current_a, question.stated.machine));
-        findings.extend(diagnosis::proposals(&trial));
+        let proposals = diagnosis::proposals(&trial);
+        is_explained = !proposals.is_empty();
+        findings.extend(proposals);
     }
     // A search that did not converge has neither estimates nor meaningful residuals.
     let found = found.filter(|found| found.converged);
     if let Some(found) = found.as_ref().filter(|_| *details != Details::Nothing) {
-        findings.extend(words::findings(found, all, &question.stated));
+        findings.extend(words::findings(found, all, &question.stated, is_explained));
         findings.extend(notes);
     }
     let verdict = match (&refusal, &found) {

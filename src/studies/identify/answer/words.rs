@@ -25,8 +25,8 @@ pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     format!("Valid: the force constants are known within {} %{on}.", significant(100.0 * worst, 2))
 }
 
-/// Findings besides the estimates.
-pub(super) fn findings(found: &Identification, all: &[Recording], stated: &Stated) -> Vec<String> {
+/// Findings besides the estimates. If another description explains the data, the residuals of this one mean nothing.
+pub(super) fn findings(found: &Identification, all: &[Recording], stated: &Stated, is_explained: bool) -> Vec<String> {
     let mut words = contradictions(found, all);
     let held: Vec<&str> = found.held().collect();
     if !held.is_empty() {
@@ -36,7 +36,7 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
             held.join(", ")
         ));
     }
-    if !is_silent(found) {
+    if !is_silent(found) && !is_explained {
         words.extend(found.suspects.iter().take(3).map(|suspect| suspected(found, suspect, all[0].step_s)));
         words.extend(harmonics(found, stated));
     }
