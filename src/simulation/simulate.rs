@@ -96,11 +96,11 @@ pub fn run_altered(
     wanted: impl Fn(&str) -> bool,
     mut alter: impl FnMut(f64, &mut [Value]),
 ) -> Result<Run, Refused> {
+    let mut instances = instances(scenario)?;
     let repeated = repeated(scenario);
     if !repeated.is_empty() {
         return Err(Refused(repeated));
     }
-    let mut instances = instances(scenario)?;
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);

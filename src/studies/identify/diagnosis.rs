@@ -332,7 +332,7 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         let is_local = matches!(concerns, Radial(_) | Axial) && is_shaft;
         let of = if is_local { format!(" at {bearing}") } else { String::new() };
         let mut words = format!("{name}{of}: {proposal}");
-        for (name, off) in off {
+        for (name, off) in off.into_iter().filter(|(_, off)| off.abs() > 0.1 * SAME) {
             words += &format!("; {name} by about {} %", significant(100.0 * off, 2));
         }
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {

@@ -86,6 +86,25 @@ fn along(name: &str) -> &'static str {
     if name.starts_with("X.") { " along the axis" } else { "" }
 }
 
+/// In order, disturbances and changes of the load that overlap or follow each other as one.
+fn merged(found: &[Contradiction]) -> Vec<Contradiction> {
+    let mut sorted = found.to_vec();
+    sorted.sort_by_key(|of| (of.recording, of.part, of.rows.start));
+    sorted.into_iter().fold(Vec::new(), |mut merged: Vec<Contradiction>, next| {
+        if let Some(last) = merged.last_mut()
+            && (last.recording, last.part) == (next.recording, next.part)
+            && next.rows.start <= last.rows.end
+            && let (Change::Disturbed { ratio: most }, Change::Disturbed { ratio: own })
+            | (Change::Load { chi_square: most }, Change::Load { chi_square: own }) = (&mut last.what, &next.what)
+        {
+            (last.rows.end, *most) = (last.rows.end.max(next.rows.end), most.max(*own));
+            return merged;
+        }
+        merged.push(next);
+        merged
+    })
+}
+
 /// Parts of recordings that are inconsistent with the others.
 fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     let words = |part: &Contradiction| {
@@ -108,7 +127,7 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
             }
         }
     };
-    found.contradictions.iter().map(words).collect()
+    merged(&found.contradictions).iter().map(words).collect()
 }
 
 /// A bench parameter that the residuals call for.

@@ -1,7 +1,5 @@
 //! Results of a finished search: estimates with their standard deviations, budget, residuals, suspects.
 
-use std::collections::HashSet;
-
 use nalgebra::DMatrix;
 
 use super::data::Input;
@@ -10,7 +8,8 @@ use super::rotor::ByMagnet;
 use super::search::{BENCH_ROWS, Finished};
 use super::solve::{self, Normal, inverse, submatrix};
 use super::{
-    BenchEstimate, Conditions, Contradiction, DELAY, Estimate, Identification, PartResults, Suspect, Unbalance,
+    BenchEstimate, Conditions, Contradiction, DELAY, Estimate, Identification, PartResults, SILENT_M, Suspect,
+    Unbalance,
 };
 use crate::bearing::array;
 use crate::studies::identify::mean;
@@ -18,6 +17,8 @@ use crate::studies::identify::tolerance::plain;
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
+/// Part of the information on a parameter below which instruments do not test it.
+const INFORMED: f64 = 0.25;
 
 pub(super) fn report(
     finished: &Finished<'_>,
@@ -157,47 +158,49 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     BenchEstimate { parameter: parameter.clone(), estimate, estimated, is_held, sensitivity, tolerance, contribution }
 }
 
-/// Lagrange multiplier tests of the bench parameters that are not estimated. Instruments have too little information on most of them (the sensitivity to
-/// motion that does not repeat with the turns is no part of them), so that measured sensitivities are tested as well; noise biases these in long recordings.
+/// Lagrange multiplier tests of the bench parameters that are not estimated. Measured sensitivities count where instruments have less than
+/// [`INFORMED`] of their information (that of a motion that does not repeat with the turns, for instance); elsewhere they would be biased by noise.
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let Finished { search, normal, estimated: of, columns, .. } = finished;
     let coordinates = search.model.layout.loads() as f64;
     let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
     let rows: f64 = blocks().map(|block| block.count).sum();
     let nis = (blocks().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
-    let load = search.model.layout.load;
-    let test = |normal: &Normal, columns: &[usize], weight: f64| -> Vec<Suspect> {
+    let (load, parameters) = (search.model.layout.load, &search.model.part.parameters);
+    // Score and information of each parameter.
+    let test = |normal: &Normal, columns: &[usize]| -> Vec<[f64; 2]> {
         let (h, b) = search.equations_by(normal, of, of, columns);
         let (g, _) = search.equations(normal, of);
-        let Some(inverse) = solve::general_inverse(&h) else { return Vec::new() };
-        let suspect = |j: usize| {
+        let Some(inverse) = solve::general_inverse(&h) else { return vec![[0.0; 2]; parameters.len()] };
+        let of_parameter = |j: usize| {
             let unknown = load + j;
             let projected = submatrix(&normal.j, &[unknown], columns) * &inverse;
             let all = normal.j[(unknown, unknown)];
             let cross = submatrix(&normal.j, of, &[unknown]);
             let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
             // A parameter that the other unknowns reproduce up to rounding cannot be suspected.
-            if own <= 1e-9 * all {
-                return None;
-            }
-            let score = normal.b[unknown] - (&projected * &b)[(0, 0)];
-            let chi_square = weight * score * score / own / nis;
-            let std = (nis / (weight * own)).sqrt();
-            (chi_square > SUSPECT).then_some(Suspect { parameter: j, value: score / own, std, chi_square })
+            if own <= 1e-9 * all { [0.0; 2] } else { [normal.b[unknown] - (&projected * &b)[(0, 0)], own] }
         };
-        let exact = (0..search.model.part.parameters.len()).filter(|j| finished.at(load + j).is_none());
-        exact.filter_map(suspect).collect()
+        (0..parameters.len()).map(of_parameter).collect()
     };
-    let mut suspects = test(normal, columns, 1.0);
-    if of != columns {
-        let measured = search.normal(&search.pass(Columns::All));
-        // The delay, which is biased most, has a test of its own (`answer::with_delay`).
-        let parameters = &search.model.part.parameters;
-        let is_delay = |of: &Suspect| plain(&parameters[of.parameter].name) == DELAY;
-        suspects.extend(test(&measured, of, (BENCH_ROWS / rows).min(1.0)).into_iter().filter(|of| !is_delay(of)));
+    let mut tests = test(normal, columns);
+    if of != columns && search.cases.iter().all(|case| case.position_noise >= SILENT_M) {
+        let weight = (BENCH_ROWS / rows).min(1.0);
+        let measured = test(&search.normal(&search.pass(Columns::All)), of);
+        for ((test, measured), parameter) in tests.iter_mut().zip(measured).zip(parameters) {
+            // The delay, which is biased most, has a test of its own (`answer::with_delay`).
+            if test[1] < INFORMED * measured[1] && plain(&parameter.name) != DELAY {
+                *test = measured.map(|sum| weight * sum);
+            }
+        }
     }
+    let suspect = |j: usize| {
+        let [score, own] = tests[j];
+        let chi_square = score * score / own / nis;
+        let suspect = Suspect { parameter: j, value: score / own, std: (nis / own).sqrt(), chi_square };
+        (finished.at(load + j).is_none() && chi_square > SUSPECT).then_some(suspect)
+    };
+    let mut suspects: Vec<Suspect> = (0..parameters.len()).filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
-    let mut seen = HashSet::new();
-    suspects.retain(|suspect| seen.insert(suspect.parameter));
     suspects
 }
