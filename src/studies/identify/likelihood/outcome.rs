@@ -18,7 +18,7 @@ use crate::studies::identify::tolerance::plain;
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
 /// Part of the information on a parameter below which instruments do not test it.
-const INFORMED: f64 = 0.25;
+const INFORMED: f64 = 0.05;
 
 pub(super) fn report(
     finished: &Finished<'_>,
