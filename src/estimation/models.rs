@@ -45,7 +45,8 @@ const SCATTER_S: f64 = 0.5;
 const CHANGE_TEMPER: f64 = 0.6;
 
 /// The models of a backward force: none, or Gaussian with these fractions of its tolerance, from a tenth of a newton to a few newtons. The bearings of a
-/// shaft have models of their own: with one for both, a force in one of them was taken for λ, up to 9 deviations off in 6 of 12 runs with 0.3 N on `spindle4`.
+/// shaft have models of their own: with one for both, the force of one pays for the unknowns of both, and 0.3 N in one bearing were taken for λ, up to 9
+/// deviations off in 6 of 12 runs of another simulator (four magnets, controller with λ wrong by two).
 const FORCE_FRACTIONS: [f64; 4] = [0.0, 0.05, 0.3, 1.0];
 const FORCE_MODELS: usize = FORCE_FRACTIONS.len() * FORCE_FRACTIONS.len();
 
@@ -305,8 +306,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     ///
     /// The solution with the widest prior R of the force gives the information in the data, Λ and Λz: with the posterior precision P⁻¹ and mean F,
     /// `Λ = P⁻¹ − R` and `Λz = P⁻¹ F`. A bias of λ due to current noise, of unit variance along b, biases the force as well: with `u = P⁻¹ b` it
-    /// reduces Λ by `u uᵀ/(1 + uᵀ Λ⁻¹ u)`. A model with the standard deviation s has the posterior covariance `P_s = (Λ + I/s²)⁻¹`, the mean
-    /// `F_s = P_s Λz` and the evidence `½ (Λz)ᵀ F_s + ½ ln det (P_s/s²)`.
+    /// reduces Λ by `u uᵀ/(1 + uᵀ Λ⁻¹ u)`. A model with the variances S, a diagonal matrix, has the posterior covariance `P_S = (Λ + S⁻¹)⁻¹`, the mean
+    /// `F_S = P_S Λz` and the evidence `½ (Λz)ᵀ F_S + ½ ln det (P_S S⁻¹)`.
     pub fn select(
         &mut self,
         widest: &Prior<U>,
