@@ -472,6 +472,8 @@ fn simulate(arguments: &Simulation) -> Result<()> {
         ("--report", page.as_deref(), Format::Page),
     ])?;
     let scenario = Scenario::open_with(name, changes)?;
+    simulate::check(&scenario)?;
+    simulate::check_rates(&scenario)?;
     let run = simulate::run(&scenario)?;
     say!("{}", scenario.title);
     for message in &run.messages {

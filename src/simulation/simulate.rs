@@ -97,10 +97,6 @@ pub fn run_altered(
     mut alter: impl FnMut(f64, &mut [Value]),
 ) -> Result<Run, Refused> {
     let mut instances = instances(scenario)?;
-    let repeated = repeated(scenario);
-    if !repeated.is_empty() {
-        return Err(Refused(repeated));
-    }
     let wires = wires(scenario);
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
@@ -182,8 +178,11 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
     Err(Refused(refused.iter().map(|(finding, names)| format!("[{}] {finding}", names.join(", "))).collect()))
 }
 
-/// Errors for elements that would read the same sample several times: the sensors, or the exchange of values, are slower than they are.
-fn repeated(scenario: &Scenario) -> Vec<String> {
+/// Checks that the sensors and the exchange of values are as fast as the elements that read them: an estimator that gets every sample twice is never valid.
+///
+/// # Errors
+/// What is too slow.
+pub fn check_rates(scenario: &Scenario) -> Result<(), Refused> {
     let elements = || scenario.elements.iter();
     let time_s = |of: &Element, variable: &str| of.value(variable).map(Value::as_f64);
     let sensors = elements().filter_map(|of| Some((format!("{}.sensor.Ts", of.name), time_s(of, "sensor.Ts")?)));
@@ -196,7 +195,9 @@ fn repeated(scenario: &Scenario) -> Vec<String> {
             "{source} = {source_s} s: expected at most Ts = {least_s} s, or {names} would read samples several times"
         ))
     };
-    [("step".to_owned(), scenario.step_s)].into_iter().chain(sensors).filter_map(too_slow).collect()
+    let found: Vec<_> =
+        [("step".to_owned(), scenario.step_s)].into_iter().chain(sensors).filter_map(too_slow).collect();
+    if found.is_empty() { Ok(()) } else { Err(Refused(found)) }
 }
 
 /// Fits correction masses: subtracts the estimated unbalance of each plane from that of the plant.
