@@ -300,6 +300,7 @@ fn run(command: Option<Command>) -> Result<()> {
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
             let scenario = Scenario::open(&scenario)?;
+            // An axis has no speed, but is not kept in the centre.
             let rpm = speed.or(scenario.speed_rpm()).unwrap_or(3000.0);
             let conditions = design::Conditions { rpm, step_s: sample_time, noise, instant_s: at };
             let precisions = design::design(&scenario, &conditions)?;

@@ -66,15 +66,18 @@ const CONFIRMING_BLOCKS: u64 = 8;
 /// Greatest number of unknowns of backward forces.
 const FORCES: usize = 4;
 
-/// Fractions of the tolerance by unknown in a model of that many unknowns, two for each bearing.
-fn fractions(model: usize, unknowns: usize) -> [f64; FORCES] {
-    let count = FORCE_FRACTIONS.len();
-    let of = if unknowns == FORCES { [model % count, model / count] } else { [model % count; 2] };
-    array::from_fn(|n| FORCE_FRACTIONS[of[n / 2]])
-}
-
 /// Prior precision, 1/N², that fixes a force at its mean.
 const FIXED: f64 = 1.0e12;
+
+/// Prior precisions, 1/N², in a model of that many unknowns, two for each bearing, from the precision with the tolerance.
+fn precisions(model: usize, unknowns: usize, precision: f64) -> [f64; FORCES] {
+    let count = FORCE_FRACTIONS.len();
+    let of = if unknowns == FORCES { [model % count, model / count] } else { [model % count; 2] };
+    array::from_fn(|n| {
+        let fraction = FORCE_FRACTIONS[of[n / 2]];
+        (precision / (fraction * fraction)).min(FIXED)
+    })
+}
 
 /// Result of comparing the models.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,7 +128,7 @@ pub struct Models<const K: usize, const U: usize, const T: usize> {
     /// Whether unknowns have changed, and statistics of the estimates.
     changing: bool,
     recent: Option<RecentEstimates<U>>,
-    /// The selected model of the backward forces ([`fractions`]).
+    /// The selected model of the backward forces ([`precisions`]).
     force: usize,
     /// Log odds of the models of the forces against none from the sums, and from samples forgotten by these: a change of λ does not change the force.
     force_log_odds: [f64; FORCE_MODELS],
@@ -296,8 +299,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     /// The prior of the unknowns in the selected model, from that with the widest prior of the backward forces.
     pub fn prior(&self, widest: &Prior<U>, forces: Range<usize>) -> Prior<U> {
         let mut prior = *widest;
-        for (j, fraction) in forces.clone().zip(fractions(self.force, forces.len())) {
-            prior.precision[j] = (prior.precision[j] / (fraction * fraction)).min(FIXED);
+        for (n, j) in forces.clone().enumerate() {
+            prior.precision[j] = precisions(self.force, forces.len(), prior.precision[j])[n];
         }
         prior
     }
@@ -342,8 +345,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let mut models = [(f64::NEG_INFINITY, SVector::zeros(), SMatrix::zeros()); FORCE_MODELS];
         models[0].0 = 0.0;
         for (m, model) in models[..count].iter_mut().enumerate().skip(1) {
-            let own = fractions(m, forces.len()).map(|fraction| (precision / (fraction * fraction)).min(FIXED));
-            let own = Square::from_diagonal(&own.into());
+            let own = Square::from_diagonal(&precisions(m, forces.len(), precision).into());
             let covariance = (data + own).try_inverse()?;
             let mean = covariance * right;
             let volume = (covariance * own).determinant();

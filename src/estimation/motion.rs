@@ -84,7 +84,7 @@ pub struct Transition<const N: usize> {
     pub rate: Square<N>,
 }
 
-/// What gyroscopic effects make of rates within a step: with `G = Γ h`, `exp(G)`, its mean `∫ exp(G t) dt` from 0 to 1, and `∫ 2 (1 − t) exp(G t) dt`.
+/// The effect of gyroscopic moments on rates within a step: with `G = Γ h`, `exp(G)`, its mean `∫ exp(G t) dt` from 0 to 1, and `∫ 2 (1 − t) exp(G t) dt`.
 ///
 /// G turns the axis of the rotor by g, so that `G³ = −g² G` and each is `1 + a G + b G²` (formula of Rodrigues).
 pub struct Turn<const N: usize> {

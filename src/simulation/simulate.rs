@@ -181,7 +181,7 @@ fn instances(scenario: &Scenario) -> Result<Vec<Instance>, Refused> {
 /// Checks that the sensors and the exchange of values are as fast as the elements that read them: an estimator that gets every sample twice is never valid.
 ///
 /// # Errors
-/// What is too slow.
+/// The names of those that are too slow.
 pub fn check_rates(scenario: &Scenario) -> Result<(), Refused> {
     let elements = || scenario.elements.iter();
     let time_s = |of: &Element, variable: &str| of.value(variable).map(Value::as_f64);

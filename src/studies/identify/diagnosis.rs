@@ -322,9 +322,10 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
         let (found, sound) = fit(&other)?;
-        let of_bench =
-            found.bench.iter().filter(|of| proposal.split(' ').any(|name| name == plain(&of.parameter.name)));
-        let off: Vec<(&str, f64)> = of_bench.map(|of| (&*of.parameter.name, of.estimate.value)).collect();
+        // Parameters that the alternative frees.
+        let stated = trial.options.parts.iter().flat_map(|part| &part.parameters);
+        let freed = found.bench.iter().zip(stated).filter(|(of, stated)| of.parameter.knowledge != stated.knowledge);
+        let off: Vec<(&str, f64)> = freed.map(|(of, _)| (&*of.parameter.name, of.estimate.value)).collect();
         let is_stated = !off.is_empty() && off.iter().all(|(_, off)| off.abs() < SAME);
         if !sound || found.log_likelihood <= least || is_stated {
             return None;

@@ -25,6 +25,15 @@ const GAIN: Wrong = (
     "the gains of the position sensors differ: --estimate sensor.gain --estimate sensor.gainDifference",
 );
 
+/// Commands that act a row later than stated; no part of the pairs, which would differ from those of `--hold heldAfter` by a row only.
+const EARLY: Wrong = (
+    |samples, question| {
+        samples.current_a.iter_mut().for_each(|i| i.rotate_left(2));
+        question.stated.hold = Hold::HeldAfter;
+    },
+    "the currents come a sample early, or the positions late: shift the currents by one row, or --estimate delay",
+);
+
 fn rotation(samples: &mut Samples) -> impl Iterator<Item = &mut f64> {
     samples.theta_rad.iter_mut().chain(&mut samples.omega_rad_s)
 }
@@ -32,7 +41,7 @@ fn rotation(samples: &mut Samples) -> impl Iterator<Item = &mut f64> {
 #[test]
 fn what_is_wrong_is_told_in_words() {
     let good = samples_of(&run(montecarlo::NOISE, 0.2).1);
-    for (spoil, proposal) in WRONG.iter().chain([&GAIN]) {
+    for (spoil, proposal) in WRONG.iter().chain([&GAIN, &EARLY]) {
         let mut samples = good.clone();
         let mut question = question(&good, &[]);
         spoil(&mut samples, &mut question);
