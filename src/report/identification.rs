@@ -68,10 +68,8 @@ pub fn page(title: &str, command: &str, results: &Results) -> String {
         figures.push(run.residuals(found));
         figures.push(budget(found, samples.machine));
     }
-    match results.axes.first() {
-        Some(axis) => figures.extend(run.axis(axis)),
-        None => figures.push(run.currents()),
-    }
+    figures.extend(results.axes.iter().take(1).flat_map(|axis| run.axis(axis)));
+    figures.push(run.currents());
     if results.statements.iter().all(|statement| statement.valid.is_none()) {
         figures.extend(run.on_line(tracks));
     }
@@ -275,7 +273,8 @@ impl<'s> Drawn<'s> {
         let mut currents = recorded.iter();
         let of_bearing = |bearing: &Bearing| {
             let mut plot = self.over_time("i", PlotUnit::AMPERE);
-            for (k, current) in currents.by_ref().take(bearing.magnets).enumerate() {
+            let own = currents.by_ref().take(bearing.magnets).enumerate();
+            for (k, current) in own.filter(|(_, current)| !current.is_empty()) {
                 plot.line(Line::new(["i₁", "i₂", "i₃", "i₄"][k], colour::MAGNETS[k]), &self.time_s, current);
             }
             (bearing.name().to_owned(), plot)
@@ -284,36 +283,28 @@ impl<'s> Drawn<'s> {
         Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.which))
     }
 
-    /// The recording of an axis, and the remainder that the force law does not explain.
+    /// The positions of an axis, and the remainder that the force law does not explain.
     fn axis(&self, answer: &axial::Answer) -> [Figure; 2] {
-        let traces = answer.traces();
+        let [force, std, errors_m] = answer.traces();
+        let from = force.iter().position(|force| force.is_finite()).unwrap_or(0);
         let shaded = |mut plot: Plot| {
-            if traces.from > 0 {
-                plot.shade(self.instant(0), self.instant(traces.from));
+            if from > 0 {
+                plot.shade(self.instant(0), self.instant(from));
             }
             plot
         };
         let mut position = self.over_time("x", PlotUnit { name: "mm", factor: 1e3 });
         position.line(Line::new("measured", colour::MAGNETS[0]).width(1.0), &self.time_s, &self.samples.position_m[0]);
-        let mut current = self.over_time("i", PlotUnit::AMPERE);
-        for (k, values) in
-            self.samples.currents(Hold::Linear).iter().enumerate().filter(|(_, values)| !values.is_empty())
-        {
-            current.line(Line::new(["i₁", "i₂"][k], colour::MAGNETS[k]).width(1.0), &self.time_s, values);
-        }
         let mut slow = self.over_time("slow force", PlotUnit { name: "mN", factor: 1e3 });
-        let (force, std): (Vec<f64>, Vec<f64>) = traces.slow_n.iter().map(|[force, std]| (force, std)).unzip();
         slow.band("slow force", colour::BANDS[0], &self.time_s, &force, &std);
         slow.line(Line::new("slow force", colour::MAGNETS[0]).group("slow force"), &self.time_s, &force);
         let mut errors = self.over_time("prediction error", PlotUnit::MICROMETRE);
-        errors.line(Line::new("one sample ahead", colour::MAGNETS[1]).width(1.0), &self.time_s, &traces.error_m);
-        let recorded = [("Position", position), ("Currents", current)];
-        let left = [("Slow force", slow), ("Prediction errors", errors)];
-        let [recorded, left] = [recorded, left].map(|of| of.map(|(name, plot)| (name.to_owned(), shaded(plot))).into());
+        errors.line(Line::new("one sample ahead", colour::MAGNETS[1]).width(1.0), &self.time_s, &errors_m);
+        let left = vec![("Slow force".into(), shaded(slow)), ("Prediction errors".into(), shaded(errors))];
         let caption = format!("Shaded intervals were left out.{}", self.which);
         let of_force = "The force that the law does not explain, with a band of two standard deviations, and the errors of predictions.";
         [
-            Figure::new("recorded", "Recording", recorded, caption),
+            Figure::new("recorded", "Positions", vec![(String::new(), shaded(position))], caption),
             Figure::new("slow", "Unexplained force", left, of_force.to_owned() + self.which),
         ]
     }

@@ -14,9 +14,10 @@ use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 use crate::studies::identify::{Samples, Statement, quantity};
 use crate::variables::Choice;
 
-/// Parameters that are always known: the levitated mass, and the magnets in use.
+/// Parameters that are always known: the levitated mass, the magnets in use, and the position of the operating point.
 const MASS: &str = "m";
 const USED: &str = "magnets.used";
+const AT: &str = "at";
 
 /// The axis as the scenario and the arguments describe it, and the errors in that description.
 struct Bench {
@@ -33,136 +34,109 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
     };
     let columns: Pairs = scenario.columns.iter().chain(&arguments.column).cloned().collect();
     let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), errors: arguments.unused(&AXIAL) };
-    bench.read(&scenario.identify);
-    for (name, value) in &arguments.changes {
-        bench.set(name, value, "--set ");
+    for (name, value) in &scenario.identify {
+        match value {
+            toml::Value::Array(names) if name == "estimate" => {
+                names.iter().for_each(|name| bench.state("[identify] estimate ", &text(name), None));
+            }
+            value => bench.state("[identify] ", name, Some(&text(value))),
+        }
     }
-    for name in &arguments.estimates {
-        bench.estimate(name, "--estimate ");
-    }
-    if let Some((name, value)) = &arguments.at {
-        bench.set_position(name, value);
+    arguments.changes.iter().for_each(|(name, value)| bench.state("--set ", name, Some(value)));
+    arguments.estimates.iter().for_each(|name| bench.state("--estimate ", name, None));
+    match &arguments.at {
+        Some((name, value)) if name == "Xm" => bench.state("--at ", AT, Some(value)),
+        Some((name, _)) => {
+            bench.errors.push(format!("--at {name}: expected a position along the axis, as in Xm=10mm"));
+        }
+        None => {}
     }
     let changed = arguments.changes.iter().map(|(name, _)| without_element(name));
-    let mut given = changed.chain(scenario.identify.keys().map(String::as_str));
-    if !given.any(|name| name == MASS) {
+    if !changed.chain(scenario.identify.keys().map(String::as_str)).any(|name| name == MASS) {
         bench.errors.push("m is missing: the mass of what levitates, --set m=…".into());
     }
     if !bench.errors.is_empty() {
         return Err(refused(bench.errors.join("\n  ")));
     }
-    Ok((results(arguments, &bench.axis, &columns)?, columns, scenario))
+    Ok((results(arguments, bench.axis, &columns)?, columns, scenario))
 }
 
 impl Bench {
-    /// Reads the table `[identify]` of a scenario.
-    fn read(&mut self, table: &toml::Table) {
-        for (name, value) in table {
-            match (name.as_str(), value) {
-                ("estimate", toml::Value::Array(names)) => {
-                    names.iter().for_each(|name| self.estimate(&text(name), "[identify] estimate "));
-                }
-                ("at", value) => self.set_position("Xm", &text(value)),
-                (name, value) => self.set(name, &text(value), "[identify] "),
-            }
-        }
+    /// Sets a parameter, or has it estimated if there is no value.
+    fn state(&mut self, from: &str, name: &str, value: Option<&str>) {
+        let stated = self.stated(without_element(name), value);
+        self.errors.extend(stated.err().map(|why| format!("{from}{why}")));
     }
 
-    fn set(&mut self, name: &str, value: &str, from: &str) {
-        let name = without_element(name);
+    fn stated(&mut self, name: &str, value: Option<&str>) -> std::result::Result<(), String> {
+        let Some(value) = value else {
+            if matches!(name, MASS | USED) {
+                return Err(format!("{name}: it cannot be estimated; expected --set {name}=…"));
+            }
+            self.axis.estimated[parameter(name)?] = true;
+            return Ok(());
+        };
         let positive = |number: f64| {
             if number > 0.0 { Ok(number) } else { Err(format!("{name}={value}: expected a value above 0")) }
         };
-        let result = match name {
-            MASS => quantity(name, value, "kg").and_then(positive).map(|m_kg| self.axis.m_kg = m_kg),
-            USED => Used::all()
-                .find(|used| used.name() == value)
-                .map(|used| self.axis.used = used.magnets())
-                .ok_or_else(|| format!("magnets.used={value}: expected first, second or both")),
-            _ => match parameter(name) {
-                Some(at) => {
-                    let number = quantity(name, value, PARAMETERS[at].1);
-                    let signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
-                    let number = if signed { number } else { number.and_then(positive) };
-                    number.map(|number| self.axis.known[at] = Some(number))
-                }
-                None => Err(no_parameter(name)),
-            },
-        };
-        self.errors.extend(result.err().map(|why| format!("{from}{why}")));
-    }
-
-    fn estimate(&mut self, name: &str, from: &str) {
-        match parameter(name) {
-            Some(at) => self.axis.estimated[at] = true,
-            None if matches!(name, MASS | USED) => {
-                self.errors.push(format!("{from}{name}: it cannot be estimated; expected --set {name}=…"));
+        match name {
+            MASS => self.axis.m_kg = positive(quantity(name, value, "kg")?)?,
+            USED => {
+                let used = Used::all().find(|used| used.name() == value);
+                self.axis.used =
+                    used.ok_or_else(|| format!("{name}={value}: expected first, second or both"))?.magnets();
             }
-            None => self.errors.push(format!("{from}{}", no_parameter(name))),
+            AT => self.axis.at_m = Some(quantity("Xm", value, "m")?),
+            _ => {
+                let at = parameter(name)?;
+                let number = quantity(name, value, PARAMETERS[at].1)?;
+                let is_signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
+                self.axis.known[at] = Some(if is_signed { number } else { positive(number)? });
+            }
         }
-    }
-
-    fn set_position(&mut self, name: &str, value: &str) {
-        match quantity(name, value, "m") {
-            Ok(at_m) if name == "Xm" => self.axis.at_m = Some(at_m),
-            Ok(_) => self.errors.push(format!("--at {name}: expected a position along the axis, as in Xm=10mm")),
-            Err(why) => self.errors.push(format!("--at {why}")),
-        }
+        Ok(())
     }
 }
 
-fn parameter(name: &str) -> Option<usize> {
-    PARAMETERS.iter().position(|(known, ..)| *known == name)
+/// Index of a parameter of the axis.
+fn parameter(name: &str) -> std::result::Result<usize, String> {
+    PARAMETERS.iter().position(|(known, ..)| *known == name).ok_or_else(|| {
+        let names = [MASS, USED].into_iter().chain(PARAMETERS.map(|(name, ..)| name));
+        let suggestion = suggestion(name, &names.map(str::to_owned).collect::<Vec<_>>());
+        format!("{name} is no parameter of this machine; {suggestion}")
+    })
 }
 
-fn no_parameter(name: &str) -> String {
-    let names = [MASS, USED].into_iter().chain(PARAMETERS.map(|(name, _)| name));
-    let suggestion = suggestion(name, &names.map(str::to_owned).collect::<Vec<_>>());
-    format!("{name} is no parameter of this machine; {suggestion}")
-}
-
-/// Identifies the axis from each recording.
-fn results(arguments: &Arguments, axis: &Axis, columns: &Pairs) -> Result<Results> {
+/// Identifies the axis from each recording, linearised at the position of the first.
+fn results(arguments: &Arguments, mut axis: Axis, columns: &Pairs) -> Result<Results> {
     let reading = arguments.reading(columns, &AXIAL, Some(axis.used.clone()));
-    let implausible = |samples: &Samples| samples.implausible_axis(&axis.used, axis.gap_m());
+    let (used, gap_m) = (axis.used.clone(), axis.gap_m());
+    let implausible = |samples: &Samples| samples.implausible_axis(&used, gap_m);
     let recordings = arguments.read_all(&reading, implausible)?;
-    let mut axes: Vec<Answer> = Vec::new();
+    let answer = |axis: &Axis, path: &Path, samples: &Samples| {
+        axial::answer(axis, samples).map_err(|why| arguments.refused(path, vec![why]))
+    };
+    let mut axes = Vec::new();
     for (path, samples) in arguments.recordings.iter().zip(&recordings) {
-        axes.push(answer(arguments, axis, path, samples, axes.first())?);
+        let identified = answer(&axis, path, samples)?;
+        axis.at_m = Some(identified.at_m);
+        axes.push(identified);
     }
     let differ = axial::agreement(&axes);
     let statements: Vec<Statement> = axes.iter().map(Answer::statement).collect();
-    let mut summary = Vec::new();
-    let document = match statements.as_slice() {
-        [statement] => statement.json.clone(),
-        all => {
-            summary.push(differ.clone().unwrap_or_else(|| "The recordings agree.".into()));
-            let valid = all.iter().all(|statement| statement.valid != Some(false)) && differ.is_none();
-            let documents: Vec<_> = all.iter().map(|statement| &statement.json).collect();
-            json!({"valid": valid, "differ": differ, "recordings": documents})
-        }
-    };
-    let why =
-        statements.iter().find(|statement| statement.valid == Some(false)).map(|statement| statement.verdict.clone());
-    let not_valid = why.or(differ);
+    let refused = statements.iter().find(|statement| statement.valid == Some(false));
+    let not_valid = refused.map(|statement| statement.verdict.clone()).or(differ.clone());
+    let (mut summary, mut document) = (Vec::new(), statements[0].json.clone());
+    if statements.len() > 1 {
+        let all: Vec<_> = statements.iter().map(|statement| &statement.json).collect();
+        document = json!({"valid": not_valid.is_none(), "differ": differ, "recordings": all});
+        summary.push(differ.unwrap_or_else(|| "The recordings agree.".into()));
+    }
     let mut results = Results { recordings, axes, statements, summary, document, not_valid, ..Results::default() };
     if let Some(path) = &arguments.check {
-        let samples = arguments.read(path, &reading, implausible)?;
-        let first = &results.axes[0];
-        let check = first.check(&answer(arguments, axis, path, &samples, Some(first))?);
+        let own = answer(&axis, path, &arguments.read(path, &reading, implausible)?)?;
+        let check = results.axes[0].check(&own);
         arguments.add_check(&mut results, Ok(check));
     }
     Ok(results)
-}
-
-/// Identifies the axis from a recording, linearised at the position of the first.
-fn answer(
-    arguments: &Arguments,
-    axis: &Axis,
-    path: &Path,
-    samples: &Samples,
-    first: Option<&Answer>,
-) -> Result<Answer> {
-    let axis = Axis { at_m: axis.at_m.or(first.map(|first| first.at_m)), ..axis.clone() };
-    axial::answer(&axis, samples).map_err(|why| arguments.refused(path, vec![why]))
 }

@@ -13,7 +13,7 @@ mod twin;
 
 pub use self::answer::{Answer, agreement, answer};
 use self::feedback::feedback;
-use self::filter::Readings;
+use self::filter::{Readings, in_row};
 use self::search::{Fit, fit, follow, log_likelihood};
 use super::samples::Samples;
 use super::units::significant;
@@ -39,22 +39,27 @@ const SLOPE: usize = 11;
 const FEEDBACK: usize = 12;
 
 /// Names and units of the unknowns, for `--set` and `--estimate`: λ of the magnet that pulls along x and of the other one, gap at x = 0, load along x, κ between
-/// forces in statics and in dynamics, noises, random walks, delay of positions relative to currents.
-pub const PARAMETERS: [(&str, &str); UNKNOWNS] = [
-    ("lambda[1]", "N.m2/A2"),
-    ("lambda[2]", "N.m2/A2"),
-    ("s", "m"),
-    ("pX", "N"),
-    (likelihood::DYNAMICS, "1"),
-    ("noise.position", "m"),
-    (NOISE_EXPONENT, "1"),
-    ("noise.current", "A"),
-    ("current.walk", "A/s0.5"),
-    ("force.slow", "N/s0.5"),
-    (likelihood::DELAY, "s"),
-    ("current.slope", "A/s1.5"),
-    ("current.feedback", "1"),
+/// forces in statics and in dynamics, noises, random walks, delay of positions relative to currents. Those with a smallest value are searched by their
+/// logarithms; that of the slow force is relative to the weight.
+pub const PARAMETERS: [(&str, &str, f64); UNKNOWNS] = [
+    ("lambda[1]", "N.m2/A2", f64::MIN_POSITIVE),
+    ("lambda[2]", "N.m2/A2", f64::MIN_POSITIVE),
+    ("s", "m", 0.0),
+    ("pX", "N", 0.0),
+    (likelihood::DYNAMICS, "1", 0.0),
+    ("noise.position", "m", 1e-10),
+    (NOISE_EXPONENT, "1", 0.0),
+    ("noise.current", "A", 1e-7),
+    ("current.walk", "A/s0.5", 1e-5),
+    ("force.slow", "N/s0.5", 1e-6),
+    (likelihood::DELAY, "s", 0.0),
+    ("current.slope", "A/s1.5", 1e-3),
+    ("current.feedback", "1", 0.0),
 ];
+
+/// Effects of real benches in the order in which they are tried, with the value of the unknown where there is none.
+const EFFECTS: [(usize, f64); 5] =
+    [(SLOPE, f64::NEG_INFINITY), (FEEDBACK, 0.0), (EXPONENT, 0.0), (DYNAMICS, 1.0), (SLOW, f64::NEG_INFINITY)];
 
 /// Detection of the start: length of a window, s; number of windows in a row, of which no more than in the second half may have a normalised innovation
 /// squared above this many medians; time after which transients of the slow force have decayed, s. All four are set by the five recordings in
@@ -93,14 +98,14 @@ pub struct Axis {
     pub at_m: Option<f64>,
 }
 
-/// Whether an unknown is a noise level.
-pub(crate) fn is_noise(at: usize) -> bool {
-    matches!(at, POSITION_NOISE | CURRENT_NOISE | WALK | SLOW | SLOPE)
+/// Whether the search uses the logarithm of an unknown: λ or the level of a noise.
+fn is_logarithm(at: usize) -> bool {
+    PARAMETERS[at].2 > 0.0
 }
 
-/// Whether the search uses the logarithm of an unknown.
-fn is_logarithm(at: usize) -> bool {
-    at < GAP || is_noise(at)
+/// Direction along x in which a magnet pulls.
+fn direction(k: usize) -> f64 {
+    if k == 0 { 1.0 } else { -1.0 }
 }
 
 /// Unknowns of a point in SI units: noises and λ not as logarithms.
@@ -131,12 +136,8 @@ impl Axis {
         self.known[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(GRAVITY_M_S2 * self.m_kg)
     }
 
-    pub(crate) fn slow_start_n(&self) -> f64 {
-        SLOW_START * self.weight_n()
-    }
-
     /// Step of the central differences along an unknown: small compared with the curvature of the model, large compared with rounding.
-    pub(crate) fn step(&self, at: usize, point: &Point) -> f64 {
+    fn step(&self, at: usize, point: &Point) -> f64 {
         match at {
             0..GAP => 1e-3,
             // Relative to the gap at the operating point: s may be near 0.
@@ -149,7 +150,7 @@ impl Axis {
     }
 
     /// Points one step ahead of and behind a point along an unknown.
-    pub(crate) fn neighbours(&self, at: usize, point: &Point) -> [Point; 2] {
+    fn neighbours(&self, at: usize, point: &Point) -> [Point; 2] {
         [1.0, -1.0].map(|sign| {
             let mut neighbour = *point;
             neighbour[at] += sign * self.step(at, point);
@@ -157,17 +158,10 @@ impl Axis {
         })
     }
 
-    /// Nearest admissible point: noises above rounding, κ within its limits.
-    pub(crate) fn bounded(&self, mut point: Point) -> Point {
-        let least = [
-            (POSITION_NOISE, 1e-10),
-            (CURRENT_NOISE, 1e-7),
-            (WALK, 1e-5),
-            (SLOW, 1e-6 * self.weight_n()),
-            (SLOPE, 1e-3),
-        ];
-        for (at, least) in least {
-            // A slow force of zero stays zero.
+    /// Nearest admissible point: noises above rounding, κ within its limits. A slow force of zero stays zero.
+    fn bounded(&self, mut point: Point) -> Point {
+        for at in (0..UNKNOWNS).filter(|at| is_logarithm(*at)) {
+            let least = PARAMETERS[at].2 * if at == SLOW { self.weight_n() } else { 1.0 };
             if point[at] > f64::NEG_INFINITY {
                 point[at] = point[at].max(libm::log(least));
             }
@@ -176,24 +170,24 @@ impl Axis {
         point
     }
 
-    pub(crate) fn law(&self, point: &Point) -> Law {
-        let at_m = self.at_m.unwrap_or(0.0);
-        let magnets = self.used.iter().map(|k| (if *k == 0 { 1.0 } else { -1.0 }, libm::exp(point[*k])));
-        let mut law = Law { magnets: [(0.0, 0.0); 2], values: values(point), reference_m: 1.0 };
-        law.magnets.iter_mut().zip(magnets).for_each(|(of, magnet)| *of = magnet);
-        law.reference_m = law.gap_of(0, at_m);
-        law
+    fn law(&self, point: &Point) -> Law {
+        let values = values(point);
+        let magnet = |n: usize| self.used.get(n).map_or((0.0, 0.0), |k| (direction(*k), values[*k]));
+        let law = Law { magnets: array::from_fn(magnet), values, m_kg: self.m_kg, reference_m: 1.0 };
+        Law { reference_m: law.gap_of(0, self.at_m.unwrap_or(0.0)), ..law }
     }
 }
 
 /// Force law at a point of the search; the only part that knows the magnets.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Law {
+struct Law {
     /// Direction along x and λ in N·m²/A² of the magnets used.
     magnets: [(f64, f64); 2],
     /// Unknowns in SI units.
-    pub(crate) values: Point,
-    pub(crate) reference_m: f64,
+    values: Point,
+    m_kg: f64,
+    /// Gap of the first magnet at the operating point, m.
+    reference_m: f64,
 }
 
 impl Law {
@@ -215,18 +209,15 @@ impl Law {
     }
 
     /// Acceleration without the slow force, m/s², with its derivatives with respect to x and the currents.
-    pub(crate) fn linearised(&self, axis: &Axis, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
+    fn linearised(&self, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
         let (force, stiffness, gain) = self.force(x_m, current_a);
-        let inertia = self.values[DYNAMICS] * axis.m_kg;
+        let inertia = self.values[DYNAMICS] * self.m_kg;
         ((self.values[LOAD] + force) / inertia, stiffness / inertia, gain.map(|gain| gain / inertia))
     }
 
     /// Standard deviation of a position reading, m.
-    pub(crate) fn position_noise(&self, reading_m: f64) -> f64 {
+    fn position_noise(&self, reading_m: f64) -> f64 {
         let [noise_m, exponent] = [POSITION_NOISE, EXPONENT].map(|at| self.values[at]);
-        if exponent == 0.0 {
-            return noise_m;
-        }
         let gap = (self.gap_of(0, reading_m) / self.reference_m).max(0.05);
         noise_m * libm::pow(gap, exponent)
     }
@@ -240,8 +231,13 @@ struct Effect {
     /// Gain in log-likelihood, and whether it is significant.
     gain: f64,
     is_significant: bool,
-    /// Whether it is part of the model.
-    is_taken: bool,
+}
+
+impl Effect {
+    /// Whether it is part of the model. A recording with little information on κ does not show that it is 1: κ stays, with its standard deviation.
+    fn is_taken(&self) -> bool {
+        self.is_significant || self.at == DYNAMICS
+    }
 }
 
 /// Result for a recording.
@@ -254,15 +250,6 @@ struct Found {
     effects: Vec<Effect>,
     /// Fit with the most likely delay, if that is significantly better.
     delayed: Option<Fit>,
-}
-
-/// Value of an unknown on a bench without the effect.
-fn without(at: usize) -> f64 {
-    match at {
-        DYNAMICS => 1.0,
-        SLOW | SLOPE => f64::NEG_INFINITY,
-        _ => 0.0,
-    }
 }
 
 /// Identifies the axis from one recording.
@@ -300,26 +287,23 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         start[CURRENT_NOISE] = libm::log(current_noise(&readings));
     }
     let mut best = fit(&axis, &readings, &start, &free, usize::MAX).ok_or(failed)?;
-    let mut effects = Vec::new();
-    let mut without_feedback = None;
-    let tried = [SLOPE, FEEDBACK, EXPONENT, DYNAMICS, SLOW];
-    for at in tried.into_iter().filter(|at| free.contains(at)).collect::<Vec<_>>() {
-        let fewer: Vec<usize> = free.iter().copied().filter(|other| *other != at).collect();
-        let mut point = best.point;
-        point[at] = without(at);
+    // Schwarz 1978: half of ln N per parameter.
+    let needed = 0.5 * libm::log(best.readings as f64);
+    let (mut effects, mut without_feedback) = (Vec::new(), None);
+    for (at, none) in EFFECTS {
+        let Some(place) = free.iter().position(|of| *of == at) else { continue };
+        let (mut fewer, mut point) = (free.clone(), best.point);
+        fewer.remove(place);
+        point[at] = none;
         let simpler = fit(&axis, &readings, &point, &fewer, usize::MAX);
         let gain = simpler.as_ref().map_or(f64::INFINITY, |simpler| best.log_likelihood - simpler.log_likelihood);
-        // Schwarz 1978: half of ln N per parameter.
-        let is_significant = axis.estimated[at] || gain > 0.5 * libm::log(best.readings as f64);
-        // A recording with little information on κ does not show that it is 1: κ stays, with its standard deviation.
-        let is_taken = is_significant || at == DYNAMICS;
-        effects.push(Effect { at, gain, is_significant, is_taken });
-        if let (true, FEEDBACK, Some(simpler)) = (is_taken, at, &simpler) {
-            without_feedback = Some(simpler.point);
+        let effect = Effect { at, gain, is_significant: axis.estimated[at] || gain > needed };
+        match simpler {
+            Some(simpler) if !effect.is_taken() => (best, free) = (simpler, fewer),
+            Some(simpler) if at == FEEDBACK => without_feedback = Some(simpler.point),
+            _ => {}
         }
-        if let (false, Some(simpler)) = (is_taken, simpler) {
-            (best, free) = (simpler, fewer);
-        }
+        effects.push(effect);
     }
     if let Some(point) = without_feedback {
         best.widen(&point);
@@ -328,8 +312,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         let more = [free.as_slice(), &[DELAY]].concat();
         fit(&axis, &readings, &best.point, &more, usize::MAX)
     });
-    let is_significant = |of: &Fit| of.log_likelihood - best.log_likelihood > 0.5 * libm::log(best.readings as f64);
-    let delayed = delayed.flatten().filter(is_significant);
+    let delayed = delayed.flatten().filter(|of| of.log_likelihood - best.log_likelihood > needed);
     Ok(Found { axis, fit: best, readings, effects, delayed })
 }
 
@@ -369,12 +352,14 @@ fn noise_of_walk(values: &[f64]) -> f64 {
 /// Noise of the currents without the controller's response, A.
 fn current_noise(readings: &Readings) -> f64 {
     let noise = |(k, current): (usize, &Vec<f64>)| {
+        let mut residual = current[readings.rows.clone()].to_vec();
+        let changes = readings.feedback_a.get(k).map_or(&[][..], |of| &of[readings.rows.clone()]);
         let mut sum_a = 0.0;
-        let residual = readings.rows.clone().map(|row| {
-            sum_a += readings.feedback_a.get(k).map_or(0.0, |of| of[row]);
-            current[row] - sum_a
-        });
-        noise_of_walk(&residual.collect::<Vec<_>>())
+        for (residual, change_a) in residual.iter_mut().zip(changes) {
+            sum_a += change_a;
+            *residual -= sum_a;
+        }
+        noise_of_walk(&residual)
     };
     readings.current_a.iter().enumerate().map(noise).fold(1e-6, f64::max)
 }
@@ -383,8 +368,7 @@ fn current_noise(readings: &Readings) -> f64 {
 fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     let rows = &readings.rows;
     let mut point = [0.0; UNKNOWNS];
-    point[DYNAMICS] = 1.0;
-    point[FEEDBACK] = 1.0;
+    (point[DYNAMICS], point[FEEDBACK]) = (1.0, 1.0);
     point[SLOW] = libm::log(0.01 * axis.weight_n());
     point[POSITION_NOISE] = libm::log(noise(&readings.x_m[rows.clone()]).max(1e-9));
     let current_noise_a = current_noise(readings);
@@ -392,9 +376,8 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
     point[WALK] = libm::log(current_noise_a / (2.0 * readings.step_s.sqrt()));
     point[SLOPE] = point[WALK] + libm::log(SLOPE_START_1_S);
     for (at, value) in axis.known.iter().enumerate() {
-        if let Some(value) = value {
-            point[at] = if is_logarithm(at) { libm::log(*value) } else { *value };
-        }
+        let known = value.map(|value| if is_logarithm(at) { libm::log(value) } else { value });
+        point[at] = known.unwrap_or(point[at]);
     }
     let known: Vec<usize> = rows.clone().filter(|row| readings.is_complete(*row)).collect();
     if known.len() < 100 {
@@ -403,16 +386,8 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
             known.len()
         ));
     }
-    for (k, current) in axis.used.iter().zip(&readings.current_a).filter(|(k, _)| axis.known[**k].is_none()) {
-        if known.iter().all(|row| current[*row] == 0.0) {
-            let n = k + 1;
-            return Err(format!(
-                "im[{n}] is 0 throughout, which gives no information about magnet {n}: is it connected, or not used (magnets.used)?"
-            ));
-        }
-    }
     if let ([k], Some(load_n)) = (axis.used.as_slice(), axis.known[LOAD]) {
-        let direction = if *k == 0 { 1.0 } else { -1.0 };
+        let direction = direction(*k);
         if load_n * direction >= 0.0 {
             return Err(format!(
                 "pX = {load_n} N pulls where magnet {} pulls as well: expected a load in the opposite direction, or the other magnet \
@@ -425,7 +400,7 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
         let along = |row: &usize| -direction * readings.x_m[*row];
         let (x, i) = (mean(known.iter().map(along)), mean(known.iter().map(current)));
         let mut gaps = vec![axis.known[GAP].map_or(f64::NAN, |gap_m| gap_m + x)];
-        if axis.estimated[GAP] || axis.known[GAP].is_none() {
+        if !axis.is_known(GAP) {
             let slope = mean(known.iter().map(|row| (along(row) - x) * (current(row) - i)))
                 / mean(known.iter().map(|row| (along(row) - x).powi(2)));
             gaps.push(i / slope);
@@ -455,10 +430,7 @@ fn first_guess(axis: &Axis, readings: &Readings) -> Result<Point, String> {
         }
         if axis.known[LOAD].is_none() {
             let law = axis.law(&guess);
-            let force = |row: &usize| {
-                let current = |k: usize| readings.current_a.get(k).map_or(0.0, |current| current[*row]);
-                law.force(readings.x_m[*row], [current(0), current(1)]).0
-            };
+            let force = |row: &usize| law.force(readings.x_m[*row], in_row(&readings.current_a, *row)).0;
             guess[LOAD] = -mean(known.iter().map(force));
         }
         guess

@@ -7,7 +7,7 @@ use super::filter::Readings;
 use super::search::{Fit, follow};
 use super::{
     Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS, POSITION_NOISE, Point,
-    SLOW, UNKNOWNS, find, mean,
+    SLOW, UNKNOWNS, find, is_logarithm, mean,
 };
 use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
@@ -32,9 +32,6 @@ const MAX_SHIFT_STD: f64 = 3.0;
 const MIRRORED: &str = "x is mirrored: reverse the sign of the sensor";
 const EXCHANGED: &str = "the magnets are exchanged: exchange their columns (--column), or magnets.used";
 
-/// Current, ki, ks, ki/κ and ks/κ at the operating point.
-pub type Point5 = [Estimate; 5];
-
 /// Result for one axis.
 #[derive(Clone, Debug)]
 pub struct Answer {
@@ -47,7 +44,7 @@ pub struct Answer {
     /// Position of the operating point, m.
     pub at_m: f64,
     /// Operating point: current in A, ki in N/A, ks in N/m, dynamic ki and ks.
-    pub operating: Point5,
+    pub operating: [Estimate; 5],
     /// κ between statics and dynamics.
     pub dynamics: Estimate,
     /// Estimates of λ of the magnets that are used, N·m²/A², by magnet, and of the gap, m.
@@ -57,42 +54,16 @@ pub struct Answer {
     pub(super) found: Found,
 }
 
-/// Results of the filter by row; NaN where it was not used.
-#[derive(Clone, Debug)]
-pub struct Traces {
-    /// Slow force and its standard deviation, N.
-    pub slow_n: Vec<[f64; 2]>,
-    /// One-step prediction errors of the position, m.
-    pub error_m: Vec<f64>,
-    /// First row used.
-    pub from: usize,
-}
-
 /// rms of the prediction errors `ahead` rows ahead, m.
 fn prediction_rms(axis: &Axis, readings: &Readings, point: &Point, ahead: usize) -> f64 {
     let (mut squares, mut row) = (Vec::new(), readings.rows.start);
     follow(axis, readings, point, |filter, _| {
         if let Some(x_m) = readings.x_m[..readings.rows.end].get(row + ahead) {
-            squares.push((x_m - filter.ahead(axis, readings, ahead)).powi(2));
+            squares.push((x_m - filter.ahead(readings, ahead)).powi(2));
         }
         row += 1;
     });
     mean(squares).sqrt()
-}
-
-/// Current (A), ki (N/A), ks (N/m) at the operating point, and ki/κ, ks/κ: in equilibrium where one magnet carries a load,
-/// otherwise with the mean currents of the recording.
-fn operating(axis: &Axis, point: &Point, mean_a: &[f64]) -> [f64; 5] {
-    let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
-    let mut current_a = [mean_a[0], mean_a.get(1).copied().unwrap_or(0.0)];
-    if let [k] = axis.used.as_slice() {
-        let gap = law.gap_of(0, at_m);
-        current_a[0] = gap * (point[LOAD].abs() / libm::exp(point[*k])).sqrt();
-    }
-    let (_, stiffness, gain) = law.force(at_m, current_a);
-    let gain: f64 = gain.iter().map(|gain| gain.abs()).sum();
-    let current = current_a.iter().sum::<f64>() / axis.used.len() as f64;
-    [current, gain, stiffness, gain / point[DYNAMICS], stiffness / point[DYNAMICS]]
 }
 
 /// Identifies the axis from one recording. If the result is not valid, common mistakes are tried, and those that explain the data are proposed.
@@ -129,12 +100,7 @@ fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
 
 fn identified(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let found = find(axis, recording)?;
-    let fit = &found.fit;
-    let (axis, point) = (&found.axis, &fit.point);
-    let Readings { current_a, rows, .. } = &found.readings;
-    let mean_a: Vec<f64> = current_a.iter().map(|of| mean(of[rows.clone()].iter().copied())).collect();
-    let five = |point: &Point| operating(axis, point, &mean_a);
-    let values = five(point);
+    let Found { axis, fit: Fit { point, covariance, .. }, .. } = &found;
     let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
     for (n, k) in axis.used.iter().enumerate() {
         let gap_m = law.gap_of(n, at_m);
@@ -147,45 +113,61 @@ fn identified(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
             ));
         }
     }
-    let cross = covariance(axis, fit, five);
-    let of = |value: f64, variance: f64| Estimate {
+    let estimate = |value: f64, variance: f64| Estimate {
         value,
         noise_std: variance.max(0.0).sqrt(),
         total_std: (variance.max(0.0) + (FLOOR * value).powi(2)).sqrt(),
     };
-    let operating: Point5 = array::from_fn(|i| of(values[i], cross[(i, i)]));
-    let dynamics = of(point[DYNAMICS], fit.covariance[(DYNAMICS, DYNAMICS)]);
-    let lambda_of = |k: usize| {
-        let value = libm::exp(point[k]);
-        of(value, value * value * fit.covariance[(k, k)])
+    let unknown = |at: usize| {
+        let (value, slope) = (law.values[at], if is_logarithm(at) { law.values[at] } else { 1.0 });
+        estimate(value, slope * slope * covariance[(at, at)])
     };
-    let lambda: Vec<_> = axis.used.iter().map(|k| (*k, lambda_of(*k))).collect();
-    let gap = of(point[GAP], fit.covariance[(GAP, GAP)]);
+    let (operating, of_operating) = (found.operating(point), found.covariance_at_operating_point());
     let mut answer = Answer {
         valid: true,
         verdict: String::new(),
         findings: Vec::new(),
         at_m,
-        operating,
-        dynamics,
-        lambda,
-        gap,
+        operating: array::from_fn(|i| estimate(operating[i], of_operating[(i, i)])),
+        dynamics: unknown(DYNAMICS),
+        lambda: axis.used.iter().map(|k| (*k, unknown(*k))).collect(),
+        gap: unknown(GAP),
         found,
     };
-    answer.judge(&mean_a);
+    answer.judge();
     Ok(answer)
 }
 
-/// Covariance of five functions of a point, by differences.
-fn covariance(axis: &Axis, fit: &Fit, of: impl Fn(&Point) -> [f64; 5]) -> DMatrix<f64> {
-    let slope = |at: usize| {
-        let [up, down] = axis.neighbours(at, &fit.point).map(|point| of(&point));
-        array::from_fn::<f64, 5, _>(|i| (up[i] - down[i]) / (2.0 * axis.step(at, &fit.point)))
-    };
-    let slopes: Vec<[f64; 5]> = (0..UNKNOWNS).map(slope).collect();
-    // Unknowns without covariance were not searched; at a slow force of zero there is no slope.
-    let jacobian = DMatrix::from_fn(5, UNKNOWNS, |i, j| if fit.covariance[(j, j)] > 0.0 { slopes[j][i] } else { 0.0 });
-    &jacobian * &fit.covariance * jacobian.transpose()
+impl Found {
+    /// Current (A), ki (N/A), ks (N/m) at the operating point, and ki/κ, ks/κ: in equilibrium where one magnet carries a load,
+    /// otherwise with the mean currents of the recording.
+    fn operating(&self, point: &Point) -> [f64; 5] {
+        let Self { axis, readings: Readings { current_a, rows, .. }, .. } = self;
+        let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
+        let mut mean_a = [0.0; 2];
+        for (mean_a, of) in mean_a.iter_mut().zip(current_a) {
+            *mean_a = mean(of[rows.clone()].iter().copied());
+        }
+        if let [k] = axis.used.as_slice() {
+            mean_a[0] = law.reference_m * (point[LOAD].abs() / law.values[*k]).sqrt();
+        }
+        let (_, stiffness, gain) = law.force(at_m, mean_a);
+        let gain: f64 = gain.iter().map(|gain| gain.abs()).sum();
+        let current = mean_a.iter().sum::<f64>() / axis.used.len() as f64;
+        [current, gain, stiffness, gain / point[DYNAMICS], stiffness / point[DYNAMICS]]
+    }
+
+    /// Covariance of these five, by differences.
+    fn covariance_at_operating_point(&self) -> DMatrix<f64> {
+        let Self { axis, fit: Fit { point, covariance, .. }, .. } = self;
+        let mut jacobian = DMatrix::zeros(5, UNKNOWNS);
+        // Unknowns without covariance were not searched; at a slow force of zero there is no slope.
+        for at in (0..UNKNOWNS).filter(|at| covariance[(*at, *at)] > 0.0) {
+            let [up, down] = axis.neighbours(at, point).map(|point| self.operating(&point));
+            (0..5).for_each(|i| jacobian[(i, at)] = (up[i] - down[i]) / (2.0 * axis.step(at, point)));
+        }
+        &jacobian * covariance * jacobian.transpose()
+    }
 }
 
 /// A position in mm, to a tenth of a micrometre.
@@ -198,12 +180,12 @@ fn percent(part: f64) -> String {
 }
 
 impl Answer {
-    fn judge(&mut self, mean_a: &[f64]) {
+    fn judge(&mut self) {
         let [_, ki, ks, ..] = &self.operating;
         let worst = (ki.total_std / ki.value).max(ks.total_std / ks.value);
-        let refusal = self.refusal(mean_a, worst);
-        self.findings = self.remarks(refusal.is_none());
+        let refusal = self.refusal(worst);
         self.valid = refusal.is_none();
+        self.findings = self.remarks();
         self.verdict = match refusal {
             Some(why) => format!("Not valid: {why}."),
             None if ki.noise_std == 0.0 => {
@@ -219,34 +201,36 @@ impl Answer {
     }
 
     /// Rows left out, a position outside the recording, and significant effects of the bench. An invalid result gives no remark on the dynamics.
-    fn remarks(&self, is_valid: bool) -> Vec<String> {
+    fn remarks(&self) -> Vec<String> {
         let Found { fit, readings: Readings { rows, start_s, step_s, .. }, effects, .. } = &self.found;
-        let from = time(start_s + rows.start as f64 * step_s);
-        let left_out = format!("Readings before {from} do not follow the law (a start at rest?) and were left out.");
-        let effect = |effect: &Effect| {
-            let worth = format!("worth {} in log-likelihood", significant(effect.gain, 3));
-            let power = significant(fit.point[EXPONENT], 2);
+        let mut remarks = Vec::new();
+        if rows.start > 0 {
+            let from = time(start_s + rows.start as f64 * step_s);
+            remarks.push(format!("Readings before {from} do not follow the law (a start at rest?) and were left out."));
+        }
+        let ([low, high], positions) = self.found.position_range();
+        if self.at_m < low || self.at_m > high {
+            let at = in_mm(self.at_m);
+            remarks.push(format!(
+                "x = {at} mm is outside the positions of the recording, {positions}: ki and ks there rest on the law alone."
+            ));
+        }
+        for Effect { at, gain, .. } in effects.iter().filter(|effect| effect.is_significant) {
+            let worth = format!("worth {} in log-likelihood", significant(*gain, 3));
             let Estimate { value, noise_std, .. } = self.dynamics;
-            match effect.at {
-                DYNAMICS if is_valid && (value - 1.0).abs() > MENTIONED_STD * noise_std => {
+            remarks.extend(match *at {
+                DYNAMICS if self.valid && (value - 1.0).abs() > MENTIONED_STD * noise_std => {
                     Some(dynamics_remark("", value, noise_std, &format!(", {worth}")))
                 }
                 SLOW => Some(format!("A slow force that nothing explains wanders by {} ({worth}).", self.slow_force())),
                 EXPONENT => {
+                    let power = significant(fit.point[EXPONENT], 2);
                     Some(format!("The noise of the position grows with the gap to the power of {power} ({worth})."))
                 }
                 _ => None,
-            }
-        };
-        let effects = effects.iter().filter(|effect| effect.is_significant).filter_map(effect);
-        let ([low, high], positions) = self.found.position_range();
-        let outside = format!(
-            "x = {} mm is outside the positions of the recording, {positions}: ki and ks there rest on the law alone.",
-            in_mm(self.at_m)
-        );
-        let is_outside = self.at_m < low || self.at_m > high;
-        let first = [(rows.start > 0).then_some(left_out), is_outside.then_some(outside)];
-        first.into_iter().flatten().chain(effects).collect()
+            });
+        }
+        remarks
     }
 
     /// The level of the slow force.
@@ -255,7 +239,7 @@ impl Answer {
     }
 
     /// First reason why the result is not valid, if any. ki or ks is known within `worst`.
-    fn refusal(&self, mean_a: &[f64], worst: f64) -> Option<String> {
+    fn refusal(&self, worst: f64) -> Option<String> {
         let Found { axis, fit, delayed, .. } = &self.found;
         if !fit.converged {
             return Some("the search did not converge".into());
@@ -271,7 +255,7 @@ impl Answer {
             return Some(format!("the dynamics are not known: κ is at the limit of its search, {kappa}"));
         }
         let moved = delayed.as_ref().map(|delayed| {
-            let moved = operating(axis, &delayed.point, mean_a);
+            let moved = self.found.operating(&delayed.point);
             let far = |at: usize| (moved[at] - self.operating[at].value).abs() / self.operating[at].total_std;
             (delayed, far(1).max(far(2)))
         });
@@ -305,7 +289,7 @@ impl Answer {
         let axis = &self.found.axis;
         let known = (0..UNKNOWNS).filter(|at| axis.is_known(*at));
         let known = known.map(|at| {
-            let (name, unit) = PARAMETERS[at];
+            let (name, unit, _) = PARAMETERS[at];
             let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
             format!(", {name} = {}{unit}", significant(axis.known[at].unwrap_or(0.0), 5))
         });
@@ -351,7 +335,7 @@ impl Answer {
         let magnets: serde_json::Map<String, Json> =
             self.lambda.iter().map(|(k, lambda)| (format!("lambda[{}]", k + 1), lambda.json())).collect();
         let effect =
-            |of: &Effect| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken}));
+            |of: &Effect| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken()}));
         let effects: serde_json::Map<String, Json> = self.found.effects.iter().map(effect).collect();
         let Readings { rows, start_s, step_s, .. } = &self.found.readings;
         let point = &self.found.fit.point;
@@ -375,14 +359,15 @@ impl Answer {
         })
     }
 
-    /// Signals for figures.
+    /// Slow force and its standard deviation, N, and one-step prediction errors of the position, m, by row; NaN where the row was not used.
     #[must_use]
-    pub fn traces(&self) -> Traces {
-        let (found, from) = (&self.found, self.found.readings.rows.start);
-        let mut traces = Traces { slow_n: vec![[f64::NAN; 2]; from], error_m: vec![f64::NAN; from], from };
-        follow(&found.axis, &found.readings, &found.fit.point, |filter, [error, variance]| {
-            traces.slow_n.push(filter.slow_n());
-            traces.error_m.push(if variance > 0.0 { error } else { f64::NAN });
+    pub fn traces(&self) -> [Vec<f64>; 3] {
+        let Found { axis, readings, fit, .. } = &self.found;
+        let mut traces = [0; 3].map(|_| vec![f64::NAN; readings.rows.start]);
+        follow(axis, readings, &fit.point, |filter, [error, variance]| {
+            let [slow_n, std_n] = filter.slow_n();
+            let values = [slow_n, std_n, if variance > 0.0 { error } else { f64::NAN }];
+            traces.iter_mut().zip(values).for_each(|(trace, value)| trace.push(value));
         });
         traces
     }

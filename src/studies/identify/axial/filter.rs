@@ -14,7 +14,8 @@ use std::ops::Range;
 
 use nalgebra::{SMatrix, SVector};
 
-use super::{Axis, CURRENT_NOISE, DELAY, FEEDBACK, Law, SLOPE, SLOW, WALK};
+use super::{Axis, CURRENT_NOISE, DELAY, FEEDBACK, Law, SLOPE, SLOW, SLOW_START, WALK};
+use crate::bearing::array;
 
 /// Initial standard deviations: of the position and of the travel in a sample time, relative to the gap; of a current, A.
 const START_STD: f64 = 0.1;
@@ -47,7 +48,12 @@ impl Readings {
     }
 }
 
-/// Number of states for two magnets: x, v, d, the currents and their slopes. An unused magnet has a current of 0 without variance.
+/// Values of the magnets used in a row; 0 where there are none.
+pub(super) fn in_row(columns: &[Vec<f64>], row: usize) -> [f64; 2] {
+    array::from_fn(|k| columns.get(k).map_or(0.0, |column| column[row]))
+}
+
+/// Number of states for two magnets: x, v, d, the currents and their slopes. An unused magnet has a current of 0 without effect.
 pub(super) const BOTH: usize = 7;
 /// The same without the states of an unused magnet, which halves the time.
 pub(super) const ONE: usize = 5;
@@ -83,7 +89,7 @@ impl<const N: usize> Filter<N> {
                 if law.values[SLOPE] > 0.0 { START_STD_A_S * START_STD_A_S } else { 0.0 };
         }
         filter.reset_motion(readings.step_s);
-        let start_n = if law.values[SLOW] > 0.0 { axis.slow_start_n() } else { 0.0 };
+        let start_n = if law.values[SLOW] > 0.0 { SLOW_START * axis.weight_n() } else { 0.0 };
         filter.p[(2, 2)] = start_n * start_n;
         Some(filter)
     }
@@ -102,22 +108,21 @@ impl<const N: usize> Filter<N> {
     }
 
     /// Filters the next row and returns its innovations; rows before the first reading have none.
-    pub(super) fn step(&mut self, axis: &Axis, readings: &Readings, row: usize) -> Row {
+    pub(super) fn step(&mut self, readings: &Readings, row: usize) -> Row {
         if row < self.row {
             return Row::default();
         }
         if row > self.row {
-            let gain = self.law.values[FEEDBACK];
-            let change_a = [0, 1].map(|k| readings.feedback_a.get(k).map_or(0.0, |of| gain * of[row]));
-            self.predict(axis, readings.step_s, change_a);
+            let change_a = in_row(&readings.feedback_a, row).map(|change_a| self.law.values[FEEDBACK] * change_a);
+            self.predict(readings.step_s, change_a);
         }
         self.row = row;
         self.correct(readings, row)
     }
 
     /// One sample time, in which the controller changes the currents: midpoint rule, `P = F P Fᵀ + Σ_k w² g_k g_kᵀ`.
-    fn predict(&mut self, axis: &Axis, h: f64, change_a: [f64; 2]) {
-        let (law, used) = (self.law, axis.used.len());
+    fn predict(&mut self, h: f64, change_a: [f64; 2]) {
+        let law = self.law;
         let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
         let is_lost = self.is_lost();
         let current = |k: usize, part: f64| self.x[3 + k] + part * (h * self.x[Self::SLOPES + k] + change_a[k]);
@@ -125,16 +130,16 @@ impl<const N: usize> Filter<N> {
             [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| if k < Self::MAGNETS { current(k, part) } else { 0.0 }));
         let mut f = SMatrix::<f64, N, N>::identity();
         let mut noise = [SVector::<f64, N>::zeros(); 2];
-        for (k, noise) in noise.iter_mut().enumerate().take(used) {
+        for (k, noise) in noise.iter_mut().enumerate().take(Self::MAGNETS) {
             f[(3 + k, Self::SLOPES + k)] = h;
             noise[3 + k] = 1.0;
         }
         // Without a position the force is unknown.
         if !is_lost {
-            let begin = law.linearised(axis, self.x[0], begin_a).0 + self.x[2] / axis.m_kg;
+            let begin = law.linearised(self.x[0], begin_a).0 + self.x[2] / law.m_kg;
             let middle_m = self.x[0] + 0.5 * h * self.x[1] + 0.125 * h * h * begin;
-            let (middle, stiffness, gain) = law.linearised(axis, middle_m, middle_a);
-            let middle = middle + self.x[2] / axis.m_kg;
+            let (middle, stiffness, gain) = law.linearised(middle_m, middle_a);
+            let middle = middle + self.x[2] / law.m_kg;
             self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
             self.x[1] += h * middle;
             (f[(0, 1)], f[(1, 0)]) = (h + h * h * h / 6.0 * stiffness, h * stiffness);
@@ -142,8 +147,8 @@ impl<const N: usize> Filter<N> {
             let (constant, linear) = ([0.5 * h * h, h], [h * h / 6.0, 0.5 * h]);
             for row in 0..2 {
                 f[(row, row)] += 0.5 * h * h * stiffness;
-                f[(row, 2)] = constant[row] / axis.m_kg;
-                for k in 0..used {
+                f[(row, 2)] = constant[row] / law.m_kg;
+                for k in 0..Self::MAGNETS {
                     f[(row, 3 + k)] = constant[row] * gain[k];
                     f[(row, Self::SLOPES + k)] = h * linear[row] * gain[k];
                     // The walk of a current is linear from one sample to the next.
@@ -156,7 +161,7 @@ impl<const N: usize> Filter<N> {
         self.p = f * self.p * f.transpose();
         // Unequal rounding of the two triangles would grow with the instability of the rotor.
         self.p.fill_lower_triangle_with_upper_triangle();
-        for (k, noise) in noise.iter().enumerate().take(used) {
+        for (k, noise) in noise.iter().enumerate().take(Self::MAGNETS) {
             self.p.ger(walk, noise, noise, 1.0);
             self.p[(Self::SLOPES + k, Self::SLOPES + k)] += slope;
         }
@@ -195,14 +200,14 @@ impl<const N: usize> Filter<N> {
     }
 
     /// Position predicted this many rows ahead from the currents read in between, without position readings, m.
-    pub(super) fn ahead(&self, axis: &Axis, readings: &Readings, rows: usize) -> f64 {
+    pub(super) fn ahead(&self, readings: &Readings, rows: usize) -> f64 {
         let mut predictor = self.clone();
         for row in self.row + 1..=self.row + rows {
             for (k, current) in readings.current_a.iter().enumerate() {
                 let change_a = current[row] - predictor.x[3 + k];
                 predictor.x[Self::SLOPES + k] = if change_a.is_finite() { change_a / readings.step_s } else { 0.0 };
             }
-            predictor.predict(axis, readings.step_s, [0.0; 2]);
+            predictor.predict(readings.step_s, [0.0; 2]);
         }
         predictor.x[0]
     }

@@ -3,8 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::filter::{BOTH, Filter, ONE, POSITION, Readings, Row};
-use super::{Axis, DYNAMICS, Point, UNKNOWNS, is_logarithm, is_noise};
-use crate::bearing::array;
+use super::{Axis, DYNAMICS, GAP, Point, UNKNOWNS, is_logarithm};
 use crate::studies::parallel::in_order;
 
 /// Rows passed by all filters before their innovations are summed, so that memory does not grow with the recording.
@@ -50,7 +49,7 @@ struct Sums {
 pub(super) fn follow(axis: &Axis, readings: &Readings, point: &Point, mut each: impl FnMut(&Filter<BOTH>, [f64; 2])) {
     let Some(mut filter) = Filter::new(axis, axis.law(point), readings) else { return };
     for row in readings.rows.clone() {
-        let innovations = filter.step(axis, readings, row);
+        let innovations = filter.step(readings, row);
         each(&filter, innovations[POSITION]);
     }
 }
@@ -61,14 +60,12 @@ pub(super) fn log_likelihood(axis: &Axis, readings: &Readings, point: &Point) ->
 
 /// Most likely point, from a start along the free unknowns, in at most `most` iterations.
 pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize], most: usize) -> Option<Fit> {
-    let mut point = *start;
-    let mut damping = 1e-4;
-    let mut converged = false;
+    let (mut point, mut damping, mut converged) = (*start, 1e-4, false);
     let mut sums = pass(axis, readings, &point, free)?;
     for _ in 0..most.min(MAX_ITERATIONS) {
         let scale = DVector::from_fn(free.len(), |i, _| sums.information[(i, i)].sqrt() + 1e-300);
         let mut step = None;
-        while damping < 1e8 {
+        while step.is_none() && damping < 1e8 {
             let scaled = DMatrix::from_fn(free.len(), free.len(), |i, j| {
                 sums.information[(i, j)] / (scale[i] * scale[j]) + if i == j { damping } else { 0.0 }
             });
@@ -76,6 +73,7 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
                 let solved = cholesky.solve(&sums.score.component_div(&scale)).component_div(&scale);
                 // The bench parameters λ, gap and load depend on each other: their step is shortened as a whole, that of each noise by itself.
                 let longest = |at: usize| MAX_STEP * axis.step(at, &point);
+                let is_noise = |at: usize| at > GAP && is_logarithm(at);
                 let bench = free.iter().zip(solved.iter()).filter(|(at, _)| !is_noise(**at));
                 let part = bench.map(|(at, step)| longest(*at) / step.abs()).fold(1.0, f64::min);
                 let mut to = point;
@@ -85,38 +83,29 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
                 }
                 axis.bounded(to)
             });
-            if let Some(to) = moved {
-                let there = pass(axis, readings, &to, &[]).map_or(f64::NAN, |of| of.log_likelihood);
-                let gain = there - sums.log_likelihood;
-                if gain >= -1e-9 {
-                    step = Some((to, gain));
-                    break;
-                }
+            let with_gain = |to: Point| (to, log_likelihood(axis, readings, &to) - sums.log_likelihood);
+            step = moved.map(with_gain).filter(|(_, gain)| *gain >= -1e-9);
+            if step.is_none() {
+                damping = (10.0 * damping).max(1e-6);
             }
-            damping = (10.0 * damping).max(1e-6);
         }
-        let Some((to, gain)) = step else {
-            // No direction leads up: the point is a maximum up to rounding.
-            converged = true;
-            break;
-        };
-        point = to;
-        damping = (0.1 * damping).max(1e-9);
-        sums = pass(axis, readings, &point, free)?;
-        if gain < CONVERGED {
-            converged = true;
+        // If no direction leads up, the point is a maximum up to rounding.
+        converged = step.is_none_or(|(_, gain)| gain < CONVERGED);
+        if let Some((to, _)) = step {
+            (point, damping) = (to, (0.1 * damping).max(1e-9));
+            sums = pass(axis, readings, &point, free)?;
+        }
+        if converged {
             break;
         }
     }
-    let kept: Vec<usize> =
-        (0..free.len()).filter(|i| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > MIN_INFORMATION).collect();
-    let information = DMatrix::from_fn(kept.len(), kept.len(), |i, j| sums.information[(kept[i], kept[j])]);
-    let inverse = information.cholesky()?.inverse();
-    let place: [Option<usize>; UNKNOWNS] = array::from_fn(|at| kept.iter().position(|i| free[*i] == at));
-    let covariance = DMatrix::from_fn(UNKNOWNS, UNKNOWNS, |a, b| match (place[a], place[b]) {
-        (Some(i), Some(j)) => inverse[(i, j)],
-        _ => 0.0,
-    });
+    let is_kept = |i: &usize| !is_logarithm(free[*i]) || sums.information[(*i, *i)] > MIN_INFORMATION;
+    let kept: Vec<usize> = (0..free.len()).filter(is_kept).collect();
+    let inverse = sums.information.select_rows(&kept).select_columns(&kept).cholesky()?.inverse();
+    let mut covariance = DMatrix::zeros(UNKNOWNS, UNKNOWNS);
+    for (i, a) in kept.iter().enumerate() {
+        kept.iter().enumerate().for_each(|(j, b)| covariance[(free[*a], free[*b])] = inverse[(i, j)]);
+    }
     Some(Fit { point, log_likelihood: sums.log_likelihood, covariance, readings: sums.readings, converged })
 }
 
@@ -143,7 +132,7 @@ fn pass_of<const N: usize>(axis: &Axis, readings: &Readings, point: &Point, free
         let to = (from + ROWS).min(rows.end);
         let passed = in_order(filters.len(), &|at| {
             let mut filter = filters[at].clone();
-            let innovations = (from..to).map(|row| filter.step(axis, readings, row)).collect();
+            let innovations = (from..to).map(|row| filter.step(readings, row)).collect();
             (filter, innovations)
         });
         let innovations: Vec<Vec<Row>>;
