@@ -185,9 +185,8 @@ impl Arguments {
         }
         let reading = self.reading(&columns, machine, None);
         let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
-        let implausible = |samples: &Samples| samples.implausible(&gap_m);
-        let recordings = self.read_all(&reading, implausible)?;
-        let checked = self.check.as_ref().map(|path| self.read(path, &reading, implausible)).transpose()?;
+        let recordings = self.read_all(&reading, &gap_m)?;
+        let checked = self.check.as_ref().map(|path| self.read(path, &reading, &gap_m)).transpose()?;
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
@@ -312,10 +311,10 @@ impl Arguments {
     }
 
     /// Reads all recordings; readings that occur twice would count twice.
-    fn read_all(&self, reading: &Reading, implausible: impl Fn(&Samples) -> Vec<String>) -> Result<Vec<Samples>> {
+    fn read_all(&self, reading: &Reading, gap_m: &[f64]) -> Result<Vec<Samples>> {
         let mut all: Vec<Samples> = Vec::new();
         for path in &self.recordings {
-            let samples = self.read(path, reading, &implausible)?;
+            let samples = self.read(path, reading, gap_m)?;
             if let Some(other) = all.iter().position(|other| other.has_readings_of(&samples)) {
                 let why = "this recording is given twice: its readings are those of";
                 return Err(self.refused(path, vec![format!("{why} {}", self.recordings[other].display())]));
@@ -325,17 +324,15 @@ impl Arguments {
         Ok(all)
     }
 
-    /// Reads a recording and refuses it if `implausible` finds signs of misread units.
-    fn read(&self, path: &Path, reading: &Reading, implausible: impl Fn(&Samples) -> Vec<String>) -> Result<Samples> {
+    /// Reads a recording of bearings with these gaps, and refuses it at signs of misread units.
+    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> Result<Samples> {
         let samples = match &self.currents {
             None => Samples::read(open(path)?, reading),
             Some(apart) => Samples::read_apart(open(path)?, open(apart)?, reading),
         };
         let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
-        match implausible(&samples) {
-            findings if findings.is_empty() => Ok(samples),
-            findings => Err(self.refused(path, findings)),
-        }
+        let findings = samples.implausible(gap_m);
+        if findings.is_empty() { Ok(samples) } else { Err(self.refused(path, findings)) }
     }
 
     /// The error for an unusable recording; written as JSON as well if that goes to the standard output.

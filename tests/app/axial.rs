@@ -23,7 +23,7 @@ fn index(name: &str) -> usize {
 
 /// A mass below one magnet whose gap is estimated.
 fn below_one_magnet(mass_kg: f64, load_n: f64) -> Axis {
-    let mut axis = Axis::new(mass_kg, vec![1]);
+    let mut axis = Axis { m_kg: mass_kg, used: vec![1], ..Axis::default() };
     axis.known[index("pX")] = Some(load_n);
     axis.estimated[index("s")] = true;
     axis
@@ -158,9 +158,8 @@ impl Levitation {
         if self.lambda[0] == 0.0 {
             return Axis { at_m: Some(0.0), ..below_one_magnet(MASS_KG, self.load_n) };
         }
-        let mut axis = Axis::new(MASS_KG, vec![0, 1]);
+        let mut axis = Axis { m_kg: MASS_KG, used: vec![0, 1], at_m: Some(0.0), ..Axis::default() };
         axis.known[index("s")] = Some(self.gap_m);
-        axis.at_m = Some(0.0);
         axis
     }
 
@@ -216,9 +215,9 @@ fn jumps_and_currents_below_the_noise_do_not_mislead() {
 #[test]
 fn currents_in_another_unit_are_refused() {
     let mut samples = recording(RUNS[0]);
-    assert_eq!(samples.implausible_axis(&[1], f64::INFINITY), [""; 0]);
+    assert_eq!(samples.implausible(&[f64::INFINITY]), [""; 0]);
     samples.current_a[1].iter_mut().for_each(|current| *current *= 1e3);
-    assert_contains(&samples.implausible_axis(&[1], f64::INFINITY).join("\n"), &["im[2]", "--unit im[2]=mA"]);
+    assert_contains(&samples.implausible(&[f64::INFINITY]).join("\n"), &["im[2]", "--unit im[2]=mA"]);
 }
 
 /// Exchanged columns, a reversed axis and a dead sensor are named.

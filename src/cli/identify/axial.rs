@@ -33,7 +33,8 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
         _ => Scenario::plain(&AXIAL),
     };
     let columns: Pairs = scenario.columns.iter().chain(&arguments.column).cloned().collect();
-    let mut bench = Bench { axis: Axis::new(f64::NAN, vec![0, 1]), errors: arguments.unused(&AXIAL) };
+    let axis = Axis { m_kg: f64::NAN, used: vec![0, 1], ..Axis::default() };
+    let mut bench = Bench { axis, errors: arguments.unused(&AXIAL) };
     for (name, value) in &scenario.identify {
         match value {
             toml::Value::Array(names) if name == "estimate" => {
@@ -110,9 +111,8 @@ fn parameter(name: &str) -> std::result::Result<usize, String> {
 /// Identifies the axis from each recording, linearised at the position of the first.
 fn results(arguments: &Arguments, mut axis: Axis, columns: &Pairs) -> Result<Results> {
     let reading = arguments.reading(columns, &AXIAL, Some(axis.used.clone()));
-    let (used, gap_m) = (axis.used.clone(), axis.gap_m());
-    let implausible = |samples: &Samples| samples.implausible_axis(&used, gap_m);
-    let recordings = arguments.read_all(&reading, implausible)?;
+    let gap_m = [axis.gap_m()];
+    let recordings = arguments.read_all(&reading, &gap_m)?;
     let answer = |axis: &Axis, path: &Path, samples: &Samples| {
         axial::answer(axis, samples).map_err(|why| arguments.refused(path, vec![why]))
     };
@@ -134,7 +134,7 @@ fn results(arguments: &Arguments, mut axis: Axis, columns: &Pairs) -> Result<Res
     }
     let mut results = Results { recordings, axes, statements, summary, document, not_valid, ..Results::default() };
     if let Some(path) = &arguments.check {
-        let own = answer(&axis, path, &arguments.read(path, &reading, implausible)?)?;
+        let own = answer(&axis, path, &arguments.read(path, &reading, &gap_m)?)?;
         let check = results.axes[0].check(&own);
         arguments.add_check(&mut results, Ok(check));
     }

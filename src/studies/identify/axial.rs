@@ -84,7 +84,7 @@ const SLOW_START: f64 = 0.017;
 const INITIAL_GAPS: [f64; 4] = [0.5, 1.0, 2.0, 4.0];
 
 /// Stated knowledge of an axis.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Axis {
     /// Levitated mass, kg.
     pub m_kg: f64,
@@ -114,12 +114,6 @@ fn values(point: &Point) -> Point {
 }
 
 impl Axis {
-    /// An axis with only mass and magnets known.
-    #[must_use]
-    pub fn new(m_kg: f64, used: Vec<usize>) -> Self {
-        Self { m_kg, used, known: [None; UNKNOWNS], estimated: [false; UNKNOWNS], at_m: None }
-    }
-
     /// Gap that bounds the motion, m; infinite if it is unknown, or if one magnet leaves the other side open.
     #[must_use]
     pub fn gap_m(&self) -> f64 {
@@ -231,13 +225,8 @@ struct Effect {
     /// Gain in log-likelihood, and whether it is significant.
     gain: f64,
     is_significant: bool,
-}
-
-impl Effect {
-    /// Whether it is part of the model. A recording with little information on κ does not show that it is 1: κ stays, with its standard deviation.
-    fn is_taken(&self) -> bool {
-        self.is_significant || self.at == DYNAMICS
-    }
+    /// Whether it is part of the model.
+    is_taken: bool,
 }
 
 /// Result for a recording.
@@ -297,13 +286,15 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         point[at] = none;
         let simpler = fit(&axis, &readings, &point, &fewer, usize::MAX);
         let gain = simpler.as_ref().map_or(f64::INFINITY, |simpler| best.log_likelihood - simpler.log_likelihood);
-        let effect = Effect { at, gain, is_significant: axis.estimated[at] || gain > needed };
+        let is_significant = axis.estimated[at] || gain > needed;
+        // A recording with little information on κ does not show that it is 1: κ stays, with its standard deviation.
+        let is_taken = is_significant || at == DYNAMICS;
         match simpler {
-            Some(simpler) if !effect.is_taken() => (best, free) = (simpler, fewer),
+            Some(simpler) if !is_taken => (best, free) = (simpler, fewer),
             Some(simpler) if at == FEEDBACK => without_feedback = Some(simpler.point),
             _ => {}
         }
-        effects.push(effect);
+        effects.push(Effect { at, gain, is_significant, is_taken });
     }
     if let Some(point) = without_feedback {
         best.widen(&point);

@@ -30,46 +30,19 @@ pub const REST_RAD_S: f64 = 1.0;
 
 impl Samples {
     /// Signs of a misread unit, by magnitude and by comparing the signals; `gap_m` is the nominal air gap of each bearing
-    /// in m. A recording with findings must not be used.
+    /// in m, infinite if it is unknown. A recording with findings must not be used.
     #[must_use]
     pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
         let checks = Checks { samples: self, signals: Signals::of(self.machine) };
-        let pace = checks.pace();
+        // A mass without a shaft may be sampled at any rate.
+        let pace = if self.machine.planes > 0 { checks.pace() } else { None };
         let mut rotation: Vec<String> = checks.wrapping().into_iter().chain(checks.angle_against_speed()).collect();
         // The other checks use a speed, which needs a correct time, and are less specific.
         if pace.is_none() && rotation.is_empty() {
             rotation.extend(checks.speed().or_else(|| checks.motion_against_angle()));
         }
         let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| checks.positions(bearing, *gap_m));
-        let currents = checks.currents(0..self.machine.magnets());
-        pace.into_iter().chain(self.unmoved()).chain(positions).chain(currents).chain(rotation).collect()
-    }
-
-    /// The same for one axis with these magnets in use, sampled at any rate; `gap_m` is infinite if it is unknown.
-    #[must_use]
-    pub fn implausible_axis(&self, used: &[usize], gap_m: f64) -> Vec<String> {
-        let checks = Checks { samples: self, signals: Signals::of(self.machine) };
-        let currents = checks.currents(used.iter().copied());
-        self.unmoved().into_iter().chain(checks.positions(0, gap_m)).chain(currents).collect()
-    }
-
-    /// Positions that are constant although the currents of their bearing vary.
-    fn unmoved(&self) -> Vec<String> {
-        let (signals, currents) = (Signals::of(self.machine), self.currents(Hold::Linear));
-        let spread = |of: &[f64]| range(of.iter().copied());
-        let unmoved = |(bearing, magnets): (usize, Range<usize>)| {
-            let varies = |current: &Vec<f64>| spread(current)[0] < spread(current)[1];
-            let readings = self.machine.readings_of(bearing).filter(|_| currents[magnets.clone()].iter().any(varies));
-            let still = readings.map(|at| (at, spread(&self.position_m[at]))).filter(|(_, [low, high])| low == high);
-            let name = |at: usize| signals.list[signals.positions.start + at].name.clone();
-            let words = still.map(|(at, [value, _])| {
-                let value = significant(1e6 * value, 4);
-                format!("{} reads {value} µm throughout, while the currents vary: is the sensor connected?", name(at))
-            });
-            words.collect::<Vec<_>>()
-        };
-        let magnets = self.machine.magnets_of_bearings().into_iter().map(|(_, magnets)| magnets);
-        magnets.enumerate().flat_map(unmoved).collect()
+        pace.into_iter().chain(checks.unmoved()).chain(positions).chain(checks.currents()).chain(rotation).collect()
     }
 }
 
@@ -112,6 +85,27 @@ impl Checks<'_> {
             [] => format!("{name}: {value}: no unit known here explains it"),
             likely => format!("{name}: {value}: {}? ({})", likely.join(", or "), remedies.join(" or ")),
         }
+    }
+
+    /// Positions that are constant although the currents of their bearing vary.
+    fn unmoved(&self) -> Vec<String> {
+        let Self { samples, signals } = self;
+        let currents = samples.currents(Hold::Linear);
+        let spread = |of: &[f64]| range(of.iter().copied());
+        let unmoved = |(bearing, magnets): (usize, Range<usize>)| {
+            let varies = |current: &Vec<f64>| spread(current)[0] < spread(current)[1];
+            let readings =
+                samples.machine.readings_of(bearing).filter(|_| currents[magnets.clone()].iter().any(varies));
+            let still = readings.map(|at| (at, spread(&samples.position_m[at]))).filter(|(_, [low, high])| low == high);
+            let name = |at: usize| signals.list[signals.positions.start + at].name.clone();
+            let words = still.map(|(at, [value, _])| {
+                let value = significant(1e6 * value, 4);
+                format!("{} reads {value} µm throughout, while the currents vary: is the sensor connected?", name(at))
+            });
+            words.collect::<Vec<_>>()
+        };
+        let magnets = samples.machine.magnets_of_bearings().into_iter().map(|(_, magnets)| magnets);
+        magnets.enumerate().flat_map(unmoved).collect()
     }
 
     fn pace(&self) -> Option<String> {
@@ -161,8 +155,8 @@ impl Checks<'_> {
         findings
     }
 
-    /// Findings about the currents of these magnets.
-    fn currents(&self, magnets: impl Iterator<Item = usize>) -> Vec<String> {
+    /// Findings about the currents; those of an unused magnet are empty.
+    fn currents(&self) -> Vec<String> {
         let currents = self.samples.currents(Hold::Linear);
         let largest: Vec<f64> =
             currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
@@ -180,7 +174,7 @@ impl Checks<'_> {
             let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * strongest));
             is_misread.then(|| self.misread(at, &format!("up to {} A", significant(strongest, 4)), &[(at, 1)], fits))
         };
-        magnets.filter_map(finding).collect()
+        (0..currents.len()).filter_map(finding).collect()
     }
 
     /// A wrapped angle reveals its unit by the size of a turn.

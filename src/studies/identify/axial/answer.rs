@@ -335,7 +335,7 @@ impl Answer {
         let magnets: serde_json::Map<String, Json> =
             self.lambda.iter().map(|(k, lambda)| (format!("lambda[{}]", k + 1), lambda.json())).collect();
         let effect =
-            |of: &Effect| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken()}));
+            |of: &Effect| (PARAMETERS[of.at].0.into(), json!({"logLikelihood": of.gain, "taken": of.is_taken}));
         let effects: serde_json::Map<String, Json> = self.found.effects.iter().map(effect).collect();
         let Readings { rows, start_s, step_s, .. } = &self.found.readings;
         let point = &self.found.fit.point;

@@ -248,19 +248,26 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     case.position_noise = case.position_noise.max(1e-10);
     // Above this the square of a current would be all noise.
     case.current_noise = case.current_noise.clamp(1e-6, 0.39 * rms.max(1e-5));
-    // A level that hardly matters need not converge: weight its change by its information.
-    let weight = (-curvature.min(0.0)).sqrt().min(1.0);
     let changes = [case.position_noise / before_position, case.current_noise / before_current];
     let [position, current] = changes.map(|change| libm::log(change).abs());
-    position.max(current * weight)
+    position.max(current * weight(curvature))
 }
 
 /// Updates the level of the slow force from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
 pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &Likelihoods, least: f64) -> f64 {
-    let (step, curvature) = peak([0, 1, 2].map(|i| -0.5 * (sums[i][0] + sums[i][1])));
-    let before = case.slow_force;
-    case.slow_force = (before * libm::exp(step)).max(least);
-    libm::log(case.slow_force / before).abs() * (-curvature.min(0.0)).sqrt().min(1.0)
+    level_step(&mut case.slow_force, sums, f64::INFINITY, least)
+}
+
+/// Updates a level with a log-normal prior about 1 and a smallest value.
+fn level_step(level: &mut f64, sums: &Likelihoods, prior_std: f64, least: f64) -> f64 {
+    let (before, (step, curvature)) = (*level, posterior_peak(sums, libm::log(*level), prior_std));
+    *level = (before * libm::exp(step)).max(least);
+    libm::log(*level / before).abs() * weight(curvature)
+}
+
+/// Weight of the change of a logarithm by its information: one that hardly matters need not converge.
+fn weight(curvature: f64) -> f64 {
+    (-curvature.min(0.0)).sqrt().min(1.0)
 }
 
 /// Prior standard deviation of the logarithm of the factor on errors of currents that were not recorded.
@@ -268,9 +275,7 @@ const RESTORED_LOG_STD: f64 = 1.0;
 
 /// Updates that factor from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
 pub(super) fn restored_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
-    let (step, curvature) = posterior_peak(sums, libm::log(case.restored), RESTORED_LOG_STD);
-    case.restored *= libm::exp(step);
-    step.abs() * (-curvature.min(0.0)).sqrt().min(1.0)
+    level_step(&mut case.restored, sums, RESTORED_LOG_STD, 0.0)
 }
 
 /// Prior standard deviation of the exponent with which position noise grows with the gap.

@@ -177,12 +177,12 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
                 Some((pulls, [q, v])) => ([array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
-            kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
+            kalman.predict((interval, transition), &UNCHANGED.currents, pass.slow(1));
             for k in 0..if gains { K } else { 0 } {
                 let mut levels = UNCHANGED;
                 levels.currents[k] += LEVEL_STEP;
                 let scales = pass.scales(row, &levels);
-                raised[k].predict(transition, &interval.offset, &interval.noise, &scales, pass.slow(1));
+                raised[k].predict((interval, transition), &scales, pass.slow(1));
             }
             rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
             if let Some((j, column)) = pass.by_lag(row, &at[0]).filter(|_| *bench) {
@@ -348,8 +348,8 @@ fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> V
     let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start));
     let mut filtered = Vec::with_capacity(piece.filtered.len());
     each_row(pass, piece.filtered.clone(), |row, _, interval, residual| {
-        if let Some((interval, transition)) = interval {
-            kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
+        if let Some(interval) = interval {
+            kalman.predict(interval, &UNCHANGED.currents, pass.slow(1));
         }
         let transition = interval.map(|(_, transition)| *transition);
         let predicted = kalman.clone();
@@ -392,9 +392,9 @@ fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>)
     let mut without_readings = kalman.clone();
     let mut innovations = [0; 3].map(|_| Vec::with_capacity(N * piece.counted.len()));
     each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
-        if let Some((interval, transition)) = interval {
+        if let Some(interval) = interval {
             for kalman in [&mut kalman, &mut without_readings] {
-                kalman.predict(transition, &interval.offset, &interval.noise, &UNCHANGED.currents, pass.slow(1));
+                kalman.predict(interval, &UNCHANGED.currents, pass.slow(1));
             }
         }
         let variance = pass.variance(row, rotor.exponent);
@@ -444,10 +444,10 @@ fn likelihoods<const N: usize, const K: usize, const S: usize>(input: Input<'_>,
     let mut logs = [LogProduct::<N>::new(); 3];
     let mut sums = [[0.0; 3]; 3];
     each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
-        if let Some((interval, transition)) = interval {
+        if let Some(interval) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
                 let scales = pass.scales(row, levels);
-                kalman.predict(transition, &interval.offset, &interval.noise, &scales, slow(levels, 1));
+                kalman.predict(interval, &scales, slow(levels, 1));
             }
         }
         for f in 0..3 {

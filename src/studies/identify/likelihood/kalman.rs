@@ -4,7 +4,7 @@
 
 #![allow(clippy::needless_range_loop, reason = "several matrices go by one index")]
 
-use super::rotor::{ByMagnet, Rotor, State};
+use super::rotor::{ByMagnet, Interval, Rotor};
 use crate::bearing::array;
 
 /// Kalman filter of the deviation.
@@ -192,19 +192,18 @@ impl<const S: usize> Kalman<S> {
         Self { x: [0.0; S], p }
     }
 
-    pub fn predict<const N: usize>(
+    /// Over an interval with its transition, as [`Transition::propagate`].
+    pub fn predict<const N: usize, const K: usize>(
         &mut self,
-        transition: &Transition<N>,
-        offset: &State<N>,
-        noise: &[[f64; N]],
+        (interval, transition): (&Interval<N, K>, &Transition<N>),
         scales: &ByMagnet,
         slow: f64,
     ) {
         self.x = transition.apply(&self.x);
-        for (x, offset) in self.x.iter_mut().zip(offset.as_flattened()) {
+        for (x, offset) in self.x.iter_mut().zip(interval.offset.as_flattened()) {
             *x += offset;
         }
-        transition.propagate(noise, scales, slow, &mut self.p);
+        transition.propagate(&interval.noise, scales, slow, &mut self.p);
     }
 
     /// `residual`: measured position minus the reading at the trajectory.
