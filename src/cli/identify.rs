@@ -141,7 +141,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     let machine = arguments.machine();
     let binaries = arguments.binaries()?;
     let is_axial = *machine == AXIAL;
-    let (results, columns, scenario) = if is_axial { axial::identify(arguments) } else { arguments.identify(machine) }?;
+    let (results, scenario) = if is_axial { axial::identify(arguments) } else { arguments.identify(machine) }?;
     print_results(&results, &arguments.recordings);
     arguments.write(&results)?;
     if let Some(why) = &results.not_valid {
@@ -151,14 +151,14 @@ pub fn run(arguments: &Arguments) -> Result<()> {
     if arguments.wants_twin() {
         let twin = results.twin(&scenario);
         let twin = twin.map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
-        arguments.write_twin(twin, columns, binaries.as_ref())?;
+        arguments.write_twin(twin, arguments.columns(&scenario), binaries.as_ref())?;
     }
     Ok(())
 }
 
 impl Arguments {
-    /// Identifies a bearing by maximum likelihood from all recordings, and on line from the first. Also returns columns and scenario.
-    fn identify(&self, machine: &'static Machine) -> Result<(Results, Pairs, Scenario)> {
+    /// Identifies a bearing by maximum likelihood from all recordings, and on line from the first. Also returns the scenario.
+    fn identify(&self, machine: &'static Machine) -> Result<(Results, Scenario)> {
         let method = self.method();
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
@@ -171,7 +171,6 @@ impl Arguments {
             return Err(refused("lag: expected held currents, --hold heldAfter or heldBefore"));
         }
         let methods = methods(method)?;
-        let columns: Vec<_> = bearing.columns.iter().chain(&self.column).cloned().collect();
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
                 return Err(refused("--currents needs a single recording"));
@@ -183,7 +182,7 @@ impl Arguments {
         if self.check.is_some() && (self.currents.is_some() || method != LIKELIHOOD) {
             return Err(refused(format!("--check needs --method {LIKELIHOOD}, and currents in the recording")));
         }
-        let reading = self.reading(&columns, machine, None);
+        let reading = self.reading(&bearing, None);
         let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
         let recordings = self.read_all(&reading, &gap_m)?;
         let checked = self.check.as_ref().map(|path| self.read(path, &reading, &gap_m)).transpose()?;
@@ -222,7 +221,7 @@ impl Arguments {
             let check = answer.check(&samples);
             self.add_check(&mut results, check);
         }
-        Ok((results, columns, bearing))
+        Ok((results, bearing))
     }
 
     /// Adds the comparison with another recording.
@@ -296,13 +295,18 @@ impl Arguments {
         (is_off || is_estimated).then_some(is_estimated)
     }
 
+    /// Columns of the recordings.
+    fn columns(&self, scenario: &Scenario) -> Pairs {
+        scenario.columns.iter().chain(&self.column).cloned().collect()
+    }
+
     /// How to read recordings of a machine, with the currents of these magnets or else of all.
-    fn reading(&self, columns: &Pairs, machine: &'static Machine, magnets: Option<Vec<usize>>) -> Reading {
+    fn reading(&self, scenario: &Scenario, magnets: Option<Vec<usize>>) -> Reading {
         Reading {
-            machine,
+            machine: scenario.machine,
             is_stated: self.machine.is_some() || self.scenario.is_some(),
             magnets,
-            columns: columns.clone(),
+            columns: self.columns(scenario),
             units: self.unit.clone(),
             omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
             rate_s: self.rate.or(self.step),

@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::machine::without_element;
-use super::{Arguments, Pairs, Result, refused};
+use super::{Arguments, Result, refused};
 use crate::bearing::magnet::Used;
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
@@ -25,14 +25,13 @@ struct Bench {
     errors: Vec<String>,
 }
 
-/// Identifies an axis from each recording. Also returns the columns and the scenario, for the twin.
-pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenario)> {
+/// Identifies an axis from each recording. Also returns the scenario.
+pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Scenario)> {
     // A scenario of another machine is ignored.
     let scenario = match &arguments.scenario {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
-    let columns: Pairs = scenario.columns.iter().chain(&arguments.column).cloned().collect();
     let axis = Axis { m_kg: f64::NAN, used: vec![0, 1], ..Axis::default() };
     let mut bench = Bench { axis, errors: arguments.unused(&AXIAL) };
     for (name, value) in &scenario.identify {
@@ -59,7 +58,7 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Pairs, Scenari
     if !bench.errors.is_empty() {
         return Err(refused(bench.errors.join("\n  ")));
     }
-    Ok((results(arguments, bench.axis, &columns)?, columns, scenario))
+    Ok((results(arguments, bench.axis, &scenario)?, scenario))
 }
 
 impl Bench {
@@ -109,8 +108,8 @@ fn parameter(name: &str) -> std::result::Result<usize, String> {
 }
 
 /// Identifies the axis from each recording, linearised at the position of the first.
-fn results(arguments: &Arguments, mut axis: Axis, columns: &Pairs) -> Result<Results> {
-    let reading = arguments.reading(columns, &AXIAL, Some(axis.used.clone()));
+fn results(arguments: &Arguments, mut axis: Axis, scenario: &Scenario) -> Result<Results> {
+    let reading = arguments.reading(scenario, Some(axis.used.clone()));
     let gap_m = [axis.gap_m()];
     let recordings = arguments.read_all(&reading, &gap_m)?;
     let answer = |axis: &Axis, path: &Path, samples: &Samples| {

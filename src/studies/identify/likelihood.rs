@@ -470,16 +470,13 @@ impl Identification {
         let (parameters, parts) = (self.bench.len(), self.conditions[0].parts.len());
         let [before, after] = [&self, &other].map(|of| of.lambda.len());
         // Neither part affects the magnets of the other.
-        for line in &mut self.bench {
+        self.bench.extend(other.bench);
+        for (at, line) in self.bench.iter_mut().enumerate() {
             for own in [&mut line.sensitivity, &mut line.contribution] {
+                let first = if at < parameters { 0 } else { before };
+                own.splice(..0, std::iter::repeat_n(0.0, first));
                 own.resize(before + after, 0.0);
             }
-        }
-        for mut line in other.bench {
-            for own in [&mut line.sensitivity, &mut line.contribution] {
-                own.splice(..0, std::iter::repeat_n(0.0, before));
-            }
-            self.bench.push(line);
         }
         self.lambda_covariance.resize_mut(before + after, before + after, 0.0);
         self.lambda_covariance.view_mut((before, before), (after, after)).copy_from(&other.lambda_covariance);

@@ -132,7 +132,7 @@ impl Twin {
         }
     }
 
-    /// Sets a tolerance of the estimator, unless it is 0.
+    /// Sets a tolerance of the estimator, if there is one.
     pub(super) fn put_tolerance(&mut self, name: &str, std: f64) {
         if std > 0.0 {
             self.put("estimator", &format!("tolerance.{name}"), std);
@@ -226,13 +226,11 @@ impl Answer {
         twin.put_tolerance("positionOffset", of_all("sensor.offset", &error));
         twin.put_tolerance("currentGain", of_all("current.gain", &error));
         twin.put_tolerance("currentOffset", of_all("current.offset", &error));
-        if stated.parts.len() > 1 {
-            twin.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
-            twin.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
-            twin.put_tolerance("position", of_all("position", &std));
-            twin.put_tolerance("sensorPosition", of_all("sensorPosition", &std));
-            twin.put_tolerance("unbalancePosition", of_all("unbalance", &std));
-        }
+        twin.put_tolerance("Jt", stated.value("Jt") * std("Jt"));
+        twin.put_tolerance("Jp", stated.value("Jp") * std("Jp"));
+        twin.put_tolerance("position", of_all("position", &std));
+        twin.put_tolerance("sensorPosition", of_all("sensorPosition", &std));
+        twin.put_tolerance("unbalancePosition", of_all("unbalance", &std));
 
         let estimated = || found.bench.iter().filter(|of| of.estimated).map(|of| plain(&of.parameter.name));
         let backward = (stated.parts.len() > 1).then_some("force.backward");
