@@ -39,9 +39,9 @@ impl Course {
 /// Leaves the scenario as it is.
 fn unchanged(_: &mut Scenario, _: u64) {}
 
-/// All courses; those of the spindle last.
+/// All courses; those of other machines last.
 pub fn courses() -> Vec<Course> {
-    [excitation, changes, forces, angles, readings, spindle].into_iter().flat_map(|of| of()).collect()
+    [excitation, changes, forces, angles, readings, machines].into_iter().flat_map(|of| of()).collect()
 }
 
 /// Low excitation, wrong first guesses, other speeds and sample times.
@@ -278,31 +278,35 @@ fn backward_in_a(scenario: &mut Scenario, size_n: f64, seed: u64) {
     });
 }
 
-/// Some of these courses for spindles.
-fn spindle() -> Vec<Course> {
-    let spindle = |name: &str, length_s, set: fn(&mut Scenario, u64)| Course {
-        base: "spindle",
-        ..Course::new(&format!("spindle, {name}"), Valid, length_s, set)
+/// Some of these courses for the other machines.
+fn machines() -> Vec<Course> {
+    let on = |base: &'static str, name: &str, set: fn(&mut Scenario, u64)| Course {
+        base,
+        ..Course::new(&format!("{base}, {name}"), Valid, 1.0, set)
     };
-    let late = spindle("wrong by two, updated late, at rest", 1.5, |scenario, _| {
+    let spindle = |name: &str, set: fn(&mut Scenario, u64)| on("spindle", name, set);
+    let late = spindle("wrong by two, updated late, at rest", |scenario, _| {
         cases::at_rest(scenario);
         scenario.set("controller", "F0.modulation", 0.0);
         scenario.set("controller", "update.time", 0.5);
     });
-    vec![
-        spindle("nominal", 1.0, unchanged),
-        Course { alter: Some(altered::given_lambda(0.02)), ..late },
-        spindle("first guess × 0.2", 1.0, |scenario, _| guess(scenario, 0.2)),
-        spindle("0.5 N backward in bearing A", 1.0, |scenario, seed| backward_in_a(scenario, 0.5, seed)),
-        spindle("load ramp 1 N/s", 1.0, |scenario, seed| load_ramp(scenario, 1.0, seed)),
-        spindle("λ drifts 2 %/s", 1.0, |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
-        Course {
-            base: "spindle4",
-            ..Course::new("spindle4, 0.3 N backward in bearing A", Valid, 1.0, |scenario, seed| {
-                backward_in_a(scenario, 0.3, seed);
-            })
-        },
-    ]
+    let mut all = vec![
+        spindle("nominal", unchanged),
+        Course { alter: Some(altered::given_lambda(0.02)), length_s: 1.5, ..late },
+        spindle("first guess × 0.2", |scenario, _| guess(scenario, 0.2)),
+        spindle("0.5 N backward in bearing A", |scenario, seed| backward_in_a(scenario, 0.5, seed)),
+        spindle("load ramp 1 N/s", |scenario, seed| load_ramp(scenario, 1.0, seed)),
+        spindle("λ drifts 2 %/s", |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
+        on("spindle4", "0.3 N backward in bearing A", |scenario, seed| backward_in_a(scenario, 0.3, seed)),
+    ];
+    for base in ["planar4", "axial"] {
+        all.extend([
+            on(base, "first guess × 0.2", |scenario, _| guess(scenario, 0.2)),
+            on(base, "load ramp 10 N/s", |scenario, seed| load_ramp(scenario, 10.0, seed)),
+            on(base, "λ drifts 2 %/s", |scenario, _| drift(scenario, [0.0, 1.0], 0.02)),
+        ]);
+    }
+    all
 }
 
 fn scale(scenario: &mut Scenario, path: &str, factor: f64) {
@@ -337,5 +341,10 @@ fn drift(scenario: &mut Scenario, time_s: [f64; 2], fraction: f64) {
 /// Ramps the load at a rate in N/s, in a random direction.
 fn load_ramp(scenario: &mut Scenario, rate: f64, seed: u64) {
     let (sin, cos) = libm::sincos(Draw::new(seed).uniform(-PI, PI));
-    cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| [rate * time_s * cos, rate * time_s * sin]);
+    match scenario.machine.radial() > 0 {
+        true => cases::push(scenario, &["pY", "pZ"], scenario.duration_s, |time_s| {
+            [cos, sin].map(|part| rate * time_s * part)
+        }),
+        false => cases::push(scenario, &["pX"], scenario.duration_s, |time_s| [rate.copysign(cos) * time_s]),
+    }
 }
