@@ -240,8 +240,8 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let last = CHANGES.len() - 1;
         // Ramps and drifts are explained by a model with some memory. When they counted as changes, an axis with a load ramp of 10 N/s was valid 53 instead
         // of 97 % of the time (`montecarlo --only "hostile: axial, load" --runs 40 --seed 3120001`, noise known).
-        let is_behind = |m: usize| unexplained[m] || self.evidence[last] - self.evidence[m] > REPLACING_LOG_ODDS;
-        let changed = (0..last).all(is_behind);
+        let is_behind = |m: usize| self.evidence[last] - self.evidence[m] > REPLACING_LOG_ODDS;
+        let changed = unexplained[0] || (0..last).all(is_behind);
         let mut renewed = false;
         for m in (0..last).rev() {
             if unexplained[m] || self.evidence[m + 1] - self.evidence[m] > REPLACING_LOG_ODDS {
