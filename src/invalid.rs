@@ -73,26 +73,6 @@ impl Checks {
         self.require(holds, name, format_args!("{value} {unit}"), wanted);
     }
 
-    /// Requires a finite number above zero.
-    pub fn positive(&mut self, name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) {
-        self.require(value.is_finite() && value > 0.0, name, format_args!("{value} {unit}"), "a finite number above 0");
-    }
-
-    /// Requires a finite, non-negative number.
-    pub fn not_negative(&mut self, name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) {
-        self.require(
-            value.is_finite() && value >= 0.0,
-            name,
-            format_args!("{value} {unit}"),
-            "a finite number, 0 or above",
-        );
-    }
-
-    /// Requires a finite number.
-    pub fn finite(&mut self, name: impl Into<Cow<'static, str>>, value: f64, unit: &'static str) {
-        self.require(value.is_finite(), name, format_args!("{value} {unit}"), "a finite number");
-    }
-
     /// Runs `check` and prepends `prefix`, for instance `A.`, to the names in its findings.
     pub fn of<T>(&mut self, prefix: &str, check: impl FnOnce(&mut Self) -> T) -> T {
         let before = self.found.len();

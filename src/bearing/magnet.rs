@@ -31,7 +31,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bearing::array;
 use crate::bearing::scalar::Scalar;
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::Checks;
 use crate::variables::Choice;
 
 /// Two magnets are considered parallel if the sine of the angle between them is smaller than this (0.57°).
@@ -182,21 +182,12 @@ pub struct Magnets {
 }
 
 impl Magnets {
-    /// Magnets at the angles `alpha_rad` in rad, none for the two of an axial bearing, with the nominal gap `gap_m` in m.
+    /// Magnets at the finite angles `alpha_rad` in rad, none for the two of an axial bearing, with the nominal gap `gap_m` in m, above 0;
+    /// valid only if `checks` finds nothing.
     ///
-    /// # Errors
-    /// `s` unless it is finite and above 0; `alpha[k]` if it is not finite or beyond two turns, if one of three magnets is parallel to an
-    /// earlier one (see [`SMALLEST_SINE`]), or if magnet k cannot balance others, for instance with all in one half-plane: magnets only pull.
-    pub fn new(gap_m: f64, alpha_rad: &[f64]) -> Result<Self, Vec<Invalid>> {
-        Checks::all(|checks| {
-            checks.positive("s", gap_m, "m");
-            alpha_rad.iter().enumerate().for_each(|(k, alpha)| checks.finite(alpha_name(k), *alpha, "rad"));
-        })?;
-        Checks::all(|checks| Self::checked(gap_m, alpha_rad, checks))
-    }
-
-    /// As [`new`](Self::new), for a gap above 0 and finite angles; the result is valid only if `checks` finds nothing.
-    pub(crate) fn checked(gap_m: f64, alpha_rad: &[f64], checks: &mut Checks) -> Self {
+    /// It finds `alpha[k]` if it is beyond two turns, if one of three magnets is parallel to an earlier one (see [`SMALLEST_SINE`]), or if
+    /// magnet k cannot balance others, for instance with all in one half-plane: magnets only pull.
+    pub fn checked(gap_m: f64, alpha_rad: &[f64], checks: &mut Checks) -> Self {
         let mut directions = [[0.0; 2]; MOST_MAGNETS];
         if alpha_rad.is_empty() {
             directions[..2].copy_from_slice(&[[1.0, 0.0], [-1.0, 0.0]]);

@@ -18,7 +18,7 @@ use crate::bearing::array;
 use crate::bearing::magnet::{Geometry, MOST_MAGNETS, Magnets, angles_rad};
 use crate::bearing::scalar::Scalar;
 use crate::bearing::shaft::{self, Shaft};
-use crate::invalid::{Checks, Invalid};
+use crate::invalid::Checks;
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{METRE, RADIAN};
 use crate::variables::{Saved, Variables};
@@ -183,17 +183,11 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         machine
     };
 
-    /// A rotor.
+    /// A rotor, for numbers within their limits; valid only if `checks` finds nothing.
     ///
-    /// # Errors
-    /// Physically impossible masses and moments of inertia, an empty shaft, positions beyond it, bearings or sensors too close together, and
-    /// the errors of [`Magnets::new`] for each bearing, by their names in the interface.
-    pub fn new(config: RotorConfig<f64, B>) -> Result<Self, Vec<Invalid>> {
-        Checks::described(&config, Self::MACHINE, |checks| Self::checked(config, checks))
-    }
-
-    /// As [`new`](Self::new), for numbers within their limits; the result is valid only if `checks` finds nothing.
-    pub(crate) fn checked(config: RotorConfig<f64, B>, checks: &mut Checks) -> Self {
+    /// It finds physically impossible masses and moments of inertia, an empty shaft, positions beyond it, bearings or sensors too close
+    /// together, and the findings of [`Magnets::checked`] for each bearing, by their names in the interface.
+    pub fn checked(config: RotorConfig<f64, B>, checks: &mut Checks) -> Self {
         if Self::MACHINE.tilts() {
             config.check_shaft(checks);
         }
@@ -248,29 +242,23 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         shared
     }
 
-    /// The forces of the magnets, in N, for the generalised force Q, in N or N·m, and the smallest force of each group, in N.
+    /// The forces of the magnets, in N, for the generalised force Q, in N or N·m, and for each group the smallest force in N, or the bias
+    /// current in A if `per_square`, `λ_k/gap_k²` in N/A², is given.
     #[inline(always)]
-    pub fn allocate<const G: usize>(&self, force: [f64; N], smallest_n: [f64; G]) -> [f64; K] {
-        let mut forces_n = [0.0; K];
-        for (b, at_n) in self.shared(force).into_iter().enumerate() {
-            let (magnets, groups) = (Self::MACHINE.magnets_of(b), Self::MACHINE.groups_of(b));
-            self.bearings[b].allocate(at_n, &smallest_n[groups], &mut forces_n[magnets]);
-        }
-        forces_n
-    }
-
-    /// As [`allocate`](Self::allocate), with the bias current of each group in A; `per_square` is `λ_k/gap_k²` in N/A².
-    pub fn allocate_with_bias<const G: usize>(
+    pub fn allocate<const G: usize>(
         &self,
         force: [f64; N],
-        bias_a: [f64; G],
-        per_square: [f64; K],
+        level: [f64; G],
+        per_square: Option<&[f64; K]>,
     ) -> [f64; K] {
         let mut forces_n = [0.0; K];
         for (b, at_n) in self.shared(force).into_iter().enumerate() {
-            let (magnets, groups) = (Self::MACHINE.magnets_of(b), Self::MACHINE.groups_of(b));
-            let per_square = &per_square[magnets.clone()];
-            self.bearings[b].allocate_with_bias(at_n, &bias_a[groups], per_square, &mut forces_n[magnets]);
+            let (magnets, level) = (Self::MACHINE.magnets_of(b), &level[Self::MACHINE.groups_of(b)]);
+            let (bearing, own_n) = (&self.bearings[b], &mut forces_n[magnets.clone()]);
+            match per_square {
+                None => bearing.allocate(at_n, level, own_n),
+                Some(per_square) => bearing.allocate_with_bias(at_n, level, &per_square[magnets], own_n),
+            }
         }
         forces_n
     }

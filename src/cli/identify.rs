@@ -13,8 +13,8 @@ use fmu_export::variable::Value;
 use serde_json::json;
 
 use super::{
-    Failure, NOT_VALID, Result, claim, deviation, duration, number, pair, print, refused, say, write, write_json,
-    write_page, write_table,
+    DEVIATION, Failure, NOT_VALID, Result, SPEED, TIME, above_0, claim, finite, from_0, pair, print, refused, say,
+    write, write_json, write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
 use crate::machine::{AXIAL, MACHINES, Machine};
@@ -110,16 +110,16 @@ pub struct Arguments {
     #[arg(long, value_name = "HOLD", default_value = AUTO)]
     hold: String,
     /// Length of the window, in s; one revolution by default.
-    #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
+    #[arg(long, value_name = "SECONDS", value_parser = above_0(TIME), allow_hyphen_values = true)]
     window: Option<f64>,
     /// Speed in rpm, for recordings without angle and speed.
     #[arg(long, value_name = "RPM", value_parser = rpm, allow_hyphen_values = true)]
     speed: Option<f64>,
     /// Standard deviation of the position noise, in m; estimated from the data by default.
-    #[arg(long, value_name = "METRES", value_parser = deviation, allow_hyphen_values = true)]
+    #[arg(long, value_name = "METRES", value_parser = from_0(DEVIATION), allow_hyphen_values = true)]
     position_noise: Option<f64>,
     /// Standard deviation of the current noise, in A; estimated from the data by default.
-    #[arg(long, value_name = "AMPERES", value_parser = deviation, allow_hyphen_values = true)]
+    #[arg(long, value_name = "AMPERES", value_parser = from_0(DEVIATION), allow_hyphen_values = true)]
     current_noise: Option<f64>,
     /// Interpolates a recording without a uniform sample time to this one, as in 100us; seconds if there is no unit.
     #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
@@ -395,7 +395,7 @@ impl Arguments {
 }
 
 fn rpm(text: &str) -> std::result::Result<f64, String> {
-    number(text, "a speed in rpm, negative against the angle", |_| true)
+    finite(text).ok_or_else(|| format!("expected {SPEED}, negative against the angle"))
 }
 
 /// The on-line methods to run; with maximum likelihood, the default one, which shows drift.

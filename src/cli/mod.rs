@@ -33,6 +33,11 @@ use crate::studies::whirl::{self, Whirl};
 const FMU_FOLDER: &str = "target/fmu";
 const REPORT_FOLDER: &str = "target/report";
 
+/// Names of numbers, for messages.
+const DEVIATION: &str = "a standard deviation";
+const TIME: &str = "a time in s";
+const SPEED: &str = "a speed in rpm";
+
 /// Number of speed steps in the table of `whirl`.
 const SPEEDS: usize = 12;
 
@@ -102,19 +107,19 @@ enum Command {
         #[arg(long, value_name = "SCENARIO", default_value = "unbalanced")]
         scenario: PathBuf,
         /// Speed of the rotor, in rpm, by default that of the scenario; 0 means a rotor at rest.
-        #[arg(long, value_name = "RPM", value_parser = speed_or_rest, allow_hyphen_values = true)]
+        #[arg(long, value_name = "RPM", value_parser = from_0(SPEED), allow_hyphen_values = true)]
         speed: Option<f64>,
         /// Sample time, in s.
-        #[arg(long, value_name = "SECONDS", value_parser = duration, allow_hyphen_values = true)]
+        #[arg(long, value_name = "SECONDS", value_parser = above_0(TIME), allow_hyphen_values = true)]
         sample_time: Option<f64>,
         /// Standard deviation of the position noise, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = noise, allow_hyphen_values = true)]
+        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
         position_noise: f64,
         /// Standard deviation of the current noise, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = noise, allow_hyphen_values = true)]
+        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
         current_noise: f64,
         /// Time by which λ must be known, in s.
-        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = duration, allow_hyphen_values = true)]
+        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = above_0(TIME), allow_hyphen_values = true)]
         at: f64,
     },
     /// Peak of the sensitivity function of each position sensor, with its zone of ISO 14839-3: with the first guess of λ and with the true
@@ -134,13 +139,13 @@ enum Command {
         #[arg(value_name = "SCENARIO", default_value = "spindle")]
         scenario: PathBuf,
         /// Stiffness of each bearing, in N/m.
-        #[arg(long, value_name = "N/m", default_value_t = 2e6, allow_hyphen_values = true)]
+        #[arg(long, value_name = "N/m", default_value_t = 2e6, value_parser = above_0("a stiffness in N/m"), allow_hyphen_values = true)]
         stiffness: f64,
         /// Damping of each bearing, in N·s/m.
-        #[arg(long, value_name = "N.s/m", default_value_t = 200.0, allow_hyphen_values = true)]
+        #[arg(long, value_name = "N.s/m", default_value_t = 200.0, value_parser = from_0("a damping in N·s/m"), allow_hyphen_values = true)]
         damping: f64,
         /// Greatest speed, in rpm.
-        #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = speed, allow_hyphen_values = true)]
+        #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = above_0(SPEED), allow_hyphen_values = true)]
         to: f64,
         /// Writes a report page, index.html, into this folder.
         #[arg(long, value_name = "DIR")]
@@ -229,16 +234,16 @@ struct MonteCarlo {
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
     /// Standard deviation of the position noise, in m.
-    #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = deviation, allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
+    #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
     position_noise: f64,
     /// Standard deviation of the current noise, in A.
-    #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = deviation, allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
+    #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
     current_noise: f64,
     /// The estimator estimates the noise instead of knowing it.
     #[arg(long, requires = "scenario", conflicts_with = "only")]
     estimate_noise: bool,
     /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
-    #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = duration, allow_hyphen_values = true)]
+    #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = above_0(TIME), allow_hyphen_values = true)]
     at: Vec<f64>,
 }
 
@@ -539,31 +544,18 @@ fn write_page(folder: &Path, page: &str) -> Result<()> {
     write(&folder.join("index.html"), Format::Page, page.as_bytes())
 }
 
-/// A finite number that satisfies `fits`.
-fn number(text: &str, wanted: &str, fits: fn(&f64) -> bool) -> std::result::Result<f64, String> {
-    let value = text.parse().ok().filter(|value: &f64| value.is_finite()).filter(fits);
-    value.ok_or_else(|| format!("expected {wanted}"))
+/// Parses a number above 0.
+fn above_0(what: &'static str) -> impl Fn(&str) -> std::result::Result<f64, String> + Clone {
+    move |text| finite(text).filter(|value| *value > 0.0).ok_or_else(|| format!("expected {what} above 0"))
 }
 
-/// A positive standard deviation: without noise, the Cramér–Rao bound is 0.
-fn noise(text: &str) -> std::result::Result<f64, String> {
-    number(text, "a standard deviation above 0", |value| *value > 0.0)
+/// Parses a number, 0 or above.
+fn from_0(what: &'static str) -> impl Fn(&str) -> std::result::Result<f64, String> + Clone {
+    move |text| finite(text).filter(|value| *value >= 0.0).ok_or_else(|| format!("expected {what}, 0 or above"))
 }
 
-fn deviation(text: &str) -> std::result::Result<f64, String> {
-    number(text, "a standard deviation, 0 or above", |value| *value >= 0.0)
-}
-
-fn duration(text: &str) -> std::result::Result<f64, String> {
-    number(text, "a time in s above 0", |value| *value > 0.0)
-}
-
-fn speed(text: &str) -> std::result::Result<f64, String> {
-    number(text, "a speed in rpm above 0", |value| *value > 0.0)
-}
-
-fn speed_or_rest(text: &str) -> std::result::Result<f64, String> {
-    number(text, "a speed in rpm, 0 or above", |value| *value >= 0.0)
+fn finite(text: &str) -> Option<f64> {
+    text.parse().ok().filter(|value: &f64| value.is_finite())
 }
 
 /// A number of runs.

@@ -177,7 +177,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     ///
     /// # Errors
     /// Parameters that are not finite or outside their limits, by their names in the interface; the geometry as in
-    /// [`Rotor::new`], the reference as in [`Reference::new`], the modulation as in [`Controller::retune`].
+    /// [`Rotor::checked`], the reference as in [`Reference::checked`], the modulation as in [`Controller::retune`].
     pub fn new(config: ControllerConfigOf<N, K, B, G>) -> Result<Self, Vec<Invalid>> {
         let law = &config.law;
         let (rotor, reference) = Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| {
@@ -247,7 +247,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     }
 
     fn at_magnets(&self, reference: [RefPoint; N]) -> [f64; N] {
-        self.rotor.config().at_magnets(reference.map(|point| point.position_m))
+        self.rotor.config().at_magnets(reference.map(|[x, ..]| x))
     }
 
     /// Processes the sample that is due.
@@ -270,7 +270,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         // The tracking error refers to the reference itself, not to the estimate of an observer.
         let reference = match self.reference.is_external() {
             true => input.reference_m,
-            false => preview[0].map(|point| point.position_m),
+            false => preview[0].map(|[x, ..]| x),
         };
         let tracking_error_m = rotor.config().at_magnets(array::from_fn(|a| coordinates[a] - reference[a]));
         if !tracking_error_m.iter().all(|error| error.is_finite()) {

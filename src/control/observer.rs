@@ -11,8 +11,6 @@
 //! The error of `x_k` is governed by `(I − L C) A`. With all poles at ρ = exp(−ω T_s), for the bandwidth ω and the sample time T_s,
 //! the gains are those of the fading-memory polynomial filters.
 
-use serde::{Deserialize, Serialize};
-
 use crate::bearing::array;
 
 /// Gains L for a chain of three, `[x, x', x'']`, with all three poles at `exp(−bandwidth · step)`.
@@ -97,16 +95,11 @@ pub struct SignalObserver {
 }
 
 /// Estimate of a [`SignalObserver`]: `[r, r', r'', r''']` in `[m, m/s, m/s², m/s³]`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Signal(pub [f64; 4]);
+pub type Signal = [f64; 4];
 
-impl Signal {
-    /// The signal `ahead_s` later, by Taylor's formula.
-    pub fn ahead(self, ahead_s: f64) -> Self {
-        let [r, v, a, j] = self.0;
-        let h = ahead_s;
-        Self([r + h * (v + h / 2.0 * (a + h / 3.0 * j)), v + h * (a + h / 2.0 * j), a + h * j, j])
-    }
+/// The signal `h`, in s, later, by Taylor's formula.
+pub(super) fn ahead([r, v, a, j]: Signal, h: f64) -> Signal {
+    [r + h * (v + h / 2.0 * (a + h / 3.0 * j)), v + h * (a + h / 2.0 * j), a + h * j, j]
 }
 
 impl SignalObserver {
@@ -117,8 +110,8 @@ impl SignalObserver {
 
     /// The estimate at a sample, from the previous estimate and the value at this sample in m.
     pub fn update(&self, previous: Signal, value_m: f64) -> Signal {
-        let predicted = previous.ahead(self.step_s);
-        let innovation = value_m - predicted.0[0];
-        Signal(array::from_fn(|j| predicted.0[j] + self.gains[j] * innovation))
+        let predicted = ahead(previous, self.step_s);
+        let innovation = value_m - predicted[0];
+        array::from_fn(|j| predicted[j] + self.gains[j] * innovation)
     }
 }

@@ -32,8 +32,8 @@ use crate::bearing::array;
 use crate::bearing::magnet::Magnets;
 use crate::bearing::rotor::Rotor;
 use crate::bearing::shaft::has_x;
-use crate::control::observer::{Signal, SignalObserver};
-use crate::invalid::{Checks, Invalid, Short};
+use crate::control::observer::{Signal, SignalObserver, ahead};
+use crate::invalid::{Checks, Short};
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, Saved, Variables, numbers};
@@ -142,12 +142,12 @@ impl PathConfig {
     fn axial(&self, t_s: f64) -> RefPoint {
         let (a, f) = (self.amplitude_m, self.frequency_hz);
         if a == 0.0 {
-            return RefPoint::default();
+            return [0.0; 3];
         }
         let rate = TAU * f;
         let revolutions = f * t_s;
         let (sin, cos) = libm::sincos(TAU * (revolutions - libm::floor(revolutions)));
-        RefPoint { position_m: a * sin, velocity_m_s: a * rate * cos, acceleration_m_s2: -a * rate * rate * sin }
+        [a * sin, a * rate * cos, -a * rate * rate * sin]
     }
 }
 
@@ -199,32 +199,17 @@ impl<const B: usize> ReferenceConfig<B> {
     }
 }
 
-/// One axis of the reference trajectory at one instant.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct RefPoint {
-    /// Position, in m.
-    pub position_m: f64,
-    /// Velocity, in m/s.
-    pub velocity_m_s: f64,
-    /// Acceleration, in m/s².
-    pub acceleration_m_s2: f64,
+/// One coordinate of the reference trajectory at one instant: `[x, x', x'']` in `[m, m/s, m/s²]`, or `[rad, rad/s, rad/s²]`.
+pub type RefPoint = [f64; 3];
+
+/// A point times a factor s(t), given with its first and second time derivative.
+fn scaled([x, v, a]: RefPoint, [s, s_1, s_2]: [f64; 3]) -> RefPoint {
+    [s * x, s_1 * x + s * v, s_2 * x + 2.0 * s_1 * v + s * a]
 }
 
-impl RefPoint {
-    /// The point times a factor s(t), given with its first and second time derivative.
-    fn scaled(self, [s, s_1, s_2]: [f64; 3]) -> Self {
-        let Self { position_m: x, velocity_m_s: v, acceleration_m_s2: a } = self;
-        Self { position_m: s * x, velocity_m_s: s_1 * x + s * v, acceleration_m_s2: s_2 * x + 2.0 * s_1 * v + s * a }
-    }
-
-    /// The point plus `(1 − s(t)) first_m`, with s and its time derivatives.
-    fn offset(self, first_m: f64, [s, s_1, s_2]: [f64; 3]) -> Self {
-        Self {
-            position_m: self.position_m + (1.0 - s) * first_m,
-            velocity_m_s: self.velocity_m_s - s_1 * first_m,
-            acceleration_m_s2: self.acceleration_m_s2 - s_2 * first_m,
-        }
-    }
+/// A point plus `(1 − s(t)) first`, with s and its time derivatives.
+fn offset([x, v, a]: RefPoint, first: f64, [s, s_1, s_2]: [f64; 3]) -> RefPoint {
+    [x + (1.0 - s) * first, v - s_1 * first, a - s_2 * first]
 }
 
 /// `σ(t/length)` and its first and second derivative by t, in 1, 1/s, 1/s²: from 0 to 1, both derivatives 0 at the ends.
@@ -267,7 +252,7 @@ impl Transition {
         }
         let growth = smooth_step(t_s - start_s, ramp_s);
         let lift = if lift_s > 0.0 { smooth_step(t_s, lift_s) } else { [1.0, 0.0, 0.0] };
-        array::from_fn(|a| curve[a].scaled(growth).offset(first[a], lift))
+        array::from_fn(|a| offset(scaled(curve[a], growth), first[a], lift))
     }
 }
 
@@ -338,23 +323,11 @@ pub struct Reference<const N: usize = 2, const B: usize = 1> {
 }
 
 impl<const N: usize, const B: usize> Reference<N, B> {
-    /// A reference sampled every `step_s` (finite, above 0).
+    /// A reference sampled every `step_s` (finite, above 0), for numbers within their limits; valid only if `checks` finds nothing.
     ///
-    /// # Errors
-    /// Numbers that are not finite or outside their limits; `X.reference.frequency` above half the sample rate; `reference.rY`
-    /// or another parameter of the curve if the reference trajectory touches a magnet.
-    pub fn new<const K: usize>(
-        config: ReferenceConfig<B>,
-        step_s: f64,
-        rotor: &Rotor<N, K, B>,
-    ) -> Result<Self, Vec<Invalid>> {
-        Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| {
-            Self::checked(config.clone(), step_s, rotor, checks)
-        })
-    }
-
-    /// As [`new`](Self::new), for numbers within their limits; the result is valid only if `checks` finds nothing.
-    pub(crate) fn checked<const K: usize>(
+    /// It finds `X.reference.frequency` above half the sample rate; `reference.rY` or another parameter of the curve if the reference
+    /// trajectory touches a magnet.
+    pub fn checked<const K: usize>(
         config: ReferenceConfig<B>,
         step_s: f64,
         rotor: &Rotor<N, K, B>,
@@ -387,7 +360,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 
     /// The state before the first sample: θ = 0, an external reference at rest.
     pub fn start(&self) -> ReferenceState<N> {
-        ReferenceState { turning: ReferenceAngle::default(), first: [0.0; N], signal: [Signal::default(); N] }
+        ReferenceState { turning: ReferenceAngle::default(), first: [0.0; N], signal: [[0.0; 4]; N] }
     }
 
     /// Advances to the next sample, at the measured coordinates; a lift begins at those of the first sample. `omega_rad_s` applies from
@@ -400,7 +373,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         state.turning.sample(omega_rad_s, self.step_s);
         if let Some(observer) = &self.observer {
             for (signal, value) in state.signal.iter_mut().zip(external) {
-                *signal = if first { Signal([value, 0.0, 0.0, 0.0]) } else { observer.update(*signal, value) };
+                *signal = if first { [value, 0.0, 0.0, 0.0] } else { observer.update(*signal, value) };
             }
         }
     }
@@ -411,8 +384,8 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     pub fn ahead(&self, state: &ReferenceState<N>, ahead_s: f64) -> [RefPoint; N] {
         if self.is_external() {
             return state.signal.map(|signal| {
-                let [position_m, velocity_m_s, acceleration_m_s2, _] = signal.ahead(ahead_s).0;
-                RefPoint { position_m, velocity_m_s, acceleration_m_s2 }
+                let [x, v, a, _] = ahead(signal, ahead_s);
+                [x, v, a]
             });
         }
         let t_s = (state.turning.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
@@ -430,12 +403,8 @@ impl<const N: usize, const B: usize> Reference<N, B> {
         let [c, s] = self.waves;
         let (sin, cos) = libm::sincos(theta_rad);
         let mut curve = array::from_fn(|a| {
-            let position_m = c[a] * cos + s[a] * sin;
-            RefPoint {
-                position_m,
-                velocity_m_s: omega_rad_s * (s[a] * cos - c[a] * sin),
-                acceleration_m_s2: -omega_rad_s * omega_rad_s * position_m,
-            }
+            let x = c[a] * cos + s[a] * sin;
+            [x, omega_rad_s * (s[a] * cos - c[a] * sin), -omega_rad_s * omega_rad_s * x]
         });
         if has_x::<N>() {
             curve[0] = self.config.paths[B - 1].axial(t_s);
@@ -456,11 +425,8 @@ impl<const B: usize> ReferenceConfig<B> {
     /// reference, which has no curve. For a Fourier series see [`Contour::at`].
     pub fn point(&self, theta_rad: f64, omega_rad_s: f64) -> [RefPoint; 2] {
         if self.shape == Shape::Fourier {
-            return self.contour.at(theta_rad).map(|[x, x_1, x_2]| RefPoint {
-                position_m: x,
-                velocity_m_s: omega_rad_s * x_1,
-                acceleration_m_s2: omega_rad_s * omega_rad_s * x_2,
-            });
+            let curve = self.contour.at(theta_rad);
+            return curve.map(|[x, x_1, x_2]| [x, omega_rad_s * x_1, omega_rad_s * omega_rad_s * x_2]);
         }
         let (sin, cos) = libm::sincos(theta_rad);
         let (a, n) = match self.shape {
@@ -474,10 +440,9 @@ impl<const B: usize> ReferenceConfig<B> {
         let PathConfig { r_y_m, r_z_m, .. } = self.paths[0];
         let [r_y, r_z] = [r_y_m + a * cos_n, r_z_m + a * cos_n];
         // The radius times a function f of θ with the derivative f_1.
-        let axis = |r: f64, f: f64, f_1: f64| RefPoint {
-            position_m: r * f,
-            velocity_m_s: omega_rad_s * (r_1 * f + r * f_1),
-            acceleration_m_s2: omega_rad_s * omega_rad_s * (r_2 * f + 2.0 * r_1 * f_1 - r * f),
+        let axis = |r: f64, f: f64, f_1: f64| {
+            let second = r_2 * f + 2.0 * r_1 * f_1 - r * f;
+            [r * f, omega_rad_s * (r_1 * f + r * f_1), omega_rad_s * omega_rad_s * second]
         };
         [axis(r_y, cos, -sin), axis(r_z, sin, cos)]
     }

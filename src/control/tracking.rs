@@ -276,7 +276,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     ) -> Result<ControllerOutput<N, K>, ControllerError> {
         let mut estimate: [Estimate; N] = array::from_fn(|a| {
             if state.samples == 0 {
-                [coordinates[a], preview[0][a].velocity_m_s, 0.0]
+                [coordinates[a], preview[0][a][1], 0.0]
             } else {
                 self.observer.update(state.expected[a], coordinates[a])
             }
@@ -336,14 +336,14 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let predicted_m = geometry.gaps(coordinates);
         let gap_m = self.limited(predicted_m);
         state.asked_n = match (self.config.law.allocation, self.config.used.only()) {
-            (Allocation::SmallestForce, None) => self.rotor.allocate(force_n, level),
+            (Allocation::SmallestForce, None) => self.rotor.allocate(force_n, level, None),
             (Allocation::SmallestForce, Some(only)) => {
                 let towards_n = force_n[0] * geometry.directions[only][0];
                 array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
             }
             (Allocation::BiasCurrent, _) => {
                 let per_square = array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
-                self.rotor.allocate_with_bias(force_n, level, per_square)
+                self.rotor.allocate(force_n, level, Some(&per_square))
             }
         };
         let current_a = magnet::currents(state.asked_n, gap_m, lambda);
@@ -373,8 +373,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         for a in 0..N {
             let expected = self.observer.predict(estimate[a], (in_effect[a] + moment[a]) / m[a]);
             let [x, v, _] = expected;
-            let feedforward = (end[a].velocity_m_s - begin[a].velocity_m_s) / step_s;
-            acceleration[a] = feedforward - k_1 * (v - begin[a].velocity_m_s) - k_0 * (x - begin[a].position_m);
+            let ([x_0, v_0, _], [_, v_1, _]) = (begin[a], end[a]);
+            acceleration[a] = (v_1 - v_0) / step_s - k_1 * (v - v_0) - k_0 * (x - x_0);
             state.expected[a] = expected;
         }
         let moment = gyroscopic(array::from_fn(|a| state.expected[a][1] + 0.5 * step_s * acceleration[a]));

@@ -23,7 +23,7 @@ pub type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
 const OTHER_PARAMETERS: usize = 9;
 
 impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
-    /// Reports parameters that [`Rotor::new`] rejects; planes of unbalance off the shaft or too close to each other; tolerances that are too large.
+    /// Reports parameters that [`Rotor::checked`] rejects; planes of unbalance off the shaft or too close to each other; tolerances that are too large.
     pub(super) fn check_shaft<const N: usize>(&self, checks: &mut Checks) {
         let (geometry, tolerance) = (&self.geometry, &self.tolerance);
         Rotor::<N, A, B>::checked(*geometry, checks);

@@ -161,7 +161,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     ///
     /// # Errors
     /// Every parameter that is not finite or outside its range, by its name in the interface; gaps and angles as in
-    /// [`Magnets::new`](crate::bearing::magnet::Magnets::new); the coordinate of a rotor that would start outside the gap.
+    /// [`Magnets::checked`](crate::bearing::magnet::Magnets::checked); the coordinate of a rotor that would start outside the gap.
     pub fn new(config: PlantConfigOf<f64, N, K, B>) -> Result<Self, Vec<Invalid>> {
         Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| config.check(checks))?;
         Ok(Self { equations: Equations::new(config) })

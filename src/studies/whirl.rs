@@ -14,7 +14,7 @@ use std::f64::consts::{PI, TAU};
 use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 
 use crate::bearing::array;
-use crate::invalid::{Checks, Invalid, Short};
+use crate::invalid::Short;
 use crate::machine::MACHINES;
 use crate::simulation::scenario::Scenario;
 use crate::table::Table;
@@ -45,10 +45,10 @@ pub struct Whirl {
 }
 
 impl Whirl {
-    /// The shaft of a scenario whose machine is a spindle, on bearings of this stiffness in N/m and damping in N·s/m.
+    /// The shaft of a scenario whose machine is a spindle, on bearings of this stiffness in N/m, above 0, and damping in N·s/m, 0 or above.
     ///
     /// # Errors
-    /// A finding about the scenario, the stiffness or the damping.
+    /// A finding about the scenario.
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
         if !scenario.machine.tilts() {
             let those: Vec<_> = MACHINES.iter().filter(|machine| machine.tilts()).map(|machine| machine.name).collect();
@@ -60,7 +60,7 @@ impl Whirl {
             ));
         }
         let real = |name: &str| scenario.number("plant", name);
-        let found = Self {
+        Ok(Self {
             m_kg: real("m"),
             inertia_kgm2: [real("Jt"), real("Jp")],
             bearings_m: [real("A.position"), real("B.position")],
@@ -69,12 +69,7 @@ impl Whirl {
             unbalances: [1, 2].map(|plane| {
                 ["magnitude", "phase", "position"].map(|name| real(&format!("unbalance[{plane}].{name}")))
             }),
-        };
-        let checked = Checks::all(|checks| {
-            checks.positive("stiffness", stiffness_n_m, "N/m");
-            checks.not_negative("damping", damping_ns_m, "N.s/m");
-        });
-        checked.map(|()| found).map_err(|findings| Invalid::list(&findings))
+        })
     }
 
     /// Displacements of the bearings for a unit displacement u and a unit inclination ψ.

@@ -14,7 +14,7 @@ use magnetic_bearing::control::controller::{
 };
 use magnetic_bearing::control::reference::{PathConfig, Reference, ReferenceConfig, Shape};
 use magnetic_bearing::control::tracking::TrackingConfig;
-use magnetic_bearing::invalid::NotFinite;
+use magnetic_bearing::invalid::{Checks, NotFinite};
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
@@ -171,12 +171,13 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
     fn run(&self) -> Vec<Record<N, K>> {
         let ControllerConfigOf { rotor, law, reference, .. } = &self.controller;
         let (step_s, omega_rad_s) = (law.step_s, self.omega_rad_s);
-        let rotor = Rotor::<N, K, B>::new(*rotor).expect("rotor");
-        let path = Reference::new(reference.clone(), step_s, &rotor).expect("reference");
+        let rotor = Checks::all(|checks| Rotor::<N, K, B>::checked(*rotor, checks)).expect("rotor");
+        let path =
+            Checks::all(|checks| Reference::checked(reference.clone(), step_s, &rotor, checks)).expect("reference");
         let mut begin = path.start();
         path.sample(&mut begin, omega_rad_s, [0.0; N], [0.0; N]);
         let begin = path.ahead(&begin, 0.0);
-        let (position_m, velocity_m_s) = (begin.map(|point| point.position_m), begin.map(|point| point.velocity_m_s));
+        let (position_m, velocity_m_s) = (begin.map(|[x, ..]| x), begin.map(|[_, v, _]| v));
         let plant = Plant::new(PlantConfigOf { position_m, velocity_m_s, ..self.plant.clone() }).expect("plant");
         let controller = Controller::new(self.controller.clone()).expect("controller");
         let mut x = plant.start(0.0);
@@ -433,12 +434,12 @@ fn gyroscopic_moments_are_compensated() {
 fn no_magnet_pulls_with_less_than_the_smallest_force_of_its_group() {
     fn holds<const N: usize, const K: usize, const B: usize, const G: usize>() {
         let machine = Rotor::<N, K, B>::MACHINE;
-        let rotor = Rotor::<N, K, B>::new(RotorConfig::of(machine)).expect("a rotor");
+        let rotor = Checks::all(|checks| Rotor::<N, K, B>::checked(RotorConfig::of(machine), checks)).expect("a rotor");
         let mut random = Random::new(3);
         for _ in 0..1000 {
             let force: [f64; N] = std::array::from_fn(|n| random.between(-1.0, 1.0) * if n < 3 { 100.0 } else { 10.0 });
             let smallest_n: [f64; G] = std::array::from_fn(|_| random.between(0.0, 30.0));
-            let forces = rotor.allocate(force, smallest_n);
+            let forces = rotor.allocate(force, smallest_n, None);
             let mut group = 0;
             for (bearing, magnets) in machine.magnets_of_bearings() {
                 for first in 0..bearing.groups() {

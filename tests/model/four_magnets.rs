@@ -3,6 +3,7 @@
 use crate::support::{Random, below};
 use magnetic_bearing::bearing::magnet::{currents, forces};
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
+use magnetic_bearing::invalid::Checks;
 use magnetic_bearing::machine::PLANAR4;
 use magnetic_bearing::plant::linearisation::{Point, Taylor};
 use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
@@ -14,7 +15,8 @@ const ROUNDING_N: f64 = 1e-11;
 /// Fails if the bias is applied to one magnet of a pair only, or if unequal gaps or force constants are not compensated.
 #[test]
 fn currents_about_a_bias_give_the_force_at_any_place() {
-    let rotor = Rotor::<2, 4, 1>::new(RotorConfig::of(&PLANAR4)).expect("magnets in opposed pairs");
+    let rotor = Checks::all(|checks| Rotor::<2, 4, 1>::checked(RotorConfig::of(&PLANAR4), checks))
+        .expect("magnets in opposed pairs");
     let (geometry, mut random) = (rotor.geometry(), Random::new(7));
     let mut alone = 0;
     for _ in 0..1000 {
@@ -23,7 +25,7 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
         let wanted: [f64; 2] = std::array::from_fn(|_| random.between(-200.0, 200.0));
         let bias_a: [f64; 2] = std::array::from_fn(|_| random.between(0.5, 3.0));
         let per_square: [f64; 4] = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
-        let current_a = currents(rotor.allocate_with_bias(wanted, bias_a, per_square), gap_m, lambda);
+        let current_a = currents(rotor.allocate(wanted, bias_a, Some(&per_square)), gap_m, lambda);
         for (wanted, found) in wanted.into_iter().zip(geometry.resultant(forces(lambda, current_a, gap_m))) {
             below("resultant, N", (wanted - found).abs(), ROUNDING_N);
         }

@@ -5,10 +5,11 @@ use std::f64::consts::TAU;
 use crate::support::{below, poles_are_at};
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::displacement;
-use magnetic_bearing::control::observer::{PerturbationObserver, Signal, SignalObserver, gains_of_three};
+use magnetic_bearing::control::observer::{PerturbationObserver, SignalObserver, gains_of_three};
 use magnetic_bearing::control::reference::{
     Contour, PathConfig, Reference, ReferenceConfig, ReferenceState, Shape, Transition,
 };
+use magnetic_bearing::invalid::{Checks, Invalid};
 use magnetic_bearing::machine::{PLANAR, SPINDLE};
 
 const STEP_S: f64 = 1e-4;
@@ -18,11 +19,20 @@ const OMEGA_RAD_S: f64 = TAU * 50.0;
 const DIFFERENCE: f64 = 1e-8;
 
 fn rotor() -> Rotor {
-    Rotor::new(RotorConfig::of(&PLANAR)).expect("geometry")
+    Checks::all(|checks| Rotor::checked(RotorConfig::of(&PLANAR), checks)).expect("geometry")
+}
+
+fn checked<const N: usize, const K: usize, const B: usize>(
+    config: ReferenceConfig<B>,
+    rotor: &Rotor<N, K, B>,
+) -> Result<Reference<N, B>, Vec<Invalid>> {
+    Checks::described(&config, Rotor::<N, K, B>::MACHINE, |checks| {
+        Reference::checked(config.clone(), STEP_S, rotor, checks)
+    })
 }
 
 fn reference(config: ReferenceConfig) -> Reference {
-    Reference::new(config, STEP_S, &rotor()).expect("reference")
+    checked(config, &rotor()).expect("reference")
 }
 
 fn default() -> ReferenceConfig {
@@ -39,7 +49,7 @@ fn lobes() -> ReferenceConfig {
 
 /// Names of the refused parameters.
 fn refused(config: ReferenceConfig) -> Vec<String> {
-    let found = Reference::new(config.clone(), STEP_S, &rotor()).expect_err(&format!("{config:?}"));
+    let found = checked(config.clone(), &rotor()).expect_err(&format!("{config:?}"));
     found.into_iter().map(|finding| finding.name.into_owned()).collect()
 }
 
@@ -52,12 +62,12 @@ fn difference(h: f64, f: impl Fn(f64) -> f64) -> f64 {
 fn the_path_is_the_one_described() {
     let [y, z] = lobes().point(0.3, OMEGA_RAD_S);
     let r = 8e-6 * (5.0f64 * 0.3).cos();
-    below("Y* in m", (y.position_m - (30e-6 + r) * 0.3f64.cos()).abs(), 1e-18);
-    below("Z* in m", (z.position_m - (70e-6 + r) * 0.3f64.sin()).abs(), 1e-18);
+    below("Y* in m", (y[0] - (30e-6 + r) * 0.3f64.cos()).abs(), 1e-18);
+    below("Z* in m", (z[0] - (70e-6 + r) * 0.3f64.sin()).abs(), 1e-18);
     // An ellipse ignores the lobes.
     let [y, z] = ReferenceConfig { shape: Shape::Ellipse, ..lobes() }.point(0.3, OMEGA_RAD_S);
-    below("Y* in m", (y.position_m - 30e-6 * 0.3f64.cos()).abs(), 1e-18);
-    below("Z* in m", (z.position_m - 70e-6 * 0.3f64.sin()).abs(), 1e-18);
+    below("Y* in m", (y[0] - 30e-6 * 0.3f64.cos()).abs(), 1e-18);
+    below("Z* in m", (z[0] - 70e-6 * 0.3f64.sin()).abs(), 1e-18);
 }
 
 #[test]
@@ -69,11 +79,11 @@ fn derivatives_agree_with_differences() {
                 let at = |t: f64| config.point(theta + OMEGA_RAD_S * t, OMEGA_RAD_S)[a];
                 // The lobes set the scale of the derivatives.
                 let scale = 1e-4 * 5.0 * OMEGA_RAD_S;
-                let v = difference(2e-5, |t| at(t).position_m);
-                below("velocity", (v - at(0.0).velocity_m_s).abs(), DIFFERENCE * scale);
-                let acceleration = difference(2e-5, |t| at(t).velocity_m_s);
+                let v = difference(2e-5, |t| at(t)[0]);
+                below("velocity", (v - at(0.0)[1]).abs(), DIFFERENCE * scale);
+                let acceleration = difference(2e-5, |t| at(t)[1]);
                 let scale = scale * 5.0 * OMEGA_RAD_S;
-                below("acceleration", (acceleration - at(0.0).acceleration_m_s2).abs(), DIFFERENCE * scale);
+                below("acceleration", (acceleration - at(0.0)[2]).abs(), DIFFERENCE * scale);
             }
         }
     }
@@ -121,11 +131,7 @@ fn an_external_cubic_is_followed_without_lag() {
     }
     let [y, z] = reference.ahead(&state, 2.0 * STEP_S);
     let expected = cubic(t + 2.0 * STEP_S);
-    for (j, (value, mirrored)) in
-        [(y.position_m, z.position_m), (y.velocity_m_s, z.velocity_m_s), (y.acceleration_m_s2, z.acceleration_m_s2)]
-            .into_iter()
-            .enumerate()
-    {
+    for (j, (value, mirrored)) in [(y[0], z[0]), (y[1], z[1]), (y[2], z[2])].into_iter().enumerate() {
         below(&format!("derivative {j}"), (value - expected[j]).abs(), LIMITS[j]);
         assert_eq!(value, -mirrored);
     }
@@ -137,8 +143,8 @@ fn an_external_reference_starts_at_its_first_sample_at_rest() {
     let mut state = reference.start();
     reference.sample(&mut state, OMEGA_RAD_S, [0.0; 2], [20e-6, -10e-6]);
     let [y, z] = reference.ahead(&state, 2.0 * STEP_S);
-    assert_eq!([y.position_m, y.velocity_m_s, y.acceleration_m_s2], [20e-6, 0.0, 0.0]);
-    assert_eq!([z.position_m, z.velocity_m_s, z.acceleration_m_s2], [-10e-6, 0.0, 0.0]);
+    assert_eq!(y, [20e-6, 0.0, 0.0]);
+    assert_eq!(z, [-10e-6, 0.0, 0.0]);
 }
 
 #[test]
@@ -152,7 +158,7 @@ fn the_gains_place_the_poles_of_the_observers() {
             three.update(three.predict(error, 0.0), 0.0)
         });
         let four = SignalObserver::new(bandwidth, 1.0);
-        poles_are_at(&format!("observer of four, {bandwidth}"), [rho; 4], |error| four.update(Signal(error), 0.0).0);
+        poles_are_at(&format!("observer of four, {bandwidth}"), [rho; 4], |error| four.update(error, 0.0));
     }
     let [l_1, l_2, l_3] = gains_of_three(4000.0, 1e-4);
     let scaled = gains_of_three(0.4, 1.0);
@@ -176,9 +182,9 @@ fn a_fourier_series_reproduces_the_lobes() {
         let theta = 0.13 * f64::from(k);
         for (one, other) in lobes.point(theta, 314.0).into_iter().zip(series.point(theta, 314.0)) {
             // Rounding of sums of a few terms, relative to r, r ω, 10 r ω².
-            assert!((one.position_m - other.position_m).abs() < 1e-18);
-            assert!((one.velocity_m_s - other.velocity_m_s).abs() < 1e-15);
-            assert!((one.acceleration_m_s2 - other.acceleration_m_s2).abs() < 1e-12);
+            assert!((one[0] - other[0]).abs() < 1e-18);
+            assert!((one[1] - other[1]).abs() < 1e-15);
+            assert!((one[2] - other[2]).abs() < 1e-12);
         }
     }
 }
@@ -193,10 +199,10 @@ fn assert_derivatives<const N: usize, const B: usize>(
     let h = 1e-6;
     let [before, here, after] = [-h, 0.0, h].map(|beside_s| reference.ahead(state, ahead_s + beside_s));
     for a in 0..N {
-        let velocity = (after[a].position_m - before[a].position_m) / (2.0 * h);
-        below(&format!("velocity {a} of {N}"), (velocity - here[a].velocity_m_s).abs(), velocity_limit);
-        let acceleration = (after[a].velocity_m_s - before[a].velocity_m_s) / (2.0 * h);
-        let off = (acceleration - here[a].acceleration_m_s2).abs();
+        let velocity = (after[a][0] - before[a][0]) / (2.0 * h);
+        below(&format!("velocity {a} of {N}"), (velocity - here[a][1]).abs(), velocity_limit);
+        let acceleration = (after[a][1] - before[a][1]) / (2.0 * h);
+        let off = (acceleration - here[a][2]).abs();
         below(&format!("acceleration {a} of {N}"), off, acceleration_limit);
     }
 }
@@ -213,7 +219,7 @@ fn a_smooth_start_is_smooth() {
         plain.sample(&mut other, 314.0, [0.0; 2], [0.0; 2]);
         let here = reference.ahead(&state, 0.0);
         if k == 0 {
-            assert_eq!(here.map(|point| (point.position_m, point.velocity_m_s)), first.map(|first_m| (first_m, 0.0)));
+            assert_eq!(here.map(|point| (point[0], point[1])), first.map(|first_m| (first_m, 0.0)));
         } else {
             // Third derivatives of up to 2e3 m/s³ times h²/6, and rounding of 1e-19/h; at the seams they jump.
             assert_derivatives(&reference, &state, 0.0, [1e-9, 2e-3]);
@@ -245,8 +251,8 @@ fn trajectories_that_touch_a_magnet_are_refused_by_name() {
 fn of_spindle(change: impl Fn(&mut ReferenceConfig<3>)) -> Reference<5, 3> {
     let mut config = ReferenceConfig::of(&SPINDLE);
     change(&mut config);
-    Reference::new(config, STEP_S, &Rotor::<5, 8, 3>::new(RotorConfig::of(&SPINDLE)).expect("a spindle"))
-        .expect("reference")
+    let rotor = Checks::all(|checks| Rotor::<5, 8, 3>::checked(RotorConfig::of(&SPINDLE), checks));
+    checked(config, &rotor.expect("a spindle")).expect("reference")
 }
 
 /// Velocity and acceleration are the derivatives of the position, also while the reference grows.
@@ -277,14 +283,14 @@ fn a_lift_of_a_spindle_begins_where_the_rotor_is() {
     let first = [1e-4, -1e-4, 5e-5, 1e-4, -2e-4];
     reference.sample(&mut state, OMEGA_RAD_S, first, [0.0; 5]);
     for (point, first) in reference.ahead(&state, 0.0).into_iter().zip(first) {
-        below("first position", (point.position_m - first).abs(), 1e-20);
-        below("first velocity", point.velocity_m_s.abs() + point.acceleration_m_s2.abs(), 1e-20);
+        below("first position", (point[0] - first).abs(), 1e-20);
+        below("first velocity", point[1].abs() + point[2].abs(), 1e-20);
     }
     for _ in 1..2000 {
         reference.sample(&mut state, OMEGA_RAD_S, [0.0; 5], [0.0; 5]);
     }
     let t_s = 0.1999;
-    let end = reference.ahead(&state, 0.0).map(|point| point.position_m);
+    let end = reference.ahead(&state, 0.0).map(|point| point[0]);
     for (at_m, phase) in [(-0.12, 0.0), (0.15, 1.2)] {
         let angle: f64 = OMEGA_RAD_S * t_s + phase;
         let [y, z] = displacement(at_m, end);

@@ -5,6 +5,7 @@ use std::f64::consts::PI;
 
 use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::Shaft;
+use magnetic_bearing::invalid::Checks;
 use magnetic_bearing::machine::SPINDLE;
 use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantInput, PlantState};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
@@ -158,7 +159,7 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
         below("gap, m", (gaps[k] - gap).abs(), 1e-18);
     }
     below("axial gaps, m", (gaps[6] - (6e-4 - x)).abs() + (gaps[7] - (6e-4 + x)).abs(), 1e-18);
-    let spindle = Rotor::<5, 8, 3>::new(config.rotor).expect("a spindle");
+    let spindle = Checks::all(|checks| Rotor::<5, 8, 3>::checked(config.rotor, checks)).expect("a spindle");
     let q = [x, y, z, beta, gamma];
     let readings = spindle.config().readings(q);
     let wanted = [y - 0.10 * gamma, z + 0.10 * beta, y + 0.13 * gamma, z - 0.13 * beta, x];

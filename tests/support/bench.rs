@@ -8,6 +8,7 @@ use crate::support::runge_kutta;
 use magnetic_bearing::bearing::magnet::{Geometry, Magnets, currents};
 use magnetic_bearing::control::controller::tracking_gains;
 use magnetic_bearing::control::observer::gains_of_three;
+use magnetic_bearing::invalid::Checks;
 use magnetic_bearing::plant::noise::Noise;
 
 /// Runge–Kutta steps per sample.
@@ -141,8 +142,8 @@ impl Bench {
     #[must_use]
     pub fn record(&self) -> Recorded {
         let rows = (self.seconds / self.step).round() as usize + 1;
-        let (magnets, geometry) =
-            (Magnets::new(self.s, &self.alpha).expect("magnets"), Geometry::<f64, 2, 3>::new(self.s, self.alpha));
+        let magnets = Checks::all(|checks| Magnets::checked(self.s, &self.alpha, checks)).expect("magnets");
+        let geometry = Geometry::<f64, 2, 3>::new(self.s, self.alpha);
         let allocate = |force: [f64; 2]| {
             let mut forces = [0.0; 3];
             magnets.allocate(force, &[20.0], &mut forces);

@@ -80,10 +80,8 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         for a in 0..N {
             let expected = self.observer.predict_ramp(estimate[a], now[a], next[a]);
             let [x, v, d] = expected;
-            acceleration[a] = end[a].acceleration_m_s2
-                - k_2 * (next[a] + d - begin[a].acceleration_m_s2)
-                - k_1 * (v - begin[a].velocity_m_s)
-                - k_0 * (x - begin[a].position_m);
+            let ([x_0, v_0, a_0], [.., a_1]) = (begin[a], end[a]);
+            acceleration[a] = a_1 - k_2 * (next[a] + d - a_0) - k_1 * (v - v_0) - k_0 * (x - x_0);
             state.expected[a] = expected;
         }
         let last: [Estimate; N] = array::from_fn(|a| {
