@@ -39,32 +39,25 @@ pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, Stri
 /// The controllers of all machines with one bearing share a picture, as do those of the spindles; likewise the estimators.
 fn extras(name: &str) -> Extras {
     macro_rules! extras {
-        ($($model:literal $picture:literal),*) => {
+        ($($picture:literal: $($model:literal)+;)*) => {
             match name {
-                $($model => (
+                $($($model => (
                     &include_bytes!(concat!("../modelDescription/", $picture, ".png"))[..],
                     include_str!(concat!("../modelDescription/", $model, ".html")),
-                ),)*
+                ),)+)*
                 other => unreachable!("{other} is no model of this project"),
             }
         };
     }
     let (picture, text) = extras!(
-        "MagneticBearing" "MagneticBearing",
-        "FlatnessController" "FlatnessController",
-        "AlgebraicEstimator" "AlgebraicEstimator",
-        "MagneticSpindle" "MagneticSpindle",
-        "SpindleController" "SpindleController",
-        "SpindleEstimator" "SpindleEstimator",
-        "MagneticBearing4" "MagneticBearing4",
-        "FlatnessController4" "FlatnessController",
-        "AlgebraicEstimator4" "AlgebraicEstimator",
-        "MagneticSpindle4" "MagneticSpindle",
-        "SpindleController4" "SpindleController",
-        "SpindleEstimator4" "SpindleEstimator",
-        "AxialBearing" "AxialBearing",
-        "AxialController" "FlatnessController",
-        "AxialEstimator" "AlgebraicEstimator"
+        "MagneticBearing": "MagneticBearing";
+        "MagneticBearing4": "MagneticBearing4";
+        "AxialBearing": "AxialBearing";
+        "FlatnessController": "FlatnessController" "FlatnessController4" "AxialController";
+        "AlgebraicEstimator": "AlgebraicEstimator" "AlgebraicEstimator4" "AxialEstimator";
+        "MagneticSpindle": "MagneticSpindle" "MagneticSpindle4";
+        "SpindleController": "SpindleController" "SpindleController4";
+        "SpindleEstimator": "SpindleEstimator" "SpindleEstimator4";
     );
     let licenses = [
         ("LICENSE-MIT.txt", include_str!("../modelDescription/licenses/LICENSE-MIT.txt")),

@@ -1,4 +1,4 @@
-//! The coil of a magnet: flux, current, force and field energy, all from one energy function.
+//! The coil of a magnet: flux, current and force, all from one energy function.
 //!
 //! The current drives the flux `φ` through the air gap and the leakage flux `L_leak i`:
 //!
@@ -130,7 +130,7 @@ pub struct Coil<T = f64> {
     iron_a: T,
 }
 
-/// Flux, current, force and energy of a coil at an instant.
+/// Flux, current and force of a coil at an instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CoilPoint<T = f64> {
     /// Flux linked with the coil ψ, in Wb.
@@ -139,8 +139,6 @@ pub struct CoilPoint<T = f64> {
     pub current_a: T,
     /// Force towards the magnet, in N.
     pub force_n: T,
-    /// Energy of the field, in J.
-    pub energy_j: T,
     /// `∂i/∂ψ`, in 1/H: the inverse of the incremental inductance.
     pub current_by_linkage: T,
 }
@@ -149,7 +147,7 @@ impl<T: Scalar> CoilPoint<T> {
     /// A coil without current.
     pub fn idle() -> Self {
         let zero = T::constant(0.0);
-        Self { linkage_wb: zero, current_a: zero, force_n: zero, energy_j: zero, current_by_linkage: zero }
+        Self { linkage_wb: zero, current_a: zero, force_n: zero, current_by_linkage: zero }
     }
 }
 
@@ -214,17 +212,10 @@ impl<T: Scalar> Coil<T> {
     fn at_flux(&self, flux: T, gap_m: T) -> CoilPoint<T> {
         let (current_a, by_flux) = self.current(flux, gap_m);
         let per_gap = flux / (self.lambda_nm2_a2 * 2.0);
-        let mut field_j = flux * 0.5 * per_gap * gap_m;
-        if self.saturates() {
-            let ratio = flux / self.saturation_wb;
-            let square = ratio * ratio;
-            field_j = field_j + self.iron_a * self.saturation_wb * 0.125 * square * square * square * square;
-        }
         CoilPoint {
             linkage_wb: flux + self.leakage_h * current_a,
             current_a,
             force_n: flux * 0.5 * per_gap,
-            energy_j: field_j + self.leakage_h * 0.5 * current_a * current_a,
             // dψ/dφ = 1 + L_leak di/dφ.
             current_by_linkage: by_flux / (self.leakage_h * by_flux + 1.0),
         }

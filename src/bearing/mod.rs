@@ -7,7 +7,7 @@
 //! - [`magnet`]: gaps, forces, currents, and force allocation;
 //! - [`shaft`]: coordinates of a rigid rotor;
 //! - [`rotor`]: a rotor in its bearings;
-//! - [`coil`]: flux, current, force and energy of a coil;
+//! - [`coil`]: flux, current and force of a coil;
 //! - [`touchdown`]: the backup bearing.
 
 pub(crate) mod array;

@@ -131,16 +131,13 @@ pub struct PlantOutput<T = f64, const N: usize = 2, const K: usize = 3> {
         derivative_of = context.coordinates[index].rate
     )]
     pub acceleration_m_s2: [T; N],
-    /// Energy of the field of each coil, in J.
-    #[hidden]
-    pub energy_j: [T; K],
 }
 
 impl<T: Copy, const N: usize, const K: usize> PlantOutput<T, N, K> {
     /// Applies `f` to every number.
     pub fn map<U: Copy>(&self, f: impl Fn(T) -> U) -> PlantOutput<U, N, K> {
         joined!(self, self, |value, _| f(value), PlantOutput {
-            ; gap_m, current_a, linkage_wb, energy_j, force_n, resultant_n, perturbation_n, induced_v, contact_n, acceleration_m_s2;
+            ; gap_m, current_a, linkage_wb, force_n, resultant_n, perturbation_n, induced_v, contact_n, acceleration_m_s2;
         })
     }
 }
@@ -195,7 +192,6 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
                     linkage_wb: inductance_h * current_a[k],
                     current_a: current_a[k],
                     force_n: force_n[k],
-                    energy_j: inductance_h * 0.5 * current_a[k] * current_a[k],
                     current_by_linkage: T::constant(0.0),
                 }
             });
@@ -308,7 +304,6 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             gap_m,
             current_a: coils.map(|coil| coil.current_a),
             linkage_wb: coils.map(|coil| coil.linkage_wb),
-            energy_j: coils.map(|coil| coil.energy_j),
             induced_v: self.induced_v(conditions.open, &coils, input),
             force_n,
             resultant_n,

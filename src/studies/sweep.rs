@@ -2,14 +2,14 @@
 //!
 //! A design is a CSV table whose columns are variables of the loop, `plant.m` or `plant.m [g]`, and whose rows are cases; or a
 //! TOML file that describes how to draw such a table ([`Sweep::open`]). Each row is written and synchronised to disk as soon as
-//! its case ends. An interrupted sweep resumes where it stopped: existing rows are kept, an incomplete last row is discarded.
-//! When all cases are done, the rows are put in the order of the design.
+//! its case and all before it are done. An interrupted sweep resumes where it stopped: existing rows are kept, an incomplete last row is
+//! discarded.
 //!
 //! The row of a case that cannot be run, or ends early, states the reason.
 
 use std::collections::{BTreeMap, HashSet};
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Seek, SeekFrom, Write};
+use std::io::{self, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc;
@@ -221,7 +221,7 @@ impl Sweep {
             .collect()
     }
 
-    /// Runs all cases without a row in `path` and puts the rows in order.
+    /// Runs the cases that have no row in `path` yet.
     ///
     /// # Errors
     /// If the file cannot be read or written, is not a regular file, belongs to another design, or is in use by another sweep.
@@ -236,58 +236,49 @@ impl Sweep {
             return Err(refusal(path, "another sweep is using it"));
         }
         let done = self.resume(path, &mut file)?;
-        let todo: Vec<usize> = (0..self.count()).filter(|case| !done.contains(case)).collect();
-        self.work(&todo, |batch| {
-            file.write_all(&lines(&batch)?)?;
+        let write = |rows: &[Vec<String>]| {
+            file.write_all(&lines(rows)?)?;
             file.sync_data()
-        })
-        .map_err(fail)?;
-        let failed = self.put_in_order(path).map_err(fail)?;
-        Ok(Outcome { before: done.len(), failed })
+        };
+        let outcome = self.work(done.before, write).map_err(fail)?;
+        Ok(Outcome { failed: done.failed + outcome.failed, ..outcome })
     }
 
-    /// Runs all cases and writes each row as soon as all earlier ones are written.
+    /// Runs all cases.
     ///
     /// # Errors
     /// Errors of the writer.
     pub fn run_to(&self, mut to: impl Write) -> io::Result<Outcome> {
         to.write_all(&lines(&[self.header()])?)?;
-        let todo: Vec<usize> = (0..self.count()).collect();
-        let (mut waiting, mut next, mut failed) = (BTreeMap::new(), 1, 0);
-        self.work(&todo, |batch| {
-            failed += batch.iter().filter(|row| is_failed(row)).count();
-            waiting.extend(batch.into_iter().map(|row| (number(&row), row)));
-            while let Some(row) = waiting.remove(&next) {
-                to.write_all(&lines(&[row])?)?;
-                next += 1;
-            }
+        self.work(0, |rows| {
+            to.write_all(&lines(rows)?)?;
             to.flush()
-        })?;
-        Ok(Outcome { before: 0, failed })
-    }
-
-    /// Runs these cases in the thread pool, starting in order, and passes the rows on as they arrive.
-    fn work(&self, todo: &[usize], mut write: impl FnMut(Vec<Vec<String>>) -> io::Result<()>) -> io::Result<()> {
-        let progress = Progress::new("sweeping", todo.len() as u64);
-        let (sender, rows) = mpsc::channel();
-        rayon::in_place_scope(move |scope| {
-            // If writing fails, the receiver is dropped, and no further case is started.
-            let send = |sender: &mut mpsc::Sender<_>, case: &usize| sender.send(self.row(*case));
-            scope.spawn(move |_| drop(todo.iter().par_bridge().try_for_each_with(sender, send)));
-            let mut count = 0;
-            while let Ok(row) = rows.recv() {
-                // Rows that have arrived in the meantime are written with it.
-                let batch: Vec<_> = std::iter::once(row).chain(rows.try_iter()).collect();
-                count += batch.len();
-                write(batch)?;
-                progress.tell(count as u64);
-            }
-            Ok(())
         })
     }
 
-    /// Reads the rows of an earlier run, or writes the header if there are none. Returns the cases that are done.
-    fn resume(&self, path: &Path, file: &mut File) -> Result<HashSet<usize>, ScenarioError> {
+    /// Runs all cases but the first `before` in the thread pool and passes each row on as soon as all earlier ones are done.
+    fn work(&self, before: usize, mut write: impl FnMut(&[Vec<String>]) -> io::Result<()>) -> io::Result<Outcome> {
+        let progress = Progress::new("sweeping", (self.count() - before) as u64);
+        let (sender, done) = mpsc::channel();
+        rayon::in_place_scope(move |scope| {
+            // If writing fails, the receiver is dropped, and no further case is started.
+            let send = |sender: &mut mpsc::Sender<_>, case| sender.send((case, self.row(case)));
+            scope.spawn(move |_| drop((before..self.count()).par_bridge().try_for_each_with(sender, send)));
+            let (mut waiting, mut next, mut failed) = (BTreeMap::new(), before, 0);
+            while let Ok(row) = done.recv() {
+                // Rows that have arrived in the meantime are written with it.
+                waiting.extend([row].into_iter().chain(done.try_iter()));
+                let rows: Vec<Vec<String>> = (next..).map_while(|case| waiting.remove(&case)).collect();
+                write(&rows)?;
+                (next, failed) = (next + rows.len(), failed + failures(&rows));
+                progress.tell((next - before) as u64);
+            }
+            Ok(Outcome { before, failed })
+        })
+    }
+
+    /// Reads the rows of an earlier run, or writes the header if there are none.
+    fn resume(&self, path: &Path, file: &mut File) -> Result<Outcome, ScenarioError> {
         let fail = |error: io::Error| refusal(path, error);
         let text = fs::read(path).map_err(fail)?;
         let foreign = |finding: String| refusal(path, format!("{finding}; name another file with --out"));
@@ -298,51 +289,26 @@ impl Sweep {
         // A row is complete only with its line break.
         let whole = text.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
         file.set_len(whole as u64).map_err(fail)?;
-        file.seek(SeekFrom::End(0)).map_err(fail)?;
         if whole == 0 {
             file.write_all(&header).map_err(fail)?;
             file.sync_all().map_err(fail)?;
-            return Ok(HashSet::new());
         }
-        let mut reader = csv::Reader::from_reader(&text[..whole]);
+        let rows = csv::Reader::from_reader(&text[..whole]).into_deserialize().collect::<Result<Vec<Vec<String>>, _>>();
+        let rows = rows.map_err(|error| refusal(path, error))?;
         let at = self.header().iter().position(|name| name == "fingerprint").unwrap_or_default();
-        let mut done = HashSet::new();
-        for row in reader.deserialize() {
-            let row: Vec<String> = row.map_err(|error| refusal(path, error))?;
-            let case = number(&row).wrapping_sub(1);
-            if case >= self.count() || row[at] != *self.fingerprint(case) {
-                return Err(foreign(format!("case {} in it is of another design or scenario", row[0])));
-            }
-            done.insert(case);
+        let is_other = |(case, row): &(usize, &Vec<String>)| {
+            *case >= self.count() || row[0] != (case + 1).to_string() || row[at] != self.fingerprint(*case)
+        };
+        match rows.iter().enumerate().find(is_other) {
+            Some((case, _)) => Err(foreign(format!("row {} in it is of another design or scenario", case + 1))),
+            None => Ok(Outcome { before: rows.len(), failed: failures(&rows) }),
         }
-        Ok(done)
-    }
-
-    /// Rewrites the rows in the order of the cases, atomically. Returns the number of failed cases.
-    fn put_in_order(&self, path: &Path) -> io::Result<usize> {
-        let mut reader = csv::Reader::from_path(path)?;
-        let mut rows: Vec<Vec<String>> = reader.deserialize().collect::<Result<_, _>>()?;
-        rows.sort_by_key(|row| number(row));
-        let failed = rows.iter().filter(|row| is_failed(row)).count();
-        rows.insert(0, self.header());
-        let mut aside = path.as_os_str().to_owned();
-        aside.push(".sorted");
-        let mut file = File::create(&aside)?;
-        file.write_all(&lines(&rows)?)?;
-        file.sync_all()?;
-        fs::rename(&aside, path)?;
-        Ok(failed)
     }
 }
 
-/// The case number of a row.
-fn number(row: &[String]) -> usize {
-    row[0].parse().unwrap_or(usize::MAX)
-}
-
-/// Whether the case of a row could not be run, or ended early.
-fn is_failed(row: &[String]) -> bool {
-    row[2] != "ok"
+/// The number of cases that could not be run, or ended early.
+fn failures(rows: &[Vec<String>]) -> usize {
+    rows.iter().filter(|row| row[2] != "ok").count()
 }
 
 /// A result of a run.
