@@ -23,7 +23,7 @@ use magnetic_bearing::estimation::{
     Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorState, Method, Tolerance,
 };
 use magnetic_bearing::package;
-use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
+use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfigOf, PlantInput};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate;
 
@@ -68,7 +68,7 @@ fn plant_steps<'a, const N: usize, const K: usize, const B: usize>(
                 state = start.clone();
             }
             let t_s = f64::from(step % 20) * 1e-4;
-            let _ = black_box(plant.advance(&mut state, &input, t_s, 1e-4));
+            let _ = black_box(plant.advance(&mut state, &InputTrajectory::held(&input), t_s, 1e-4));
             black_box(plant.outputs(&state, &input, t_s + 1e-4));
         }
     })

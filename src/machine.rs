@@ -296,11 +296,6 @@ impl Machine {
         self.bearings.iter().filter(|bearing| bearing.is_radial).count()
     }
 
-    /// Number of axial bearings.
-    pub(crate) fn axial(&self) -> usize {
-        self.bearings.len() - self.radial()
-    }
-
     /// Names of a variable of each radial bearing.
     pub fn of_radial(&self, name: &str) -> Vec<String> {
         let radial = self.bearings.iter().filter(|bearing| bearing.is_radial);
@@ -315,7 +310,7 @@ impl Machine {
 
     /// Number of independent parts of the motion: two with both radial and axial bearings.
     pub fn parts(&self) -> usize {
-        1 + usize::from(self.radial() > 0 && self.axial() > 0)
+        1 + usize::from((1..self.bearings.len()).contains(&self.radial()))
     }
 
     /// Names of a variable of each part.

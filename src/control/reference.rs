@@ -48,7 +48,6 @@ pub const HARMONICS: usize = 8;
 /// `Y* = y_0 + Σ (cosY_n cos nθ + sinY_n sin nθ)`, `Z*` likewise, all in m.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Machine)]
-#[serde(default)]
 pub struct Contour {
     /// Mean of the reference trajectory along {axis} with shape = fourier
     #[parameter(names = context.of_resultant("centre"), unit = METRE, nominal = 1e-5)]
@@ -109,7 +108,6 @@ pub enum Shape {
 /// Ellipse in a radial bearing, semi-axis in a single axial bearing, or sine in an axial bearing beside others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(context = Bearing)]
-#[serde(default)]
 pub struct PathConfig {
     /// Semi-axis of the reference trajectory along {first axis}{at the magnets of bearing}
     #[parameter(
@@ -230,7 +228,6 @@ fn smooth_step(t_s: f64, length_s: f64) -> [f64; 3] {
 
 /// The transition from the first measured position to the curve, see the module.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-#[serde(default)]
 pub struct Transition {
     /// Time after the first sample at which the reference trajectory begins to grow out of the centre
     #[parameter(name = "startTime", unit = SECOND, min = 0.0, nominal = 0.1, display_unit = "ms")]

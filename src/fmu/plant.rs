@@ -223,7 +223,7 @@ where
         let samples = state.samples;
         let trajectory = Self::trajectory(values, inputs);
         let (time_s, length_s) = self.aligned(state, step);
-        let outcome = self.0.advance_along(state, &trajectory, time_s, length_s);
+        let outcome = self.0.advance(state, &trajectory, time_s, length_s);
         if state.samples != samples {
             values.measured_omega_rad_s = trajectory.at(self.0.sampled_s(state)).omega_rad_s;
         }

@@ -214,20 +214,6 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         state
     }
 
-    /// Advances from `t_s` to `t_s + h_s`, in s, with the input held; see [`Plant::advance_along`].
-    ///
-    /// # Errors
-    /// As for [`Plant::advance_along`].
-    pub fn advance(
-        &self,
-        state: &mut PlantState<N, K, B>,
-        input: &PlantInput<f64, N, K>,
-        t_s: f64,
-        h_s: f64,
-    ) -> Result<(), StepError> {
-        self.advance_along(state, &InputTrajectory::held(input), t_s, h_s)
-    }
-
     /// Advances from `t_s` to `t_s + h_s`, in s, with inputs that vary over the step. A current sample is the value just before the
     /// instant.
     ///
@@ -239,7 +225,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// [`StepError::Contact`] if the rotor leaves the gap; [`StepError::Fast`] if the step would take too long;
     /// [`StepError::Input`] for an input that is not finite;
     /// [`StepError::Time`] for a step that is negative, not finite, or does not begin where the last one ended.
-    pub fn advance_along(
+    pub fn advance(
         &self,
         state: &mut PlantState<N, K, B>,
         inputs: &InputTrajectory<N, K>,

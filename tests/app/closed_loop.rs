@@ -9,7 +9,7 @@ use magnetic_bearing::control::reference::{PathConfig, ReferenceConfig};
 use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
 use magnetic_bearing::machine::PLANAR;
-use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantInput, SensorConfig};
+use magnetic_bearing::plant::{Harmonic, InputTrajectory, Plant, PlantConfig, PlantInput, SensorConfig};
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::Run;
 
@@ -175,7 +175,9 @@ fn models_and_instances_agree_bit_for_bit() {
                 ..EstimatorInput::default()
             };
             input.current_a = command.current_a;
-            plant.advance(&mut rotor, &input, time_s, step_s).expect("the rotor stays in the gap");
+            plant
+                .advance(&mut rotor, &InputTrajectory::held(&input), time_s, step_s)
+                .expect("the rotor stays in the gap");
             command = controller.sample(&mut tracking, &controller_input).expect("finite inputs");
             for ((_, estimator), estimate) in estimators.iter().zip(&mut estimates) {
                 estimator.sample(estimate, &estimator_input);

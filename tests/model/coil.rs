@@ -6,7 +6,7 @@ use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::bearing::scalar::Scalar;
 use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::linearisation::Taylor;
-use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantState};
+use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfig, PlantInput, PlantState};
 
 const STEP_S: f64 = 1e-4;
 const GAP_M: f64 = 5e-4;
@@ -137,7 +137,9 @@ fn the_energy_of_coils_and_rotor_balances() {
                     *sum += weight * h / 3.0 * rate;
                 }
                 if node < 10 {
-                    plant.advance(&mut state, &input, (10 * sample + node) as f64 * h, h).expect("advance");
+                    plant
+                        .advance(&mut state, &InputTrajectory::held(&input), (10 * sample + node) as f64 * h, h)
+                        .expect("advance");
                 }
             }
         }
@@ -182,7 +184,9 @@ fn stiff_coils_and_small_gaps_agree_with_a_reference_solution() {
                 if position_m[1] < -400e-6 {
                     input.voltage_v[0] = 0.0;
                 }
-                plant.advance(&mut state, &input, sample as f64 * STEP_S, STEP_S).expect("advance");
+                plant
+                    .advance(&mut state, &InputTrajectory::held(&input), sample as f64 * STEP_S, STEP_S)
+                    .expect("advance");
             }
             state
         };
@@ -213,7 +217,7 @@ fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
     // The amplifier limits the commanded 250 V to 100 V.
     let input = PlantInput { voltage_v: [2.0, -50.0, 250.0], ..PlantInput::default() };
     for sample in 0..100 {
-        plant.advance(&mut state, &input, sample as f64 * STEP_S, STEP_S).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&input), sample as f64 * STEP_S, STEP_S).expect("advance");
     }
     for (k, (u, lambda)) in [2.0, -50.0, 100.0].into_iter().zip([1.8e-6, 2.0e-6, 2.2e-6]).enumerate() {
         let time_constant_s: f64 = 1e-3 + 2.0 * lambda / GAP_M;
@@ -228,10 +232,10 @@ fn an_open_circuit_carries_no_current() {
     let plant = Plant::new(PlantConfig { coil, ..PlantConfig::default() }).expect("plant");
     let mut state = plant.start(0.0);
     let input = PlantInput { voltage_v: [20.0; 3], ..PlantInput::default() };
-    plant.advance(&mut state, &input, 0.0, STEP_S).expect("advance");
+    plant.advance(&mut state, &InputTrajectory::held(&input), 0.0, STEP_S).expect("advance");
     assert!(state.measured.current_a.iter().all(|i| *i > 0.1));
     state.open[1] = true;
-    plant.advance(&mut state, &input, STEP_S, STEP_S).expect("advance");
+    plant.advance(&mut state, &InputTrajectory::held(&input), STEP_S, STEP_S).expect("advance");
     assert_eq!(state.measured.current_a[1], 0.0);
     assert_eq!(plant.outputs(&state, &input, 2.0 * STEP_S).force_n[1], 0.0);
     assert!(state.measured.current_a[0] > 0.1);

@@ -16,7 +16,7 @@ use magnetic_bearing::control::reference::{PathConfig, Reference, ReferenceConfi
 use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::invalid::{Checks, NotFinite};
 use magnetic_bearing::machine::PLANAR;
-use magnetic_bearing::plant::{Harmonic, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
+use magnetic_bearing::plant::{Harmonic, InputTrajectory, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
 /// Least factor by which the worst tracking error at 6000 rpm grows without compensation of gyroscopic moments; measured 49
 /// and 87 with current and voltage drive.
@@ -205,7 +205,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
             };
             let (current_a, voltage_v) = std::mem::replace(&mut commanded, (output.current_a, output.voltage_v));
             let input = PlantInput { current_a, voltage_v, perturbation_n: self.load_n, omega_rad_s };
-            plant.advance(&mut x, &input, t_s, step_s).expect("advance");
+            plant.advance(&mut x, &InputTrajectory::held(&input), t_s, step_s).expect("advance");
             record
         };
         (0..(0.4 / step_s).round() as usize).map(sample).collect()

@@ -8,7 +8,7 @@ use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, Cont
 use magnetic_bearing::estimation::{Estimator, EstimatorConfigOf, EstimatorInputOf};
 use magnetic_bearing::fmu::controller::ControllerModel;
 use magnetic_bearing::fmu::{estimator, plant};
-use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
+use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfigOf, PlantInput};
 
 const STEP_S: f64 = 1e-4;
 
@@ -59,8 +59,8 @@ fn all_six_force_constants_are_found_in_closed_loop() {
         let mut seen = EstimatorInputOf { position_m, current_a, omega_rad_s, enable: true, ..Default::default() };
         seen.theta_rad = rotor.measured.theta_rad;
         estimator.sample(&mut estimate, &seen);
-        plant.advance(&mut rotor, &input, f64::from(sample) * STEP_S, STEP_S).expect("a step");
-        beside.advance(&mut other, &copy, f64::from(sample) * STEP_S, STEP_S).expect("a step");
+        plant.advance(&mut rotor, &InputTrajectory::held(&input), f64::from(sample) * STEP_S, STEP_S).expect("a step");
+        beside.advance(&mut other, &InputTrajectory::held(&copy), f64::from(sample) * STEP_S, STEP_S).expect("a step");
         assert_eq!(rotor.position_m, other.position_m[1..], "sample {sample}");
         input.current_a = command.current_a;
         copy.current_a[..6].copy_from_slice(&input.current_a);

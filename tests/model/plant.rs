@@ -8,7 +8,8 @@ use magnetic_bearing::invalid::NotFinite;
 use magnetic_bearing::plant::integration::substeps;
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::plant::{
-    Harmonic, Measured, Plant, PlantConfig, PlantConfigOf, PlantInput, PlantState, SensorConfig, StepError,
+    Harmonic, InputTrajectory, Measured, Plant, PlantConfig, PlantConfigOf, PlantInput, PlantState, SensorConfig,
+    StepError,
 };
 
 const STEP_S: f64 = 1e-4;
@@ -72,7 +73,7 @@ fn a_free_rotor_with_unbalance_follows_the_closed_form() {
         let mut state = plant.start(0.0);
         let input = PlantInput { omega_rad_s: OMEGA_RAD_S, ..PlantInput::default() };
         // Three quarters of a revolution: over a whole one errors would cancel.
-        plant.advance(&mut state, &input, 0.0, 0.75 * duration).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&input), 0.0, 0.75 * duration).expect("advance");
         let wanted = on_circle(0.75 * duration);
         (state.position_m[0] - wanted[0]).hypot(state.position_m[1] - wanted[1])
     };
@@ -103,7 +104,7 @@ fn drift<const N: usize, const K: usize, const B: usize>(
     let start = plant.start(0.0);
     let mut state = start.clone();
     for k in 0..steps {
-        plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * STEP_S, STEP_S).expect("advance");
     }
     let moved = (kinetic(&state) / kinetic(&start) - 1.0).abs();
     assert!(moved > 0.05, "the kinetic energy changed by only {moved}: the test shows nothing");
@@ -134,7 +135,7 @@ fn outputs_are_the_equations_of_motion() {
     let config = all_on();
     let plant = plant(config.clone());
     let mut state = plant.start(0.0);
-    plant.advance(&mut state, &held(), 0.0, 3.3 * STEP_S).expect("advance");
+    plant.advance(&mut state, &InputTrajectory::held(&held()), 0.0, 3.3 * STEP_S).expect("advance");
     let t = 3.3 * STEP_S;
     let out = plant.outputs(&state, &held(), t);
     let u = config.unbalance_kgm[0] * OMEGA_RAD_S * OMEGA_RAD_S;
@@ -155,7 +156,7 @@ fn outputs_are_the_equations_of_motion() {
     // The acceleration is that of the motion: a short step moves the velocity by it.
     let mut later = state.clone();
     let h = 1e-7;
-    plant.advance(&mut later, &held(), state.time_s, h).expect("advance");
+    plant.advance(&mut later, &InputTrajectory::held(&held()), state.time_s, h).expect("advance");
     for a in 0..2 {
         let slope = (later.velocity_m_s[a] - state.velocity_m_s[a]) / h;
         below("acceleration against the motion, m/s²", (slope - out.acceleration_m_s2[a]).abs(), 1e-3);
@@ -169,10 +170,10 @@ fn a_sample_of_the_current_is_the_one_held_before() {
     let first = state.measured.clone();
     assert_eq!(first, Measured { position_m: [30e-6, 0.0], current_a: [0.0; 3], theta_rad: 0.0 });
     let at = |i| PlantInput { current_a: [i; 3], ..held() };
-    plant.advance(&mut state, &at(1.0), 2.0, 0.5 * STEP_S).expect("advance");
+    plant.advance(&mut state, &InputTrajectory::held(&at(1.0)), 2.0, 0.5 * STEP_S).expect("advance");
     assert_eq!(state.measured, first, "half a step reads nothing");
     let t_s = state.time_s;
-    plant.advance(&mut state, &at(1.5), t_s, 0.5 * STEP_S).expect("advance");
+    plant.advance(&mut state, &InputTrajectory::held(&at(1.5)), t_s, 0.5 * STEP_S).expect("advance");
     assert_eq!(state.measured.current_a, [1.5; 3]);
     assert_eq!(state.measured.position_m, state.position_m);
     assert_eq!(state.samples, 2);
@@ -186,7 +187,7 @@ fn samples_of(config: PlantConfig, start_s: f64, steps: impl Iterator<Item = (f6
     let mut samples = vec![state.measured.clone()];
     for (t_s, h_s) in steps {
         let before = state.samples;
-        plant.advance(&mut state, &held(), t_s, h_s).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&held()), t_s, h_s).expect("advance");
         // Of the samples within a long step only the last is visible.
         for _ in before..state.samples {
             samples.push(state.measured.clone());
@@ -284,7 +285,7 @@ fn no_step_loses_or_doubles_a_sample() {
     let plant = plant(all_on());
     let mut state = plant.start(0.0);
     let before = state.clone();
-    plant.advance(&mut state, &held(), 0.0, 0.0).expect("advance");
+    plant.advance(&mut state, &InputTrajectory::held(&held()), 0.0, 0.0).expect("advance");
     assert_eq!(state, before, "a step of 0 changes nothing");
 }
 
@@ -364,7 +365,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
         let push = PlantInput { perturbation_n: push, ..PlantInput::default() };
         for (wanted, input) in wanted.iter().zip((0..K).map(pull)).chain([(&wanted[0], push)]) {
             let mut state = plant.start(0.0);
-            match plant.advance(&mut state, &input, 0.0, 1.0) {
+            match plant.advance(&mut state, &InputTrajectory::held(&input), 0.0, 1.0) {
                 Err(StepError::Contact { magnet, time_s, position }) => {
                     assert_eq!(magnet, *wanted);
                     assert_eq!(time_s, state.time_s);
@@ -379,7 +380,7 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
             // It can continue with other currents until the rotor reaches the magnet.
             if B == 1 {
                 let t_s = state.time_s;
-                plant.advance(&mut state, &PlantInput::default(), t_s, 1e-12).expect("advance");
+                plant.advance(&mut state, &InputTrajectory::held(&PlantInput::default()), t_s, 1e-12).expect("advance");
             }
         }
     }
@@ -394,12 +395,12 @@ fn invalid_inputs_and_times_are_refused_and_change_nothing() {
     fn holds<const N: usize, const K: usize, const B: usize>() {
         let plant = Plant::<N, K, B>::new(PlantConfigOf::default()).expect("plant");
         let mut state = plant.start(0.0);
-        plant.advance(&mut state, &PlantInput::default(), 0.0, STEP_S).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&PlantInput::default()), 0.0, STEP_S).expect("advance");
         let before = state.clone();
         let mut refused = |wanted: &str, bad: f64, spoil: &dyn Fn(&mut PlantInput<f64, N, K>)| {
             let mut input = PlantInput::default();
             spoil(&mut input);
-            match plant.advance(&mut state, &input, STEP_S, STEP_S) {
+            match plant.advance(&mut state, &InputTrajectory::held(&input), STEP_S, STEP_S) {
                 Err(StepError::Input(NotFinite { name, .. })) => assert_eq!(name, wanted),
                 other => panic!("{wanted} = {bad}: {other:?}"),
             }
@@ -417,7 +418,7 @@ fn invalid_inputs_and_times_are_refused_and_change_nothing() {
         }
         for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -STEP_S] {
             for (t_s, h_s) in [(bad, STEP_S), (STEP_S, bad), (2.0 * STEP_S, STEP_S), (0.0, STEP_S)] {
-                let result = plant.advance(&mut state, &PlantInput::default(), t_s, h_s);
+                let result = plant.advance(&mut state, &InputTrajectory::held(&PlantInput::default()), t_s, h_s);
                 assert!(matches!(result, Err(StepError::Time { .. })), "{result:?}");
             }
         }

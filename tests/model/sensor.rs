@@ -1,7 +1,7 @@
 //! Sensor errors, one at a time.
 
 use crate::support::below;
-use magnetic_bearing::plant::{Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
+use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
 const STEP_S: f64 = 1e-4;
 
@@ -14,7 +14,7 @@ fn readings(sensor: SensorConfig, step_s: f64, steps: usize) -> Vec<([f64; 2], [
         let i = 1.0 + 0.01 * k as f64;
         let input = PlantInput { current_a: [i; 3], ..PlantInput::default() };
         let before = state.samples;
-        plant.advance(&mut state, &input, k as f64 * step_s, step_s).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&input), k as f64 * step_s, step_s).expect("advance");
         assert!(state.samples - before <= 1);
         if state.samples > before {
             all.push((state.measured.position_m, state.measured.current_a, state.position_m));
@@ -44,7 +44,9 @@ fn gain_and_offset_of_every_sensor_are_applied() {
         let current_a = std::array::from_fn(|k| 1.0 + 0.1 * k as f64);
         let input = PlantInput { current_a, omega_rad_s: 300.0, ..PlantInput::default() };
         for step in 0..5 {
-            plant.advance(&mut state, &input, f64::from(step) * STEP_S, STEP_S).expect("advance");
+            plant
+                .advance(&mut state, &InputTrajectory::held(&input), f64::from(step) * STEP_S, STEP_S)
+                .expect("advance");
             let readings = plant.config().rotor.readings(state.position_m);
             for (n, reading) in readings.into_iter().enumerate() {
                 let wanted = (1.0 + part(0.01, n)) * reading + part(1e-6, n);

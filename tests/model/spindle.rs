@@ -7,7 +7,7 @@ use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::Shaft;
 use magnetic_bearing::invalid::Checks;
 use magnetic_bearing::machine::SPINDLE;
-use magnetic_bearing::plant::{Conditions, Motion, Plant, PlantInput, PlantState};
+use magnetic_bearing::plant::{Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 
 use crate::support::{SpindleConfig, below};
@@ -129,7 +129,7 @@ fn a_free_rotor_precesses() {
         };
         let start = momentum(&state);
         for k in 0..300 {
-            plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("a step");
+            plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * STEP_S, STEP_S).expect("a step");
             let turned = Complex::new(rates[4], -rates[3])
                 * (I * (shaft.polar_kgm2 / shaft.transverse_kgm2 * omega * state.time_s)).exp();
             let rate = Complex::new(state.velocity_m_s[4], -state.velocity_m_s[3]);
@@ -189,7 +189,7 @@ fn backup_bearings_carry_the_rotor() {
         let mut state = plant.start(0.0);
         let input = SpindleInput::default();
         for k in 0..20_000 {
-            plant.advance(&mut state, &input, f64::from(k) * STEP_S, STEP_S).expect("a step");
+            plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * STEP_S, STEP_S).expect("a step");
         }
         let output = plant.outputs(&state, &input, state.time_s);
         let [a, b, x] = plant.equations().at_bearings(&state.motion(), 0.0, state.contact, output.force_n);

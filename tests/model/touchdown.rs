@@ -2,7 +2,7 @@
 
 use crate::support::below;
 use magnetic_bearing::bearing::touchdown::TouchdownConfig;
-use magnetic_bearing::plant::{Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
+use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
 
 const CLEARANCE_M: f64 = 2.5e-4;
 
@@ -25,7 +25,7 @@ fn run(config: &PlantConfig, omega_rad_s: f64, duration_s: f64, steps: i32) -> V
     let h = duration_s / f64::from(steps);
     let input = PlantInput { omega_rad_s, ..PlantInput::default() };
     let step = |k: i32| {
-        plant.advance(&mut state, &input, f64::from(k) * h, h).expect("advance");
+        plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * h, h).expect("advance");
         state.clone()
     };
     (0..steps).map(step).collect()

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::bearing::array;
+use crate::bearing::{array, shaft};
 use crate::fmu::plant;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
@@ -65,30 +65,18 @@ impl Rotor {
     fn with<const N: usize, const K: usize, const B: usize>(scenario: &Scenario) -> Self {
         let (config, _) = plant::configuration::<N, K, B>(&scenario.plant().values());
         let geometry = config.rotor.geometry::<N, K>();
-        let unit = |n: usize| array::from_fn(|other| if other == n { 1.0 } else { 0.0 });
+        let unit = |n: usize| array::from_fn(|other| f64::from(other == n));
         let columns = |column: &dyn Fn(usize) -> [f64; N]| DMatrix::from_fn(N, N, |row, n| column(n)[row]);
-        // At 1 rad/s a unit of unbalance is a unit force, along y or z depending on the angle.
-        let machine = scenario.machine;
-        let turning = |plane: Option<usize>, theta_rad: f64| {
-            let mut scenario = scenario.clone();
-            let names = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase"));
-            for (n, (magnitude, phase)) in names.enumerate() {
-                scenario.set("plant", &magnitude, if plane == Some(n) { 1.0 } else { 0.0 });
-                scenario.set("plant", &phase, 0.0);
-            }
-            let (config, mut input) = plant::configuration::<N, K, B>(&scenario.plant().values());
-            input.omega_rad_s = 1.0;
-            DVector::from(config.perturbation(&input, 0.0, theta_rad).to_vec())
+        let of_plane = |at_m: &f64| {
+            [[1.0, 0.0], [0.0, 1.0]].map(|force| DVector::from(shaft::generalised::<f64, N>(*at_m, force).to_vec()))
         };
-        let none = turning(None, 0.0);
-        let of_plane = |plane| [0.0, 0.5 * std::f64::consts::PI].map(|theta| turning(Some(plane), theta) - &none);
         Self {
             inertia: DVector::from(config.rotor.shaft.inertia::<N>().to_vec()),
             gyroscopic: columns(&|n| config.rotor.shaft.gyroscopic(1.0, unit(n)).unwrap_or([0.0; N])),
             directions: DMatrix::from_fn(N, K, |n, k| geometry.directions[k][n]),
             gap_m: geometry.gap_m.to_vec(),
             lambda_nm2_a2: config.lambda_nm2_a2.to_vec(),
-            planes: (0..machine.planes).map(of_plane).collect(),
+            planes: config.unbalance_position_m.iter().take(scenario.machine.planes).map(of_plane).collect(),
             readings: columns(&|n| config.rotor.readings(unit(n))),
             position_noise_m: config.sensor.position_noise_m,
             current_noise_a: config.sensor.current_noise_a,
@@ -200,7 +188,7 @@ impl Bound {
         let (states, all) = (of_motion + self.rotor.parameters(), accelerations.ncols());
         // ẋ = F x + B p: the derivatives with respect to the initial [x, p], order by order.
         let motion = DMatrix::from_fn(of_motion, of_motion, |row, column| match row.checked_sub(n) {
-            None => f64::from(u8::from(column == row + n)),
+            None => f64::from(column == row + n),
             Some(row) => accelerations[(row, column)],
         });
         let mut transition = DMatrix::identity(of_motion, all);

@@ -214,8 +214,8 @@ pub fn judge(
         let of = |part: fn(&Estimate) -> &[f64]| estimates.iter().map(|estimate| part(estimate)[row]).collect();
         let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);
         let unbalances = planes.iter().map(|(magnitude, phase)| {
-            let (size, turned) = (scenario.number("plant", magnitude), read(phase) - scenario.number("plant", phase));
-            if size > 0.0 { [read(magnitude) / size - 1.0, turned - TAU * (turned / TAU).round()] } else { [0.0; 2] }
+            let truth = [magnitude, phase].map(|name| scenario.number("plant", name));
+            if truth[0] > 0.0 { off([read(magnitude), read(phase)], truth) } else { [0.0; 2] }
         });
         let unbalances: Vec<_> = unbalances.collect();
         let of_magnets = |all: &[f64]| used.iter().map(|k| all[*k]).collect();
@@ -230,6 +230,12 @@ pub fn judge(
         });
     }
     Some(trial)
+}
+
+/// Errors of an unbalance, `[magnitude, phase]`: relative, and in rad within half a turn.
+pub(super) fn off([size, phase]: [f64; 2], [true_size, true_phase]: [f64; 2]) -> [f64; 2] {
+    let turned = phase - true_phase;
+    [size / true_size - 1.0, turned - TAU * (turned / TAU).round()]
 }
 
 /// The name of a verdict by its number.

@@ -20,7 +20,7 @@ use crate::machine::Bearing;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::{self, Refused, Stopped};
 use crate::studies::parallel::in_order_shown;
-use crate::studies::statistics::rms;
+use crate::studies::statistics::{median, rms};
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, judge, touched, worst};
@@ -383,14 +383,13 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     if touched > 0 {
         note += &format!(" The rotor touched down in {touched} runs.");
     }
-    let mut noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
-    noticed.sort_by(f64::total_cmp);
-    if let Some(last) = noticed.last() {
+    let noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
+    if let Some(last) = noticed.iter().copied().reduce(f64::max) {
         note += &format!(
             " The change was noticed in {} runs, after {:.1} ms (median), {:.1} ms at most; the greatest error counts from two \
              revolutions after it.",
             noticed.len(),
-            1e3 * noticed[noticed.len() / 2],
+            1e3 * median(noticed.iter().copied()),
             1e3 * last
         );
     }

@@ -5,12 +5,12 @@ use std::sync::LazyLock;
 
 use super::bound;
 use super::cases::{self, Draw};
-use super::figures::{Sample, Trial, Worst, touched};
+use super::figures::{Sample, Trial, Worst, off, touched};
 use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, study};
 use crate::machine::PLANAR;
 use crate::simulation::recording::Recording;
 use crate::simulation::scenario::Scenario;
-use crate::studies::identify::likelihood::{self, BenchParameter, Estimate, Knowledge};
+use crate::studies::identify::likelihood::{self, BenchParameter, Estimate, Knowledge, Unbalance};
 use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
 
 /// Deviations of a bench from its data sheet, and the tolerances stated to maximum likelihood. Parameters are indices, values
@@ -115,7 +115,7 @@ pub fn judge(
 ) -> Option<Trial> {
     let whole = misread(recording, scenario.step_s, &offline.errors(seed))?;
     let truth = scenario.truth();
-    let unbalance = |name: &str| scenario.number("plant", &format!("unbalance.{name}"));
+    let unbalance = ["unbalance.magnitude", "unbalance.phase"].map(|name| scenario.number("plant", name));
     let touched = touched(recording);
     let mut stated = Stated::of(&PLANAR, scenario.estimator());
     offline.tolerances.iter().for_each(|(at, std)| stated.know(*at, Knowledge::Tolerance(*std)));
@@ -139,9 +139,8 @@ pub fn judge(
             total: relative(|lambda| lambda.total_std),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; 3], |bounds| bounds[at].clone()),
             unbalance: found.map_or([f64::NAN; 2], |found| {
-                let turned = found.unbalance[0].phase.value - unbalance("phase");
-                let size = found.unbalance[0].magnitude.value / unbalance("magnitude");
-                [size - 1.0, turned - TAU * (turned / TAU).round()]
+                let Unbalance { magnitude, phase } = &found.unbalance[0];
+                off([magnitude.value, phase.value], unbalance)
             }),
             verdict: (!answer.valid).then(|| summary(&answer.verdict)),
         };
