@@ -90,20 +90,17 @@ pub fn peak(curve: &[[f64; 2]]) -> Option<[f64; 2]> {
 fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scenario, String> {
     let (mut scenario, machine) = (scenario.clone(), scenario.machine);
     scenario.elements.truncate(2);
-    scenario.connected.retain(|connection| [&connection.from, &connection.to].iter().all(|end| end[0] != "estimator"));
     scenario.profiles.clear();
     scenario.balance_s = None;
     cases::centred(&mut scenario);
     let step_s = scenario.number("controller", "Ts");
     let plant = scenario.plant().model_type.clone();
-    let of_errors = |name: &str| name.contains("sensor.") || name.starts_with("perturbation.amplitude");
+    let of_errors =
+        |name: &str| ["sensor.", "perturbation.amplitude", "magnitude"].iter().any(|part| name.contains(part));
     for variable in plant.variables().iter().filter(|variable| variable.is_settable()) {
         if matches!(variable.data_type, Type::Real { .. }) && of_errors(&variable.name) {
             scenario.set("plant", &variable.name, 0.0);
         }
-    }
-    for magnitude in machine.of_planes("magnitude") {
-        scenario.set("plant", &magnitude, 0.0);
     }
     scenario.set("plant", "sensor.Ts", step_s);
     scenario.step_s = step_s;

@@ -153,8 +153,6 @@ pub struct Scenario {
     pub step_s: f64,
     /// The closed loop, `plant`, `controller`, `estimator`, followed by estimators that run beside it on the same data.
     pub elements: Vec<Element>,
-    /// The connections of the closed loop.
-    pub(crate) connected: Vec<Connection>,
     /// Values that change during the run.
     pub profiles: Vec<Profile>,
     /// Time in s at which correction masses for the estimated unbalance are fitted, if at all.
@@ -182,18 +180,23 @@ const LOOP: [([usize; 2], &[[&str; 2]]); 4] = [
     ([PLANT, ESTIMATOR], &[["omegam", "omega"]]),
 ];
 
-/// The connections of a closed loop.
-fn connected(elements: &[Element]) -> Vec<Connection> {
+/// The connections of a closed loop and of the estimators beside it, which get the same data.
+fn connections(elements: &[Element]) -> Vec<Connection> {
+    let of = |element: &'_ Element, causality: Causality| {
+        let names = element.model_type.variables().iter().filter(move |variable| variable.causality == causality);
+        names.map(|variable| variable.name.to_string()).collect::<Vec<_>>()
+    };
     let mut connections = Vec::new();
     for ([source, sink], renamed) in LOOP {
-        let (from, to) = (&elements[source], &elements[sink]);
-        for input in to.model_type.variables().iter().filter(|variable| variable.causality == Causality::Input) {
-            let renamed = renamed.iter().find(|[_, name]| *name == input.name).map(|[name, _]| *name);
-            let name = renamed.unwrap_or(&input.name);
-            let mut outputs = from.model_type.variables().iter().filter(|of| of.causality == Causality::Output);
-            if outputs.any(|output| output.name == name) {
-                let path = |element: &Element, variable: &str| [element.name.clone(), variable.to_owned()];
-                connections.push(Connection { from: path(from, name), to: path(to, &input.name) });
+        let Some(from) = elements.get(source) else { continue };
+        let outputs = of(from, Causality::Output);
+        for (_, to) in elements.iter().enumerate().filter(|(at, _)| ESTIMATOR.min(*at) == sink) {
+            for input in of(to, Causality::Input) {
+                let name = renamed.iter().find(|[_, name]| *name == input).map_or(&*input, |[name, _]| name);
+                if let Some(output) = outputs.iter().find(|output| *output == name) {
+                    let [from, to] = [(from, output), (to, &input)].map(|(of, name)| [of.name.clone(), name.clone()]);
+                    connections.push(Connection { from, to });
+                }
             }
         }
     }
@@ -308,15 +311,7 @@ impl Scenario {
 
     /// The connections, including those of the estimators beside the loop.
     pub fn connections(&self) -> Vec<Connection> {
-        let mut connections = self.connected.clone();
-        for element in self.compared_estimators() {
-            let of_estimator = self.connected.iter().filter(|connection| connection.to[0] == "estimator");
-            connections.extend(of_estimator.map(|Connection { from, to: [_, variable] }| Connection {
-                from: from.clone(),
-                to: [element.name.clone(), variable.clone()],
-            }));
-        }
-        connections
+        connections(&self.elements)
     }
 
     /// Speed of the rotor at the start, rpm, to a thousandth, if it turns about an axis.
@@ -356,7 +351,7 @@ impl Scenario {
             let settable = variables.iter().filter(|variable| variable.is_settable());
             return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
         };
-        permitted(name, &variables[index], &self.connected).map_err(|why| format!("{path} is refused: {why}"))?;
+        permitted(name, &variables[index], &self.connections()).map_err(|why| format!("{path} is refused: {why}"))?;
         Ok((at, index))
     }
 

@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, ScenarioError, connected, foreign, place};
+use super::{Connection, Element, Profile, Scenario, ScenarioError, connections, foreign, place};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -212,7 +212,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         Element { name: name.into(), model_type, settings: Vec::new() }
     };
     let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
-    let mut assignment = Assignment { connected: connected(&elements), elements, findings };
+    let mut assignment = Assignment { connected: connections(&elements), elements, findings };
     let all = flatten(&document.all);
     for (at, (name, table)) in document.elements().into_iter().enumerate() {
         // Names that no element has are reported below.
@@ -257,7 +257,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
             Err(all) => assignment.findings.extend(all.iter().map(|why| format!("[[profile]] number {number}: {why}"))),
         }
     }
-    let Assignment { elements, connected, findings } = assignment;
+    let Assignment { elements, findings, .. } = assignment;
     if !document.identify.is_empty() && machine.name != AXIAL.name {
         findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
     }
@@ -268,7 +268,6 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         duration_s,
         step_s,
         elements,
-        connected,
         profiles,
         balance_s,
         tolerance: texts(&document.tolerance),
