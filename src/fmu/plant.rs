@@ -140,8 +140,8 @@ pub struct PlantModel<const N: usize, const K: usize, const B: usize>(Plant<N, K
 
 impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
     fn fill(&self, state: &PlantState<N, K, B>, values: &mut Values<N, K, B>, time_s: f64) {
-        values.position_m = state.position_m;
-        values.velocity_m_s = state.velocity_m_s;
+        values.position_m = state.motion.position_m;
+        values.velocity_m_s = state.motion.velocity_m_s;
         values.measured_position_m = state.measured.position_m;
         values.measured_current_a = state.measured.current_a;
         values.measured_theta_rad = state.measured.theta_rad;
@@ -151,7 +151,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         values.contact = state.contact;
         if Rotor::<N, K, B>::MACHINE.tilts() {
             let (equations, force_n) = (self.0.equations(), values.output.force_n);
-            values.at_bearings = equations.at_bearings(&state.motion(), values.omega_rad_s, state.contact, force_n);
+            values.at_bearings = equations.at_bearings(&state.motion, values.omega_rad_s, state.contact, force_n);
         }
     }
 

@@ -14,7 +14,8 @@ use crate::variables::unit::{
 use crate::variables::{OMEGA_RAD_S, Saved, Variables};
 
 /// State of the equations of motion.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(bound = "[T; N]: Saved, [T; K]: Saved")]
 pub struct Motion<T = f64, const N: usize = 2, const K: usize = 3> {
     /// Coordinates, in m, angles in rad.
     pub position_m: [T; N],

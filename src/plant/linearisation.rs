@@ -138,7 +138,7 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
     pub fn of(plant: &Plant<N, K, B>, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>, t_s: f64) -> Self {
         Self {
             config: plant.config().clone(),
-            motion: state.motion(),
+            motion: state.motion,
             input: input.clone(),
             conditions: state.conditions(t_s),
         }

@@ -97,12 +97,8 @@ pub struct Measured<const N: usize = 2, const K: usize = 3> {
 pub struct PlantState<const N: usize = 2, const K: usize = 3, const B: usize = 1> {
     /// Time of the state, in s.
     pub time_s: f64,
-    /// Coordinates, in m, angles in rad: (Y, Z) of the planar rotor.
-    pub position_m: [f64; N],
-    /// Their rates, in m/s, angular rates in rad/s.
-    pub velocity_m_s: [f64; N],
-    /// Flux linkages of the coils, in Wb; 0 with current drive, where they follow from the currents.
-    pub linkage_wb: [f64; K],
+    /// Coordinates, rates and flux linkages; these are 0 with current drive, where they follow from the currents.
+    pub motion: Motion<f64, N, K>,
     /// Whether the rotor touches the backup bearing at each bearing.
     pub contact: [bool; B],
     /// Coils with an open circuit, which carry no current; may change between steps.
@@ -138,12 +134,6 @@ impl UniformRotation {
 }
 
 impl<const N: usize, const K: usize, const B: usize> PlantState<N, K, B> {
-    /// State of the equations of motion.
-    pub fn motion(&self) -> Motion<f64, N, K> {
-        let Self { position_m, velocity_m_s, linkage_wb, .. } = *self;
-        Motion { position_m, velocity_m_s, linkage_wb }
-    }
-
     /// Conditions of the equations at the time `t_s` in s.
     pub fn conditions(&self, t_s: f64) -> Conditions<f64, K, B> {
         Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
@@ -197,9 +187,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let sample = Sample { position_m: config.rotor.readings(position_m), current_a: [0.0; K] };
         let mut state = PlantState {
             time_s: start_s,
-            position_m,
-            velocity_m_s,
-            linkage_wb: [0.0; K],
+            motion: Motion { position_m, velocity_m_s, linkage_wb: [0.0; K] },
             contact: config.touches(&position_m, &velocity_m_s),
             open: [false; K],
             theta_rad,
@@ -284,8 +272,8 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let step_s = self.config().sensor.step_s;
         let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
         let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
-        let numbers = [&numbers[..], &state.position_m, &state.velocity_m_s, &state.linkage_wb];
-        let inside = self.equations.geometry().gaps(state.position_m).iter().all(|gap| *gap > 0.0);
+        let numbers = [&numbers[..], &state.motion.position_m, &state.motion.velocity_m_s, &state.motion.linkage_wb];
+        let inside = self.equations.geometry().gaps(state.motion.position_m).iter().all(|gap| *gap > 0.0);
         // Importers may begin a step slightly off the end of the last one.
         let slack_s = step_s + 1e-6 * t_s.abs().max(1.0);
         let instant_s = |count: u64| state.start_s + count as f64 * step_s;
@@ -316,7 +304,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         input: &PlantInput<f64, N, K>,
         t_s: f64,
     ) -> PlantOutput<f64, N, K> {
-        self.equations.outputs(&state.motion(), input, state.conditions(t_s))
+        self.equations.outputs(&state.motion, input, state.conditions(t_s))
     }
 
     /// The sample of ideal sensors for a state and an input.
@@ -324,11 +312,11 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let current_a = match self.config().coil.drive {
             Drive::Current => equations::flowing(state.open, input.current_a),
             Drive::Voltage => {
-                let gap_m = self.equations.geometry().gaps(state.position_m);
-                self.equations.coils(state.open, state.linkage_wb, input, gap_m).map(|coil| coil.current_a)
+                let gap_m = self.equations.geometry().gaps(state.motion.position_m);
+                self.equations.coils(state.open, state.motion.linkage_wb, input, gap_m).map(|coil| coil.current_a)
             }
         };
-        Sample { position_m: self.config().rotor.readings(state.position_m), current_a }
+        Sample { position_m: self.config().rotor.readings(state.motion.position_m), current_a }
     }
 
     /// Adds the sensor errors to a sample and delivers it.

@@ -50,7 +50,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let h = length_s / n as f64;
         for k in 0..K {
             if state.open[k] {
-                state.linkage_wb[k] = 0.0;
+                state.motion.linkage_wb[k] = 0.0;
             }
         }
         // The last perturbation computed: two of the four slopes of a sub-step are at the same instant, and the last one is usually
@@ -85,7 +85,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let mut contact_events = 0;
         let held = inputs.slopes.is_none();
         loop {
-            let x = state.motion();
+            let x = state.motion;
             let left_s = h_s - done_s;
             let parts = substeps(left_s, self.longest_step_s(state, &inputs.at(t_s + done_s)));
             let mut part_s = if parts == 1 { left_s } else { left_s / parts as f64 };
@@ -128,9 +128,8 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                 }
             }
             let inside = self.equations.geometry().gaps(next.position_m).iter().all(|gap| *gap > 0.0);
-            let Motion { position_m, velocity_m_s, linkage_wb } = next;
-            if !(inside && are_finite(&[&position_m, &velocity_m_s, &linkage_wb])) {
-                let gap_m = self.equations.geometry().gaps(state.position_m);
+            if !(inside && are_finite(&[&next.position_m, &next.velocity_m_s, &next.linkage_wb])) {
+                let gap_m = self.equations.geometry().gaps(state.motion.position_m);
                 let nearest = (0..K).fold(0, |k, other| if gap_m[other] < gap_m[k] { other } else { k });
                 state.time_s = now_s;
                 let machine = Rotor::<N, K, B>::MACHINE;
@@ -138,11 +137,11 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                 return Err(StepError::Contact {
                     magnet: machine.describe("{magnet}", "", nearest),
                     time_s: now_s,
-                    position: names.zip(state.position_m).collect(),
+                    position: names.zip(state.motion.position_m).collect(),
                 });
             }
             state.contact = touches(&next);
-            (state.position_m, state.velocity_m_s, state.linkage_wb) = (position_m, velocity_m_s, linkage_wb);
+            state.motion = next;
             done_s = if part_s == left_s { h_s } else { done_s + part_s };
             if done_s >= h_s {
                 return Ok(());
@@ -152,10 +151,10 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
 
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
     fn longest_step_s(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> f64 {
-        let gap_m = self.equations.geometry().gaps(state.position_m);
-        let (force_n, coils) = self.equations.forces(state.open, state.linkage_wb, input, gap_m);
+        let gap_m = self.equations.geometry().gaps(state.motion.position_m);
+        let (force_n, coils) = self.equations.forces(state.open, state.motion.linkage_wb, input, gap_m);
         let of_coils = coils.iter().flatten().map(|coil| self.config().coil.resistance_ohm * coil.current_by_linkage);
-        let rate = self.config().rate(&state.motion(), state.contact, force_n, gap_m);
+        let rate = self.config().rate(&state.motion, state.contact, force_n, gap_m);
         (SAFETY / of_coils.fold(rate, f64::max)).max(SHORTEST_STEP_S)
     }
 

@@ -136,7 +136,7 @@ fn models_and_instances_agree_bit_for_bit() {
             let time_s = step as f64 * step_s;
             let at = plant.outputs(&rotor, &input, rotor.time_s);
             let of_plant: [(&str, &[f64]); 8] = [
-                ("?", &rotor.position_m),
+                ("?", &rotor.motion.position_m),
                 ("?m", &rotor.measured.position_m),
                 ("im", &rotor.measured.current_a),
                 ("theta", &[rotor.measured.theta_rad]),

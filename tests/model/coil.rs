@@ -120,8 +120,9 @@ fn the_energy_of_coils_and_rotor_balances() {
         };
         let plant = Plant::new(config.clone()).expect("plant");
         let mut state = plant.start(0.0);
-        let kinetic =
-            |state: &PlantState| 0.5 * config.rotor.shaft.m_kg * state.velocity_m_s.iter().map(|v| v * v).sum::<f64>();
+        let kinetic = |state: &PlantState| {
+            0.5 * config.rotor.shaft.m_kg * state.motion.velocity_m_s.iter().map(|v| v * v).sum::<f64>()
+        };
         let kinetic_at_start = kinetic(&state);
         let mut sums = [0.0; 4];
         let h = STEP_S / 10.0;
@@ -131,7 +132,7 @@ fn the_energy_of_coils_and_rotor_balances() {
                 let out = plant.outputs(&state, &input, state.time_s);
                 let power: f64 = (0..3).map(|k| input.voltage_v[k] * out.current_a[k]).sum();
                 let loss: f64 = out.current_a.iter().map(|i| config.coil.resistance_ohm * i * i).sum();
-                let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.velocity_m_s[a]).sum();
+                let work: f64 = (0..2).map(|a| out.resultant_n[a] * state.motion.velocity_m_s[a]).sum();
                 let weight = if node % 10 == 0 { 1.0 } else { [2.0, 4.0][node % 2] };
                 for (sum, rate) in sums.iter_mut().zip([power, power.abs(), loss, work]) {
                     *sum += weight * h / 3.0 * rate;
@@ -192,10 +193,18 @@ fn stiff_coils_and_small_gaps_agree_with_a_reference_solution() {
         };
         let (got, wanted) = (run(5e-5), run(5e-8));
         for a in 0..2 {
-            below(&format!("{name}: position, m"), (got.position_m[a] - wanted.position_m[a]).abs(), POSITION_M);
+            below(
+                &format!("{name}: position, m"),
+                (got.motion.position_m[a] - wanted.motion.position_m[a]).abs(),
+                POSITION_M,
+            );
         }
         for k in 0..3 {
-            below(&format!("{name}: flux, Wb"), (got.linkage_wb[k] - wanted.linkage_wb[k]).abs(), LINKAGE_WB);
+            below(
+                &format!("{name}: flux, Wb"),
+                (got.motion.linkage_wb[k] - wanted.motion.linkage_wb[k]).abs(),
+                LINKAGE_WB,
+            );
         }
     }
 }

@@ -195,11 +195,11 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Loop<N, K, 
             };
             let output = controller.sample(&mut c, &input).expect("sample");
             assert!(!output.saturated, "saturated at t = {t_s}");
-            let at_m = self.plant.rotor.at_magnets(x.position_m);
+            let at_m = self.plant.rotor.at_magnets(x.motion.position_m);
             let record = Record {
                 t_s,
                 error_m: std::array::from_fn(|a| at_m[a] - output.reference_m[a]),
-                q: x.position_m,
+                q: x.motion.position_m,
                 measured_a: x.measured.current_a,
                 output: output.clone(),
             };

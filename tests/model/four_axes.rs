@@ -61,7 +61,7 @@ fn all_six_force_constants_are_found_in_closed_loop() {
         estimator.sample(&mut estimate, &seen);
         plant.advance(&mut rotor, &InputTrajectory::held(&input), f64::from(sample) * STEP_S, STEP_S).expect("a step");
         beside.advance(&mut other, &InputTrajectory::held(&copy), f64::from(sample) * STEP_S, STEP_S).expect("a step");
-        assert_eq!(rotor.position_m, other.position_m[1..], "sample {sample}");
+        assert_eq!(rotor.motion.position_m, other.motion.position_m[1..], "sample {sample}");
         input.current_a = command.current_a;
         copy.current_a[..6].copy_from_slice(&input.current_a);
     }

@@ -38,14 +38,15 @@ fn random_point<const N: usize, const K: usize, const B: usize>(
     let size = |n: usize, length: f64, angle: f64| if n < 3 { length } else { angle };
     let angle = PI * numbers.between(-1.0, 1.0);
     let radius = if contact { 2.6e-4 } else { 1e-4 * (1.0 + numbers.between(-1.0, 1.0)) };
-    state.position_m = std::array::from_fn(|n| size(n, 5e-5, 2e-5) * numbers.between(-1.0, 1.0));
+    state.motion.position_m = std::array::from_fn(|n| size(n, 5e-5, 2e-5) * numbers.between(-1.0, 1.0));
     if N > 1 {
         let first = usize::from(N == 5);
-        (state.position_m[first], state.position_m[first + 1]) = (radius * angle.cos(), radius * angle.sin());
+        (state.motion.position_m[first], state.motion.position_m[first + 1]) =
+            (radius * angle.cos(), radius * angle.sin());
     }
-    state.velocity_m_s = std::array::from_fn(|n| size(n, 0.02, 0.1) * numbers.between(-1.0, 1.0));
+    state.motion.velocity_m_s = std::array::from_fn(|n| size(n, 0.02, 0.1) * numbers.between(-1.0, 1.0));
     state.theta_rad = 3.0 * numbers.between(-1.0, 1.0);
-    state.linkage_wb = std::array::from_fn(|_| 1e-2 * numbers.between(-1.0, 1.0));
+    state.motion.linkage_wb = std::array::from_fn(|_| 1e-2 * numbers.between(-1.0, 1.0));
     state.contact[0] = contact;
     let input = PlantInput {
         current_a: std::array::from_fn(|_| 2.0 * numbers.between(-1.0, 1.0)),
@@ -165,7 +166,7 @@ fn derivatives_in_time_are_those_of_the_motion() {
             let plant = Plant::new(config).expect("a plant");
             for _ in 0..20 {
                 let (mut state, input) = random_point(&plant, &mut numbers, false);
-                state.linkage_wb = state.linkage_wb.map(|psi| 0.3 * psi);
+                state.motion.linkage_wb = state.motion.linkage_wb.map(|psi| 0.3 * psi);
                 let slopes = [1.0, 100.0].map(|size| PlantInput {
                     current_a: std::array::from_fn(|_| size * numbers.between(-1.0, 1.0)),
                     voltage_v: std::array::from_fn(|_| size * numbers.between(-1.0, 1.0)),
@@ -179,7 +180,7 @@ fn derivatives_in_time_are_those_of_the_motion() {
                 let (rate, exact) = (short.outputs(), long.outputs());
                 let pull_n = exact.force_n.iter().fold(0.0, |most: f64, force| most.max(force.0[0]));
                 for (a, inertia) in plant.config().rotor.shaft.inertia::<N>().into_iter().enumerate() {
-                    assert_eq!(short.motion.velocity_m_s[a].0[0], state.velocity_m_s[a]);
+                    assert_eq!(short.motion.velocity_m_s[a].0[0], state.motion.velocity_m_s[a]);
                     let [short, long] = [short.motion.position_m[a].0[2], long.motion.position_m[a].0[2]];
                     // Newton's iterations for the flux may differ by a rounding error; forces of opposed magnets nearly cancel.
                     let size = if N == 2 { long.abs() } else { long.abs().max(pull_n / inertia) };

@@ -75,7 +75,7 @@ fn a_free_rotor_with_unbalance_follows_the_closed_form() {
         // Three quarters of a revolution: over a whole one errors would cancel.
         plant.advance(&mut state, &InputTrajectory::held(&input), 0.0, 0.75 * duration).expect("advance");
         let wanted = on_circle(0.75 * duration);
-        (state.position_m[0] - wanted[0]).hypot(state.position_m[1] - wanted[1])
+        (state.motion.position_m[0] - wanted[0]).hypot(state.motion.position_m[1] - wanted[1])
     };
     for n in [16.0, 32.0, 64.0] {
         between("order", (error(n) / error(2.0 * n)).log2(), 3.8, 4.2);
@@ -95,7 +95,7 @@ fn drift<const N: usize, const K: usize, const B: usize>(
     let input = PlantInput { current_a, omega_rad_s: 1200.0, ..PlantInput::default() };
     let inertia: [f64; N] = config.rotor.shaft.inertia();
     let kinetic = |state: &PlantState<N, K, B>| -> f64 {
-        inertia.iter().zip(state.velocity_m_s).map(|(inertia, rate)| 0.5 * inertia * rate * rate).sum()
+        inertia.iter().zip(state.motion.velocity_m_s).map(|(inertia, rate)| 0.5 * inertia * rate * rate).sum()
     };
     let energy = |state: &PlantState<N, K, B>| {
         let gaps = plant.outputs(state, &input, 0.0).gap_m;
@@ -158,7 +158,7 @@ fn outputs_are_the_equations_of_motion() {
     let h = 1e-7;
     plant.advance(&mut later, &InputTrajectory::held(&held()), state.time_s, h).expect("advance");
     for a in 0..2 {
-        let slope = (later.velocity_m_s[a] - state.velocity_m_s[a]) / h;
+        let slope = (later.motion.velocity_m_s[a] - state.motion.velocity_m_s[a]) / h;
         below("acceleration against the motion, m/s²", (slope - out.acceleration_m_s2[a]).abs(), 1e-3);
     }
 }
@@ -175,7 +175,7 @@ fn a_sample_of_the_current_is_the_one_held_before() {
     let t_s = state.time_s;
     plant.advance(&mut state, &InputTrajectory::held(&at(1.5)), t_s, 0.5 * STEP_S).expect("advance");
     assert_eq!(state.measured.current_a, [1.5; 3]);
-    assert_eq!(state.measured.position_m, state.position_m);
+    assert_eq!(state.measured.position_m, state.motion.position_m);
     assert_eq!(state.samples, 2);
     below("θ in rad", (state.measured.theta_rad - OMEGA_RAD_S * STEP_S).abs(), 1e-12);
 }
@@ -369,12 +369,12 @@ fn a_rotor_that_leaves_the_gap_is_an_error_and_the_state_stays_finite() {
                 Err(StepError::Contact { magnet, time_s, position }) => {
                     assert_eq!(magnet, *wanted);
                     assert_eq!(time_s, state.time_s);
-                    assert_eq!(position, names.iter().copied().zip(state.position_m).collect::<Vec<_>>());
+                    assert_eq!(position, names.iter().copied().zip(state.motion.position_m).collect::<Vec<_>>());
                     between("time of contact, s", time_s, 0.0, 0.02);
                 }
                 other => panic!("{wanted}: {other:?}"),
             }
-            assert!(state.position_m.iter().chain(&state.velocity_m_s).all(|value| value.is_finite()));
+            assert!(state.motion.position_m.iter().chain(&state.motion.velocity_m_s).all(|value| value.is_finite()));
             let gaps = plant.outputs(&state, &input, state.time_s).gap_m;
             assert!(gaps.iter().all(|gap| *gap > 0.0), "{gaps:?}");
             // It can continue with other currents until the rotor reaches the magnet.

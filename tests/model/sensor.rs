@@ -9,7 +9,7 @@ const STEP_S: f64 = 1e-4;
 fn readings(sensor: SensorConfig, step_s: f64, steps: usize) -> Vec<([f64; 2], [f64; 3], [f64; 2])> {
     let plant = Plant::new(PlantConfig { sensor, ..PlantConfig::default() }).expect("plant");
     let mut state = plant.start(0.0);
-    let mut all = vec![(state.measured.position_m, state.measured.current_a, state.position_m)];
+    let mut all = vec![(state.measured.position_m, state.measured.current_a, state.motion.position_m)];
     for k in 0..steps {
         let i = 1.0 + 0.01 * k as f64;
         let input = PlantInput { current_a: [i; 3], ..PlantInput::default() };
@@ -17,7 +17,7 @@ fn readings(sensor: SensorConfig, step_s: f64, steps: usize) -> Vec<([f64; 2], [
         plant.advance(&mut state, &InputTrajectory::held(&input), k as f64 * step_s, step_s).expect("advance");
         assert!(state.samples - before <= 1);
         if state.samples > before {
-            all.push((state.measured.position_m, state.measured.current_a, state.position_m));
+            all.push((state.measured.position_m, state.measured.current_a, state.motion.position_m));
         }
     }
     all
@@ -47,7 +47,7 @@ fn gain_and_offset_of_every_sensor_are_applied() {
             plant
                 .advance(&mut state, &InputTrajectory::held(&input), f64::from(step) * STEP_S, STEP_S)
                 .expect("advance");
-            let readings = plant.config().rotor.readings(state.position_m);
+            let readings = plant.config().rotor.readings(state.motion.position_m);
             for (n, reading) in readings.into_iter().enumerate() {
                 let wanted = (1.0 + part(0.01, n)) * reading + part(1e-6, n);
                 below(&format!("reading {n} of {N}, m"), (state.measured.position_m[n] - wanted).abs(), 1e-18);

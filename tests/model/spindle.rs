@@ -122,8 +122,8 @@ fn a_free_rotor_precesses() {
         let mut state = plant.start(0.0);
         let input = SpindleInput { omega_rad_s: omega, ..SpindleInput::default() };
         let momentum = |state: &SpindleState| {
-            let [_, _, _, beta, gamma] = state.position_m;
-            let [_, _, _, beta_rate, gamma_rate] = state.velocity_m_s;
+            let [_, _, _, beta, gamma] = state.motion.position_m;
+            let [_, _, _, beta_rate, gamma_rate] = state.motion.velocity_m_s;
             let (transverse, spin) = (shaft.transverse_kgm2, shaft.polar_kgm2 * omega);
             [transverse * beta_rate + spin * gamma, transverse * gamma_rate - spin * beta]
         };
@@ -132,14 +132,14 @@ fn a_free_rotor_precesses() {
             plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * STEP_S, STEP_S).expect("a step");
             let turned = Complex::new(rates[4], -rates[3])
                 * (I * (shaft.polar_kgm2 / shaft.transverse_kgm2 * omega * state.time_s)).exp();
-            let rate = Complex::new(state.velocity_m_s[4], -state.velocity_m_s[3]);
+            let rate = Complex::new(state.motion.velocity_m_s[4], -state.motion.velocity_m_s[3]);
             // Sub-steps of 50 µs, at most a twentieth of a radian.
             below("precession", (rate - turned).modulus() / turned.modulus(), 1e-4);
             for a in 0..2 {
                 below("angular momentum", (momentum(&state)[a] - start[a]).abs() / start[1], 1e-12);
             }
         }
-        for (position, rate) in state.position_m.into_iter().zip(rates).take(3) {
+        for (position, rate) in state.motion.position_m.into_iter().zip(rates).take(3) {
             below("the centre of gravity moves uniformly", (position - rate * state.time_s).abs(), 1e-15);
         }
     }
@@ -175,7 +175,7 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     for (found, wanted) in output.resultant_n.into_iter().zip([-x_2, 0.0, -b_1, 0.15 * b_1, 0.0]) {
         below("generalised force, N", (found - wanted).abs(), 1e-12);
     }
-    let [a, b, x] = plant.equations().at_bearings(&plant.start(0.0).motion(), 0.0, [false; 3], output.force_n);
+    let [a, b, x] = plant.equations().at_bearings(&plant.start(0.0).motion, 0.0, [false; 3], output.force_n);
     below("force at B, N", (b.z_n + b_1).abs() + a.z_n.abs(), 1e-12);
     below("axial force, N", (x.y_n + x_2).abs(), 1e-12);
 }
@@ -192,7 +192,7 @@ fn backup_bearings_carry_the_rotor() {
             plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * STEP_S, STEP_S).expect("a step");
         }
         let output = plant.outputs(&state, &input, state.time_s);
-        let [a, b, x] = plant.equations().at_bearings(&state.motion(), 0.0, state.contact, output.force_n);
+        let [a, b, x] = plant.equations().at_bearings(&state.motion, 0.0, state.contact, output.force_n);
         if gravity_m_s2[0] == 0.0 {
             assert_eq!(state.contact, [true, true, false]);
             // The weight shared by the lever arms of the bearings, 0.12 and 0.15 m.
@@ -201,10 +201,10 @@ fn backup_bearings_carry_the_rotor() {
         } else {
             assert_eq!(state.contact, [false, false, true]);
             below("X, N", (x.touchdown_y_n + 12.0 * 9.81).abs(), 1e-3);
-            below("x, m", (state.position_m[0] - (3e-4 + 12.0 * 9.81 / 5e7)).abs(), 1e-9);
+            below("x, m", (state.motion.position_m[0] - (3e-4 + 12.0 * 9.81 / 5e7)).abs(), 1e-9);
         }
         for n in 0..5 {
-            below("rest, m/s", state.velocity_m_s[n].abs(), 1e-6);
+            below("rest, m/s", state.motion.velocity_m_s[n].abs(), 1e-6);
         }
     }
 }

@@ -63,7 +63,7 @@ fn a_bounce_without_damping_follows_the_closed_form() {
     let mut touched = 0;
     for (k, state) in run(&config, 0.0, duration_s, steps).iter().enumerate() {
         let t = duration_s * (k + 1) as f64 / f64::from(steps);
-        largest = largest.max((state.position_m[1] - wanted(t)).abs());
+        largest = largest.max((state.motion.position_m[1] - wanted(t)).abs());
         touched += usize::from(state.contact[0]);
     }
     assert!(touched > 3, "touched at {touched} instants only: the test shows nothing");
@@ -76,13 +76,15 @@ fn the_rotor_comes_to_rest_at_its_static_deflection() {
     let states = run(&config, 0.0, 2.0, 2000);
     let last = &states[states.len() - 1];
     let depth = config.rotor.shaft.m_kg * 9.81 / config.touchdown[0].stiffness_n_m;
-    below("depth, m", (last.position_m[1] + CLEARANCE_M + depth).abs(), 1e-9);
+    below("depth, m", (last.motion.position_m[1] + CLEARANCE_M + depth).abs(), 1e-9);
     assert!(last.contact[0]);
     // Energy only decreases: no bounce is higher than the one before.
     let tops: Vec<f64> = states
         .windows(3)
-        .filter(|w| !w[1].contact[0] && w[1].position_m[1] >= w[0].position_m[1].max(w[2].position_m[1]))
-        .map(|w| w[1].position_m[1])
+        .filter(|w| {
+            !w[1].contact[0] && w[1].motion.position_m[1] >= w[0].motion.position_m[1].max(w[2].motion.position_m[1])
+        })
+        .map(|w| w[1].motion.position_m[1])
         .collect();
     assert!(tops.len() > 2, "{tops:?}");
     for pair in tops.windows(2) {
@@ -97,9 +99,12 @@ fn before_contact_the_ring_changes_no_bit() {
     // 7 ms of free fall: 240 µm.
     let [with, without] = [hard, none].map(|ring| run(&falling(ring), 0.0, 0.007, 70));
     for (a, b) in with.iter().zip(&without) {
-        assert_eq!((a.position_m, a.velocity_m_s, a.contact), (b.position_m, b.velocity_m_s, [false]));
+        assert_eq!(
+            (a.motion.position_m, a.motion.velocity_m_s, a.contact),
+            (b.motion.position_m, b.motion.velocity_m_s, [false])
+        );
     }
-    assert!(with[69].position_m[1] < -0.9 * CLEARANCE_M, "{:?}", with[69].position_m);
+    assert!(with[69].motion.position_m[1] < -0.9 * CLEARANCE_M, "{:?}", with[69].motion.position_m);
 }
 
 #[test]
@@ -149,7 +154,8 @@ fn a_rotor_thrown_at_the_ring_stays_inside_whatever_the_ring() {
         let config = PlantConfig { velocity_m_s: [0.3, -0.4], ..falling(ring.clone()) };
         let states = run(&config, omega_rad_s, 1e-4 * f64::from(samples), samples);
         assert!(states.iter().any(|state| state.contact[0]), "{ring:?}");
-        let largest = states.iter().map(|state| state.position_m[0].hypot(state.position_m[1])).fold(0.0, f64::max);
+        let largest =
+            states.iter().map(|state| state.motion.position_m[0].hypot(state.motion.position_m[1])).fold(0.0, f64::max);
         below(&format!("{ring:?}, {omega_rad_s} rad/s: distance from the centre, m"), largest, 4.6e-4);
     }
 }
