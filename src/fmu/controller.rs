@@ -45,11 +45,8 @@ pub struct State<const N: usize, const K: usize, const G: usize> {
     next: Option<ControllerOutput<N, K>>,
 }
 
-/// The model of a controller of a machine with N coordinates, K magnets in G groups, and B bearings.
-#[derive(Clone)]
-pub struct ControllerModel<const N: usize, const K: usize, const B: usize, const G: usize>(Controller<N, K, B, G>);
-
-impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for ControllerModel<N, K, B, G>
+/// Calls without [`Values`] are those of the controller itself.
+impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for Controller<N, K, B, G>
 where
     // Holds for every length in use; serde does not implement it for generic lengths.
     Values<N, K, B, G>: Saved,
@@ -66,16 +63,16 @@ where
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Controller::new(values.config.clone()).map(Self)
+        Self::new(values.config.clone())
     }
 
     fn period_s(&self) -> f64 {
-        self.0.config().law.step_s
+        self.config().law.step_s
     }
 
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State {
-        values.output = self.0.output_at_start();
-        State { controller: self.0.start(start_s), next: None }
+        values.output = self.output_at_start();
+        State { controller: self.start(start_s), next: None }
     }
 
     fn sample(
@@ -86,10 +83,10 @@ where
         log: &mut dyn Log,
     ) -> Result<(), StepError> {
         let old = values.output.lambda_used_nm2_a2;
-        let next = self.0.sample(&mut state.controller, &values.input).map_err(StepError::of)?;
+        let next = self.sample(&mut state.controller, &values.input).map_err(StepError::of)?;
         let new = next.lambda_used_nm2_a2;
         state.next = Some(next);
-        if old != new && self.0.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
+        if old != new && self.config().law.update == UpdateMode::AtTime && log.wants(Topic::Event) {
             log_update(log, instant_s, &old, &new);
         }
         Ok(())
@@ -103,11 +100,11 @@ where
 
     fn retune(&mut self, _: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
         let law = &values.config.law;
-        self.0.retune(law.modulation, law.modulation_hz)
+        self.retune(law.modulation, law.modulation_hz)
     }
 
     fn accepts(&self, state: &Self::State) -> Result<(), String> {
-        let accepted = self.0.accepts(&state.controller);
+        let accepted = self.accepts(&state.controller);
         accepted.then_some(()).ok_or_else(|| "the state is not one that this controller can have".into())
     }
 }

@@ -7,7 +7,6 @@ use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
-use crate::bearing::rotor::RotorConfig;
 use crate::estimation::{
     Bearings, Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict,
 };
@@ -27,17 +26,8 @@ pub struct Values<G: Bearings, const N: usize, const K: usize, const P: usize> {
     output: EstimatorOutputOf<N, K, P>,
 }
 
-/// The model of an estimator.
-#[derive(Clone)]
-pub struct EstimatorModel<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize>(Estimator<G, N, K, P>);
-
-/// The estimator model for a rotor in one bearing, with N coordinates and K magnets.
-pub type OneBearing<const N: usize, const K: usize> = EstimatorModel<RotorConfig, N, K, 1>;
-
-/// The estimator model for a shaft in B bearings.
-pub type Spindle<const N: usize, const B: usize, const K: usize> = EstimatorModel<RotorConfig<f64, B>, N, K, 2>;
-
-impl<G, const N: usize, const K: usize, const P: usize> SampledModel for EstimatorModel<G, N, K, P>
+/// Calls without [`Values`] are those of the estimator itself.
+impl<G, const N: usize, const K: usize, const P: usize> SampledModel for Estimator<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
     // Holds for every length in use; serde does not implement it for generic lengths.
@@ -53,15 +43,15 @@ where
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Estimator::new(values.config.clone()).map(Self)
+        Self::new(values.config.clone())
     }
 
     fn period_s(&self) -> f64 {
-        self.0.config().step_s
+        self.config().step_s
     }
 
     fn start(&self, values: &mut Self::Values, _: f64) -> Self::State {
-        let state = self.0.start();
+        let state = self.start();
         values.output = state.output().clone();
         state
     }
@@ -74,7 +64,7 @@ where
         log: &mut dyn Log,
     ) -> Result<(), StepError> {
         let former = values.output.verdict;
-        values.output = self.0.sample(state, &values.input);
+        values.output = self.sample(state, &values.input);
         let verdict = values.output.verdict;
         let topic = if verdict == Verdict::Singular { Topic::SingularLinearSystem } else { Topic::Event };
         if former != verdict && log.wants(topic) {
@@ -84,6 +74,6 @@ where
     }
 
     fn accepts(&self, state: &Self::State) -> Result<(), String> {
-        self.0.accepts(state).then_some(()).ok_or_else(|| "the state does not belong to these parameters".into())
+        self.accepts(state).then_some(()).ok_or_else(|| "the state does not belong to these parameters".into())
     }
 }

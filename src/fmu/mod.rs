@@ -14,22 +14,27 @@ use std::sync::Arc;
 
 use fmu_export::ModelType;
 
+use crate::bearing::rotor::RotorConfig;
+use crate::control::controller::Controller;
+use crate::estimation::Estimator;
+use crate::plant::Plant;
+
 fmu_export::export_fmus!(
-    plant::PlantModel<2, 3, 1>,
-    controller::ControllerModel<2, 3, 1, 1>,
-    estimator::OneBearing<2, 3>,
-    plant::PlantModel<5, 8, 3>,
-    controller::ControllerModel<5, 8, 3, 3>,
-    estimator::Spindle<5, 3, 8>,
-    plant::PlantModel<2, 4, 1>,
-    controller::ControllerModel<2, 4, 1, 2>,
-    estimator::OneBearing<2, 4>,
-    plant::PlantModel<5, 10, 3>,
-    controller::ControllerModel<5, 10, 3, 5>,
-    estimator::Spindle<5, 3, 10>,
-    plant::PlantModel<1, 2, 1>,
-    controller::ControllerModel<1, 2, 1, 1>,
-    estimator::OneBearing<1, 2>,
+    Plant<2, 3, 1>,
+    Controller<2, 3, 1, 1>,
+    Estimator<RotorConfig, 2, 3, 1>,
+    Plant<5, 8, 3>,
+    Controller<5, 8, 3, 3>,
+    Estimator<RotorConfig<f64, 3>, 5, 8, 2>,
+    Plant<2, 4, 1>,
+    Controller<2, 4, 1, 2>,
+    Estimator<RotorConfig, 2, 4, 1>,
+    Plant<5, 10, 3>,
+    Controller<5, 10, 3, 5>,
+    Estimator<RotorConfig<f64, 3>, 5, 10, 2>,
+    Plant<1, 2, 1>,
+    Controller<1, 2, 1, 1>,
+    Estimator<RotorConfig, 1, 2, 1>,
 );
 
 /// All models of this project, in display order.

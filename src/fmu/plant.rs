@@ -134,11 +134,7 @@ pub fn configuration<const N: usize, const K: usize, const B: usize>(
     (values.config, values.input)
 }
 
-/// The model of a plant.
-#[derive(Clone)]
-pub struct PlantModel<const N: usize, const K: usize, const B: usize>(Plant<N, K, B>);
-
-impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
+impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     fn fill(&self, state: &PlantState<N, K, B>, values: &mut Values<N, K, B>, time_s: f64) {
         values.position_m = state.motion.position_m;
         values.velocity_m_s = state.motion.velocity_m_s;
@@ -147,10 +143,10 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         values.measured_theta_rad = state.measured.theta_rad;
         values.theta_rad = state.theta_rad;
         values.omega_rad_s = values.input.omega_rad_s;
-        values.output = self.0.outputs(state, &values.input, time_s);
+        values.output = self.outputs(state, &values.input, time_s);
         values.contact = state.contact;
         if Rotor::<N, K, B>::MACHINE.tilts() {
-            let (equations, force_n) = (self.0.equations(), values.output.force_n);
+            let (equations, force_n) = (self.equations(), values.output.force_n);
             values.at_bearings = equations.at_bearings(&state.motion, values.omega_rad_s, state.contact, force_n);
         }
     }
@@ -168,7 +164,8 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
     }
 }
 
-impl<const N: usize, const K: usize, const B: usize> Model for PlantModel<N, K, B>
+/// Calls without [`Values`] are those of the plant itself.
+impl<const N: usize, const K: usize, const B: usize> Model for Plant<N, K, B>
 where
     // Holds for every length in use; serde does not implement it for generic lengths.
     Values<N, K, B>: Saved,
@@ -186,11 +183,11 @@ where
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
-        Plant::new(values.config.clone()).map(Self)
+        Self::new(values.config.clone())
     }
 
     fn start(&self, values: &mut Self::Values, start_s: f64) -> Self::State {
-        let mut state = self.0.start(start_s);
+        let mut state = self.start(start_s);
         state.open = values.open;
         values.measured_omega_rad_s = values.input.omega_rad_s;
         self.fill(&state, values, start_s);
@@ -198,16 +195,16 @@ where
     }
 
     fn accepts(&self, state: &Self::State, _: &Self::Values, time_s: Option<f64>) -> Result<(), String> {
-        let accepted = time_s.is_none_or(|time_s| self.0.accepts(state, time_s));
+        let accepted = time_s.is_none_or(|time_s| self.accepts(state, time_s));
         accepted.then_some(()).ok_or_else(|| "the state does not belong to this time or to these parameters".into())
     }
 
     fn base_step_s(&self) -> f64 {
-        self.0.base_step_s()
+        self.config().sensor.step_s.min(self.config().max_step_s)
     }
 
     fn retune(&mut self, state: &mut Self::State, values: &Self::Values, _: &Resources) -> Result<(), Vec<Invalid>> {
-        self.0.retune(&values.config)?;
+        self.retune(&values.config)?;
         state.open = values.open;
         Ok(())
     }
@@ -223,9 +220,9 @@ where
         let samples = state.samples;
         let trajectory = Self::trajectory(values, inputs);
         let (time_s, length_s) = self.aligned(state, step);
-        let outcome = self.0.advance(state, &trajectory, time_s, length_s);
+        let outcome = self.advance(state, &trajectory, time_s, length_s);
         if state.samples != samples {
-            values.measured_omega_rad_s = trajectory.at(self.0.sampled_s(state)).omega_rad_s;
+            values.measured_omega_rad_s = trajectory.at(self.sampled_s(state)).omega_rad_s;
         }
         inputs.apply(values, if outcome.is_ok() { step.end_s() } else { state.time_s });
         self.fill(state, values, step.end_s());
@@ -244,7 +241,7 @@ where
         time_s: f64,
         started: bool,
     ) -> Self::Values {
-        let point = Point::of(&self.0, state, &values.input, time_s);
+        let point = Point::of(self, state, &values.input, time_s);
         let towards = direction.config.clone();
         let mut derivatives = Self::Values::default();
         // Before the run the parameters determine the states.
@@ -279,7 +276,7 @@ where
         time_s: f64,
         order: usize,
     ) -> Self::Values {
-        let point = Point::of(&self.0, state, &values.input, time_s);
+        let point = Point::of(self, state, &values.input, time_s);
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
         let line = point.in_time(&slopes);
         let (output, at_bearings) = Self::derivatives_of(&line, order);
@@ -288,7 +285,7 @@ where
     }
 }
 
-impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
+impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// The derivatives of the given order of all outputs.
     fn derivatives_of(line: &Point<Taylor<3>, N, K, B>, order: usize) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
         let of = |series: Taylor<3>| series.derivative(order);
@@ -307,7 +304,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
         direction: &Values<N, K, B>,
         derivatives: &mut Values<N, K, B>,
     ) {
-        let (sensor, towards) = (&self.0.config().sensor, &direction.config.sensor);
+        let (sensor, towards) = (&self.config().sensor, &direction.config.sensor);
         let Channels { position, current } = Channels::<N, K>::new(sensor.seed);
         let position_draws = position.map(|mut noise| noise.standard_normal());
         let current_draws = current.map(|mut noise| noise.standard_normal());
@@ -329,7 +326,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantModel<N, K, B> {
     /// step begins where the last one ended.
     fn aligned(&self, state: &PlantState<N, K, B>, step: Step) -> (f64, f64) {
         let deviation_s = (step.time_s - state.time_s).abs();
-        if deviation_s <= 0.5 * INSTANT_TOLERANCE * self.0.config().sensor.step_s {
+        if deviation_s <= 0.5 * INSTANT_TOLERANCE * self.config().sensor.step_s {
             return (step.time_s, step.length_s);
         }
         (state.time_s, (step.end_s() - state.time_s).max(0.0))

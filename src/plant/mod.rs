@@ -292,11 +292,6 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         state.start_s + (state.samples.max(1) - 1) as f64 * self.config().sensor.step_s
     }
 
-    /// The shorter of sensor step and integration step, in s: the base step of the plant.
-    pub fn base_step_s(&self) -> f64 {
-        self.config().sensor.step_s.min(self.config().max_step_s)
-    }
-
     /// The outputs for a state at the time `t_s`, in s.
     pub fn outputs(
         &self,
