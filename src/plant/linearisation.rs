@@ -11,7 +11,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::bearing::array;
-use crate::bearing::scalar::Scalar;
+use crate::bearing::scalar::{Scalar, joined};
 use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
@@ -192,12 +192,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Point<T, N, K, B
             config: self.config.with(&other.config, &join),
             motion: self.motion.with(&other.motion, &join),
             input: self.input.with(&other.input, &join),
-            conditions: Conditions {
-                time_s: join(own.time_s, others.time_s),
-                theta_rad: join(own.theta_rad, others.theta_rad),
-                contact: own.contact,
-                open: own.open,
-            },
+            conditions: joined!(own, others, &join, Conditions { time_s, theta_rad;; contact: own.contact, open: own.open }),
         }
     }
 

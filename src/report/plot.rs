@@ -112,32 +112,29 @@ pub struct Plot {
     units: [PlotUnit; 2],
     traces: Vec<Json>,
     shapes: Vec<Json>,
-    axes: [Json; 2],
+    /// The layout for plotly.js without the shapes.
+    layout: Json,
     height_px: f64,
     over_time: bool,
-    bars: bool,
 }
+
+/// Keys of the axes in the layout.
+const AXES: [&str; 2] = ["xaxis", "yaxis"];
 
 impl Plot {
     /// An empty plot of `y` over `x`, each a quantity and its unit.
     pub fn new(x: (&str, PlotUnit), y: (&str, PlotUnit)) -> Plot {
         let title = |(quantity, unit): (&str, PlotUnit)| match unit.name {
-            "" => json!({"title": {"text": quantity}}),
-            name => json!({"title": {"text": format!("{quantity} [{name}]")}}),
+            "" => json!({"text": quantity}),
+            name => json!({"text": format!("{quantity} [{name}]")}),
         };
-        let mut axes = [title(x), title(y)];
         // The unit appears at the pointer and at the last number of the axis.
-        axes[0]["ticksuffix"] = json!(format!(" {}", x.1.name));
-        axes[0]["showticksuffix"] = json!("last");
-        Plot {
-            units: [x.1, y.1],
-            traces: Vec::new(),
-            shapes: Vec::new(),
-            axes,
-            height_px: 300.0,
-            over_time: false,
-            bars: false,
-        }
+        let suffix = format!(" {}", x.1.name);
+        let layout = json!({
+            "xaxis": {"title": title(x), "ticksuffix": suffix, "showticksuffix": "last"}, "yaxis": {"title": title(y)},
+        });
+        let (traces, shapes) = (Vec::new(), Vec::new());
+        Plot { units: [x.1, y.1], traces, shapes, layout, height_px: 300.0, over_time: false }
     }
 
     /// An empty plot over time, linked to all others over time on the page.
@@ -152,24 +149,24 @@ impl Plot {
 
     /// With a logarithmic axis (0 for x).
     pub fn decades(mut self, axis: usize) -> Plot {
-        self.axes[axis]["type"] = json!("log");
-        self.axes[axis]["nticks"] = json!(7);
+        self.layout[AXES[axis]]["type"] = json!("log");
+        self.layout[AXES[axis]]["nticks"] = json!(7);
         self
     }
 
     /// With an initial range of an axis (0 for x) in SI values; a range that is empty or not finite is ignored.
     pub fn range(mut self, axis: usize, ends: [f64; 2]) -> Plot {
-        let log = self.axes[axis]["type"] == "log";
+        let log = self.layout[AXES[axis]]["type"] == "log";
         let ends = ends.map(|end| end * self.units[axis].factor).map(|end| if log { end.log10() } else { end });
         if ends.iter().all(|end| end.is_finite()) && ends[0] < ends[1] {
-            self.axes[axis]["range"] = json!(ends);
+            self.layout[AXES[axis]]["range"] = json!(ends);
         }
         self
     }
 
     /// With equal scales on both axes.
     pub fn equal(mut self) -> Plot {
-        self.axes[1]["scaleanchor"] = json!("x");
+        self.layout[AXES[1]]["scaleanchor"] = json!("x");
         self
     }
 
@@ -220,9 +217,10 @@ impl Plot {
         trace[if horizontal { "y" } else { "x" }] = json!(names);
         if horizontal {
             // From top to bottom, as in a table.
-            self.axes[1]["autorange"] = json!("reversed");
+            self.layout[AXES[1]]["autorange"] = json!("reversed");
         }
-        self.bars = true;
+        self.layout["barmode"] = json!("group");
+        self.layout["hovermode"] = json!("closest");
         self.traces.push(trace);
     }
 
@@ -290,12 +288,8 @@ impl Plot {
 
     /// The plot as an element of a page with [`scripts`].
     pub fn html(&self) -> Markup {
-        let [x, y] = &self.axes;
-        let mut layout = json!({"xaxis": x, "yaxis": y, "shapes": self.shapes});
-        if self.bars {
-            layout["barmode"] = json!("group");
-            layout["hovermode"] = json!("closest");
-        }
+        let mut layout = self.layout.clone();
+        layout["shapes"] = json!(self.shapes);
         let data = json!({"data": self.traces, "layout": layout});
         html! {
             div.plot data-over-time[self.over_time] style={ "height:" (self.height_px) "px" } { (data_element(&data)) }

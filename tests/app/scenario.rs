@@ -154,7 +154,11 @@ fn errors_are_refused_by_name() {
         ("machine = \"planer4\"", "", &["did you mean planar4?"]),
         ("machine = \"planar4\"", "[estimator]\nmethod = 0.1", &["method", "there is no variable of this name"]),
         // Profiles and contours.
-        ("", "[[profile]]\nof = [\"plant.omgea\"]\ntime = [0]\nvalue = [1]", &["no variable plant.omgea"]),
+        (
+            "",
+            "[[profile]]\nof = [\"plant.omgea\"]\ntime = [0]\nvalue = [1]",
+            &["[plant] omgea: there is no variable of this name; did you mean omega?"],
+        ),
         ("", "[[profile]]\nof = [\"plant.u[1]\"]\ntime = [0]\nvalue = [1]", &["connected to controller.u[1]"]),
         ("", "[[profile]]\nof = [\"plant.m\"]\ntime = [0]\nvalue = [1]", &["fixed"]),
         ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 0]\nvalue = [1, 2]", &["increasing"]),

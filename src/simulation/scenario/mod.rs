@@ -203,6 +203,27 @@ fn connections(elements: &[Element]) -> Vec<Connection> {
     connections
 }
 
+/// Finds a variable that can be set by its path.
+fn settable(elements: &[Element], connected: &[Connection], path: &str) -> Result<(usize, usize), String> {
+    let (name, key) = path.split_once('.').unwrap_or(("", path));
+    let Some(at) = elements.iter().position(|element| element.name == name) else {
+        let knowing = elements.iter().filter(|element| element.index(path).is_some());
+        let paths: Vec<_> = knowing.map(|element| format!("{}.{path}", element.name)).collect();
+        let names: Vec<_> = elements.iter().map(|element| element.name.as_str()).collect();
+        return Err(match paths.is_empty() {
+            true => format!("{path}: expected a path that begins with one of {}", names.join(", ")),
+            false => format!("{path}: expected {}", paths.join(", ")),
+        });
+    };
+    let variables = elements[at].model_type.variables();
+    let Some(index) = elements[at].index(key) else {
+        let settable = variables.iter().filter(|variable| variable.is_settable());
+        return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
+    };
+    permitted(name, &variables[index], connected).map_err(|why| format!("{path} is refused: {why}"))?;
+    Ok((at, index))
+}
+
 /// An output and the input connected to it, by element and variable name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Connection {
@@ -336,23 +357,7 @@ impl Scenario {
     /// # Errors
     /// There is no such variable, or it cannot be set.
     pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
-        let (name, key) = path.split_once('.').unwrap_or(("", path));
-        let Some(at) = self.elements.iter().position(|element| element.name == name) else {
-            let knowing = self.elements.iter().filter(|element| element.index(path).is_some());
-            let paths: Vec<_> = knowing.map(|element| format!("{}.{path}", element.name)).collect();
-            let names: Vec<_> = self.elements.iter().map(|element| element.name.as_str()).collect();
-            return Err(match paths.is_empty() {
-                true => format!("{path}: expected a path that begins with one of {}", names.join(", ")),
-                false => format!("{path}: expected {}", paths.join(", ")),
-            });
-        };
-        let variables = self.elements[at].model_type.variables();
-        let Some(index) = self.elements[at].index(key) else {
-            let settable = variables.iter().filter(|variable| variable.is_settable());
-            return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
-        };
-        permitted(name, &variables[index], &self.connections()).map_err(|why| format!("{path} is refused: {why}"))?;
-        Ok((at, index))
+        settable(&self.elements, &self.connections(), path)
     }
 
     /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.

@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, ScenarioError, connections, foreign, place};
+use super::{Connection, Element, Profile, Scenario, ScenarioError, connections, foreign, settable};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -374,23 +374,17 @@ impl Assignment<'_> {
     fn profile(&self, text: &ProfileText) -> Result<Profile, Vec<String>> {
         let mut refused: Vec<String> = Vec::new();
         let mut targets = Vec::new();
+        let is_fixed = |variable: &Variable| {
+            variable.causality == Causality::Parameter && variable.variability != Variability::Tunable
+        };
         for path in &text.of {
-            let found = path.split_once('.').and_then(|(name, variable)| place(&self.elements, name, variable));
-            let Some((at, index)) = found else {
-                refused.push(format!("there is no variable {path}; expected element.variable, as in plant.omega"));
-                continue;
-            };
-            let Element { name, model_type, .. } = &self.elements[at];
-            let variable = &model_type.variables()[index];
-            match permitted(name, variable, &self.connected) {
-                Err(why) => refused.push(format!("{path}: {why}")),
-                Ok(())
-                    if variable.causality == Causality::Parameter && variable.variability != Variability::Tunable =>
-                {
+            match settable(&self.elements, &self.connected, path) {
+                Err(why) => refused.push(why),
+                Ok((at, index)) if is_fixed(&self.elements[at].model_type.variables()[index]) => {
                     let wanted = "expected an input or a tunable parameter";
                     refused.push(format!("{path} is fixed once the run has begun; {wanted}"));
                 }
-                Ok(()) => targets.push((at, index)),
+                Ok(target) => targets.push(target),
             }
         }
         let Some(&(at, variable)) = targets.first() else {

@@ -63,12 +63,17 @@ pub fn constant_currents(current_a: &[Vec<f64>], machine: &Machine) -> Vec<Strin
     machine.of_magnets("im").into_iter().zip(current_a).filter_map(words).collect()
 }
 
+/// The size of a delay with its standard deviation, and its direction.
+fn later(delay: Estimate) -> [String; 2] {
+    let [value, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
+    [format!("{value} ± {std}"), if delay.value > 0.0 { "later" } else { "earlier" }.to_owned()]
+}
+
 /// How much later than stated the currents act, which delays the positions relative to them, and the gain in log-likelihood.
 pub(super) fn acting_later(delay: Estimate, hold: Hold, gain: f64) -> String {
-    let later = if delay.value > 0.0 { "later" } else { "earlier" };
-    let [delay, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
+    let [by, later] = later(delay);
     format!(
-        "The currents act {delay} ± {std} {later} than {} says, or the positions are read so much {later} (worth {} in log-likelihood).",
+        "The currents act {by} {later} than {} says, or the positions are read so much {later} (worth {} in log-likelihood).",
         hold.name(),
         significant(gain, 3)
     )
@@ -76,9 +81,8 @@ pub(super) fn acting_later(delay: Estimate, hold: Hold, gain: f64) -> String {
 
 /// Why a delay is not believed.
 pub(super) fn long_delay(delay: Estimate) -> String {
-    let later = if delay.value > 0.0 { "later" } else { "earlier" };
-    let [value, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
-    format!("the data call for positions that come {value} ± {std} {later} than stated, more than on a usual bench")
+    let [by, later] = later(delay);
+    format!("the data call for positions that come {by} {later} than stated, more than on a usual bench")
 }
 
 /// Words for a parameter of the axial motion of a shaft.
