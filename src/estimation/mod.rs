@@ -121,7 +121,6 @@ pub struct EstimatorState<S = one_bearing::PlanarState, const N: usize = 2, cons
 
 impl<S, const N: usize, const K: usize, const P: usize> EstimatorState<S, N, K, P> {
     /// The estimates after the last sample.
-    #[must_use]
     pub fn output(&self) -> &EstimatorOutputOf<N, K, P> {
         &self.output
     }
@@ -151,13 +150,11 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     }
 
     /// The configuration.
-    #[must_use]
     pub fn config(&self) -> &EstimatorConfigOf<G, K> {
         &self.config
     }
 
     /// A new state, with all the memory that stepping needs.
-    #[must_use]
     pub fn start(&self) -> StateOf<G, N, K, P> {
         let EstimatorConfigOf { lambda0_nm2_a2: lambda0, position_noise_m, current_noise_a, .. } = self.config;
         let output = EstimatorOutputOf {
@@ -175,7 +172,6 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
     }
 
     /// Whether a state, for instance one read from a file, has the shape this estimator needs and only finite numbers.
-    #[must_use]
     pub fn accepts(&self, state: &StateOf<G, N, K, P>) -> bool
     where
         StateOf<G, N, K, P>: Serialize,

@@ -20,7 +20,6 @@ use super::sums::PredictionErrorSolution;
 const HARMONICS: usize = 4;
 
 /// The quantile of χ² with n degrees of freedom at this many standard deviations of a normal distribution (E. B. Wilson, M. M. Hilferty, 1931).
-#[must_use]
 pub fn chi_square(n: f64, deviations: f64) -> f64 {
     let root = 1.0 - 2.0 / (9.0 * n) + deviations * sqrt(2.0 / (9.0 * n));
     n * root * root * root

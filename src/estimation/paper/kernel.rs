@@ -36,7 +36,6 @@ const PSI_3: [f64; 7] = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0];
 /// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)` at `τ = (j + ½) h`, for n ≥ 2 and j < N.
 ///
 /// `ψ_n` with central factorials of step `h = 1/N`; exactly zero half a step inside both ends.
-#[must_use]
 pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
     let from_start = (2 * j + 1) as f64;
     let width = (2 * intervals) as f64;
@@ -61,7 +60,6 @@ pub struct Weights {
 
 impl Weights {
     /// Weights of the piecewise linear function with the values `phi` at the nodes; the two end values count as zero.
-    #[must_use]
     pub fn new(phi: &[f64]) -> Self {
         let last = phi.len().saturating_sub(1).max(1);
         let h = 1.0 / last as f64;
@@ -79,7 +77,6 @@ impl Weights {
     }
 
     /// Weights of row `row` = 0, 1, 2 of P(18), the discrete counterpart of the paper's kernels i = 1, 2, 3.
-    #[must_use]
     pub fn paper(row: usize, intervals: usize) -> Self {
         // The paper's g_u,i is `factor · ψ_n'`.
         let (n, factor) = (row + 3, if row % 2 == 1 { -1.0 } else { 1.0 } / 6.0);
@@ -90,7 +87,6 @@ impl Weights {
     }
 
     /// Weights that retain a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
-    #[must_use]
     pub fn static_load(intervals: usize) -> Self {
         let psi_3 = |tau: f64| PSI_3.iter().rev().fold(0.0, |sum, c| sum * tau + c);
         let mean: f64 = PSI_3.iter().enumerate().map(|(n, c)| c / (n as f64 + 1.0)).sum();
@@ -99,13 +95,11 @@ impl Weights {
     }
 
     /// Gain of the position side for white noise, `√(Σ position_j²)`.
-    #[must_use]
     pub fn noise_gain(&self) -> f64 {
         self.position.iter().map(|w| w * w).sum::<f64>().sqrt()
     }
 
     /// `Σ |node_j|`, the L1 gain of the current side: its largest response to a signal bounded by one.
-    #[must_use]
     pub fn l1_gain(&self) -> f64 {
         self.node.iter().map(|w| w.abs()).sum()
     }

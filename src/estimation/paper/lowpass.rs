@@ -34,7 +34,6 @@ impl<const N: usize> Default for LowPassState<N> {
 
 impl LowPass {
     /// The filter with natural frequency `omega_rad_s`, damping ratio `zeta` and sample time `step_s`, all positive.
-    #[must_use]
     pub fn new(omega_rad_s: f64, zeta: f64, step_s: f64) -> Self {
         let (w, t) = (omega_rad_s, step_s);
         let damping = zeta * w * t + w * w * t * t / 4.0;

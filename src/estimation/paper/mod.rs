@@ -134,7 +134,6 @@ pub struct Paper {
 
 impl Paper {
     /// The estimator of a checked configuration.
-    #[must_use]
     pub fn new(config: &EstimatorConfig) -> Self {
         let intervals = (config.window_s / config.step_s).round() as usize;
         let epsilon_steps = config.epsilon_s / config.step_s;
@@ -157,7 +156,6 @@ impl Paper {
     }
 
     /// A new state, with all the memory that stepping needs.
-    #[must_use]
     pub fn start(&self) -> PaperState {
         PaperState {
             samples: 0,

@@ -26,7 +26,6 @@ impl Window {
     }
 
     /// Whether all nodes hold samples.
-    #[must_use]
     pub fn is_full(&self) -> bool {
         self.filled == self.nodes
     }
@@ -43,7 +42,6 @@ impl Window {
     }
 
     /// The window of one signal, oldest sample first.
-    #[must_use]
     pub fn signal(&self, index: usize) -> &[f64] {
         let start = 2 * self.nodes * index + self.next;
         &self.values[start..start + self.nodes]
@@ -51,7 +49,6 @@ impl Window {
 }
 
 /// `Σ a_j b_j` in eight partial sums: a fixed order, so that the result is the same on every platform, and suitable for vector registers.
-#[must_use]
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 8];
     let (blocks_a, blocks_b) = (a.chunks_exact(8), b.chunks_exact(8));
@@ -98,7 +95,6 @@ pub struct WindowSums {
 
 impl WindowSums {
     /// Sums over windows of this many intervals, at least 8; `continuous` if the currents are continuous, not held.
-    #[must_use]
     pub fn new(intervals: usize, continuous: bool) -> Self {
         let weights = std::array::from_fn(|row| match row {
             ROWS_PER_AXIS.. => Weights::static_load(intervals),
@@ -112,14 +108,12 @@ impl WindowSums {
     }
 
     /// A window without samples; the only place that allocates.
-    #[must_use]
     pub fn start(&self) -> Window {
         let nodes = self.nodes();
         Window { nodes, next: 0, filled: 0, values: vec![0.0; 2 * nodes * SIGNALS] }
     }
 
     /// Whether a window, for instance one read from a file, has the shape that these sums need.
-    #[must_use]
     pub fn accepts(&self, window: &Window) -> bool {
         let nodes = self.nodes();
         window.nodes == nodes

@@ -46,7 +46,6 @@ impl Check {
     }
 
     /// The same as JSON.
-    #[must_use]
     pub fn json(&self) -> Json {
         let horizon =
             |[ahead_s, foreign_m, own_m]: [f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});

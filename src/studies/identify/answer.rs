@@ -95,7 +95,6 @@ enum Details {
 }
 
 /// Identifies from all recordings together.
-#[must_use]
 pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     if recordings.iter().any(|samples| samples.rotation == Rotation::Unknown) {
         let verdict = format!("Not valid: {NO_ROTATION}.");

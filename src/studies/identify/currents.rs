@@ -52,7 +52,6 @@ pub struct Holds(pub [(Currents, f64); 5]);
 
 impl Holds {
     /// Compares the meanings on a bench that is as stated except for the dynamics and the lag of the currents, or else the delay of the positions.
-    #[must_use]
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let of = answer::recording(samples, stated, stated.hold);
         let trial = |at: usize| {
@@ -83,7 +82,6 @@ impl Holds {
     }
 
     /// Other meanings without a lag that are about as likely as the best one.
-    #[must_use]
     pub fn equally_likely(&self, chosen: Currents) -> Vec<Hold> {
         let is_as_good = |of: &Currents| *of != chosen && self.is_within(*of, VERY_STRONG);
         self.without_lag().filter(is_as_good).map(|of| of.hold).collect()
@@ -104,7 +102,6 @@ impl Holds {
     }
 
     /// Measured currents, unless another meaning is clearly more likely; else the best without a lag, unless a lag explains more than chance.
-    #[must_use]
     pub fn most_likely(&self) -> Currents {
         let measured = Some(MEASURED).filter(|of| self.is_within(*of, VERY_STRONG));
         let plain = self.without_lag().next().filter(|of| self.is_within(*of, BY_CHANCE));
@@ -123,7 +120,6 @@ impl Holds {
     }
 
     /// The comparison as a table, if any meaning fits.
-    #[must_use]
     pub fn table(&self, chosen: Currents) -> Option<Table> {
         self.best()?;
         let rows = self.0.iter().map(|(currents, deficit)| {

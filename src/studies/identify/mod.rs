@@ -64,7 +64,6 @@ pub struct Stated {
 
 impl Stated {
     /// The machine as stated by the variables of its estimator.
-    #[must_use]
     pub fn of(machine: &'static Machine, estimator: &Element) -> Self {
         let value = |name: &str| estimator.value(name).map(Value::as_f64);
         let real = |name: &str| value(name).unwrap_or(f64::NAN);
@@ -105,7 +104,6 @@ impl Stated {
     }
 
     /// The parameters of its bench.
-    #[must_use]
     pub fn parameters(&self) -> Vec<BenchParameter> {
         self.bench().cloned().collect()
     }
@@ -172,13 +170,11 @@ impl Stated {
     }
 
     /// The meaning of its currents.
-    #[must_use]
     pub fn currents(&self) -> Currents {
         Currents { hold: self.hold, lag: self.parts.iter().any(|part| part.settings.lag) }
     }
 
     /// The same with this meaning of the currents. An added lag is free; an exact delay of the positions then gets a typical tolerance.
-    #[must_use]
     pub fn read_as(mut self, currents: Currents) -> Self {
         let of = |part: Part| {
             let is_new = currents.lag && !part.settings.lag;
@@ -277,7 +273,6 @@ pub struct Statement {
 }
 
 /// The window of one revolution, in s, rounded to whole samples, at least 8, and at most 0.2 s; the paper's if the speed is not known.
-#[must_use]
 pub fn one_revolution(samples: &Samples) -> f64 {
     let speed_rad_s = mean(samples.omega_rad_s.iter().copied()).abs();
     let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };

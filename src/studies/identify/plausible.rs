@@ -31,7 +31,6 @@ pub const REST_RAD_S: f64 = 1.0;
 impl Samples {
     /// Signs of a misread unit, by magnitude and by comparing the signals; `gap_m` is the nominal air gap of each bearing
     /// in m, infinite if it is unknown. A recording with findings must not be used.
-    #[must_use]
     pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
         let checks = Checks { samples: self, signals: Signals::of(self.machine) };
         // A mass without a shaft may be sampled at any rate.

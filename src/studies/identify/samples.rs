@@ -54,19 +54,16 @@ pub struct Samples {
 
 impl Samples {
     /// Number of samples.
-    #[must_use]
     pub fn len(&self) -> usize {
         self.position_m.first().map_or(0, Vec::len)
     }
 
     /// Whether there are none.
-    #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
     /// Whether both hold the same positions and currents.
-    #[must_use]
     pub fn has_readings_of(&self, other: &Self) -> bool {
         // NaN where a reading is missing is equal to itself.
         let [own, other] = [self, other].map(|of| of.position_m.iter().chain(&of.current_a).flatten());
@@ -74,7 +71,6 @@ impl Samples {
     }
 
     /// The currents at every sample; NaN where unavailable.
-    #[must_use]
     pub fn currents(&self, how: Hold) -> Vec<Vec<f64>> {
         match &self.apart {
             Some(apart) => {

@@ -45,7 +45,6 @@ pub fn named(parameters: &[BenchParameter], name: &str) -> Result<Vec<usize>, St
 }
 
 /// The tolerances of the on-line estimator (`tolerance.*`) above 0, as bench parameters with their standard deviations.
-#[must_use]
 pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
     let of = |name: &str| estimator.value(&format!("tolerance.{name}")).map_or(0.0, Value::as_f64);
     // The gains of the two sensors are independent: factor for their mean, and for half their difference.

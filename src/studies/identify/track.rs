@@ -125,19 +125,16 @@ fn method(estimator: &Element) -> Method {
 
 impl Track {
     /// The method.
-    #[must_use]
     pub fn method(&self) -> Method {
         method(&self.estimator)
     }
 
     /// The name of the method.
-    #[must_use]
     pub fn name(&self) -> &'static str {
         self.method().name()
     }
 
     /// The values of an output over the recording.
-    #[must_use]
     pub fn of(&self, name: &str) -> &[f64] {
         self.outputs.get(name).unwrap_or_default()
     }
@@ -148,19 +145,16 @@ impl Track {
     }
 
     /// The verdict on the estimate of each row.
-    #[must_use]
     pub fn verdicts(&self) -> Vec<Verdict> {
         self.of("verdict").iter().map(|number| Verdict::of_number(*number as i32).unwrap_or_default()).collect()
     }
 
     /// Row of the last valid estimate.
-    #[must_use]
     pub fn last_valid(&self) -> Option<usize> {
         self.of("valid").iter().rposition(|valid| *valid == 1.0)
     }
 
     /// Whether the estimate is valid at the end.
-    #[must_use]
     pub fn is_valid_at_end(&self) -> bool {
         self.of("valid").last() == Some(&1.0)
     }
@@ -172,7 +166,6 @@ impl Track {
     }
 
     /// How well the recording identifies the bearing, in a sentence or two.
-    #[must_use]
     pub fn verdict(&self) -> String {
         let valid = self.of("valid");
         let share = 100.0 * valid.iter().sum::<f64>() / valid.len().max(1) as f64;
@@ -204,7 +197,6 @@ impl Track {
     }
 
     /// Estimates after each quarter of the recording, a table per bearing.
-    #[must_use]
     pub fn progress(&self) -> Vec<Table> {
         let (valid, verdicts) = (self.of("valid"), self.verdicts());
         let of_bearing = |(_, magnets): (&Bearing, Range<usize>)| {
@@ -290,7 +282,6 @@ fn table(tracks: &[Track]) -> Table {
 }
 
 /// The estimates over time, with columns named `method.variable`.
-#[must_use]
 pub fn recording(tracks: &[Track]) -> Recording {
     let mut recording = Recording::default();
     for track in tracks {
@@ -307,7 +298,6 @@ pub fn recording(tracks: &[Track]) -> Recording {
 }
 
 /// The results of the methods for a recording, with the last valid estimate of each as JSON.
-#[must_use]
 pub fn statement(samples: &Samples, tracks: &[Track]) -> Statement {
     let method = |track: &Track| {
         let hold = chosen::<Hold>(&track.estimator, "hold").name();

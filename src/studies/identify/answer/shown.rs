@@ -32,7 +32,6 @@ pub fn shown(parameter: &BenchParameter) -> (f64, &'static str) {
 
 impl Answer {
     /// Relative standard deviations of λ with a typical bench where no tolerance is stated.
-    #[must_use]
     pub fn typical(&self) -> Option<Vec<f64>> {
         let found = self.found.as_ref()?;
         let is_hidden = |line: &&BenchEstimate| !line.parameter.is_uncertain() && line.parameter.in_typical_bench;
@@ -45,7 +44,6 @@ impl Answer {
     }
 
     /// The answer in words, numbers and JSON.
-    #[must_use]
     pub fn statement(&self) -> Statement {
         Statement {
             valid: Some(self.valid),
