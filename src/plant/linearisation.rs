@@ -65,59 +65,33 @@ impl<const N: usize> Scalar for Taylor<N> {
     }
 }
 
-impl<const N: usize> Add for Taylor<N> {
-    type Output = Self;
-    fn add(self, other: Self) -> Self {
-        Self(array::from_fn(|j| self.0[j] + other.0[j]))
-    }
+macro_rules! operators {
+    ($($operator:ident $name:ident |$own:ident $(, $other:ident: $type:ty)?| $result:expr;)*) => {$(
+        impl<const N: usize> $operator$(<$type>)? for Taylor<N> {
+            type Output = Self;
+            fn $name(self $(, $other: $type)?) -> Self {
+                let $own = self;
+                $result
+            }
+        }
+    )*};
 }
-
-impl<const N: usize> Sub for Taylor<N> {
-    type Output = Self;
-    fn sub(self, other: Self) -> Self {
-        Self(array::from_fn(|j| self.0[j] - other.0[j]))
-    }
-}
-
-impl<const N: usize> Neg for Taylor<N> {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self(self.0.map(|c| -c))
-    }
-}
-
-impl<const N: usize> Mul for Taylor<N> {
-    type Output = Self;
-    fn mul(self, other: Self) -> Self {
-        Self(array::from_fn(|j| (0..=j).map(|i| self.0[i] * other.0[j - i]).sum()))
-    }
-}
-
-impl<const N: usize> Div for Taylor<N> {
-    type Output = Self;
-    fn div(self, other: Self) -> Self {
+operators! {
+    Add add |x, y: Self| Self(array::from_fn(|j| x.0[j] + y.0[j]));
+    Add add |x, y: f64| Self(array::from_fn(|j| if j == 0 { x.0[j] + y } else { x.0[j] }));
+    Sub sub |x, y: Self| Self(array::from_fn(|j| x.0[j] - y.0[j]));
+    Neg neg |x| Self(x.0.map(|c| -c));
+    Mul mul |x, y: Self| Self(array::from_fn(|j| (0..=j).map(|i| x.0[i] * y.0[j - i]).sum()));
+    Mul mul |x, factor: f64| Self(x.0.map(|c| c * factor));
+    // From x = q y.
+    Div div |x, y: Self| {
         let mut quotient = Self::constant(0.0);
         for j in 0..N {
-            let known: f64 = (0..j).map(|i| quotient.0[i] * other.0[j - i]).sum();
-            quotient.0[j] = (self.0[j] - known) / other.0[0];
+            let known: f64 = (0..j).map(|i| quotient.0[i] * y.0[j - i]).sum();
+            quotient.0[j] = (x.0[j] - known) / y.0[0];
         }
         quotient
-    }
-}
-
-impl<const N: usize> Add<f64> for Taylor<N> {
-    type Output = Self;
-    fn add(mut self, other: f64) -> Self {
-        self.0[0] += other;
-        self
-    }
-}
-
-impl<const N: usize> Mul<f64> for Taylor<N> {
-    type Output = Self;
-    fn mul(self, factor: f64) -> Self {
-        Self(self.0.map(|c| c * factor))
-    }
+    };
 }
 
 /// All quantities on which the outputs of the plant depend.
