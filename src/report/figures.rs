@@ -96,14 +96,9 @@ pub(super) struct Signals<'r> {
 }
 
 impl<'r> Signals<'r> {
-    /// A column.
-    fn get(&self, name: &str) -> Option<&'r [f64]> {
-        self.recording.get(name)
-    }
-
     /// Columns of `element`; `None` if any is missing.
     fn all<N: AsRef<str>>(&self, element: &str, names: &[N]) -> Option<Vec<&'r [f64]>> {
-        names.iter().map(|name| self.get(&format!("{element}.{}", name.as_ref()))).collect()
+        names.iter().map(|name| self.recording.get(&format!("{element}.{}", name.as_ref()))).collect()
     }
 
     /// Columns of the magnets of a bearing.
@@ -129,23 +124,15 @@ impl<'r> Signals<'r> {
         self.methods.iter().flat_map(of_method).collect()
     }
 
-    fn time_s(&self) -> &'r [f64] {
-        &self.recording.time_s
-    }
-
     /// Begin and end of the run, in s.
     fn ends_s(&self) -> [f64; 2] {
-        let time_s = self.time_s();
+        let time_s = &self.recording.time_s;
         [time_s[0], time_s[time_s.len() - 1]]
-    }
-
-    fn time_unit(&self) -> PlotUnit {
-        time_unit(self.ends_s()[1])
     }
 
     /// A plot over time with the events of the run.
     fn plot(&self, quantity: &str, unit: PlotUnit) -> Plot {
-        let mut plot = Plot::over_time(self.time_unit(), (quantity, unit)).range(0, self.ends_s());
+        let mut plot = Plot::over_time(time_unit(self.ends_s()[1]), (quantity, unit)).range(0, self.ends_s());
         // Marks close together share a label, as two would overlap.
         let near_s = 0.03 * self.ends_s()[1];
         let mut events = self.events.clone();
@@ -160,19 +147,19 @@ impl<'r> Signals<'r> {
     }
 
     fn line(&self, plot: &mut Plot, line: Line, values: &[f64]) {
-        plot.line(line, self.time_s(), values);
+        plot.line(line, &self.recording.time_s, values);
     }
 
     /// Adds the line of a column, if it exists.
     fn column(&self, plot: &mut Plot, line: Line, name: &str) {
-        if let Some(values) = self.get(name) {
+        if let Some(values) = self.recording.get(name) {
             self.line(plot, line, values);
         }
     }
 
     /// Values at the equidistant frames of an animation.
     fn frames(&self, values: &[f64], factor: f64) -> Json {
-        let every = self.time_s().len().div_ceil(FRAMES).max(1);
+        let every = self.recording.time_s.len().div_ceil(FRAMES).max(1);
         plot::packed(&values.iter().step_by(every).map(|value| value * factor).collect::<Vec<_>>())
     }
 
@@ -211,19 +198,20 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
     let ends = ends.flat_map(|(_, (values, truth))| [values[0], *truth]);
     let most = ends.filter(|value| value.is_finite()).fold(0.0, f64::max);
     plot = plot.range(1, [0.0, 1.15 * most]);
-    let Some(valid) = run.get(&format!("{element}.valid")) else { return plot };
+    let Some(valid) = run.recording.get(&format!("{element}.valid")) else { return plot };
     let is_valid = |at: usize| valid[at] > 0.5;
-    let rows: Vec<usize> = (0..run.time_s().len()).collect();
+    let time_s = &run.recording.time_s;
+    let rows: Vec<usize> = (0..time_s.len()).collect();
     for stretch in rows.chunk_by(|one, next| is_valid(*one) == is_valid(*next)).filter(|rows| !is_valid(rows[0])) {
         // Up to the next valid sample.
-        plot.shade(run.time_s()[stretch[0]], run.time_s()[(stretch[0] + stretch.len()).min(rows.len() - 1)]);
+        plot.shade(time_s[stretch[0]], time_s[(stretch[0] + stretch.len()).min(rows.len() - 1)]);
     }
     let std = of_magnets("lambdaStdTotal").unwrap_or_default();
     for (k, lambda) in lambda.into_iter().enumerate().filter(|(k, _)| is_used(*k)) {
         let group = format!("λ{}", k + 1);
         let shown = where_shown(lambda, is_valid);
         if let Some(std) = std.get(k) {
-            plot.band(&group, colour::BANDS[k], run.time_s(), &shown, std);
+            plot.band(&group, colour::BANDS[k], time_s, &shown, std);
         }
         let name = format!("λ̂{}", INDEX[k]);
         // The dotted line extends to the first valid sample, where the solid one begins.
@@ -264,15 +252,15 @@ pub(super) fn first(run: &Signals) -> Markup {
 
 /// The animation and its data at equidistant instants.
 fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
-    let of = |name: &str, factor: f64| run.get(name).map(|values| run.frames(values, factor));
+    let of = |name: &str, factor: f64| run.recording.get(name).map(|values| run.frames(values, factor));
     let micro = |name: &str| of(name, 1e6);
     let frames = |columns: Vec<&[f64]>, factor: f64| -> Vec<Json> {
         columns.into_iter().map(|values| run.frames(values, factor)).collect()
     };
     let (scenario, machine) = (run.scenario, run.scenario.machine);
     let mut data = json!({
-        "t": run.frames(run.time_s(), 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{element}.valid"), 1.0),
-        "clearance": evaluation::clearance_m(scenario, &machine.bearings[0])? * 1e6, "timeFactor": run.time_unit().factor,
+        "t": run.frames(&run.recording.time_s, 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{element}.valid"), 1.0),
+        "clearance": evaluation::clearance_m(scenario, &machine.bearings[0])? * 1e6, "timeFactor": time_unit(run.ends_s()[1]).factor,
         "events": run.events,
     });
     let (id, own) = if machine.is_planar() {
@@ -300,8 +288,9 @@ fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
 
 /// Buttons that show the run or a stretch of it in all plots over time.
 pub(super) fn views(run: &Signals) -> Markup {
-    let of = |[from, to]: [f64; 2]| [from, to].map(|end| end * run.time_unit().factor);
-    let stretch = |stretch: &Stretch| (stretch.title(), of([stretch.from, stretch.to - 1].map(|at| run.time_s()[at])));
+    let of = |[from, to]: [f64; 2]| [from, to].map(|end| end * time_unit(run.ends_s()[1]).factor);
+    let stretch =
+        |stretch: &Stretch| (stretch.title(), of([stretch.from, stretch.to - 1].map(|at| run.recording.time_s[at])));
     let views: Vec<_> =
         [("Whole run", of(run.ends_s()))].into_iter().chain(run.stretches.iter().map(stretch)).collect();
     html! {
@@ -383,7 +372,7 @@ fn errors(run: &Signals) -> Figure {
 fn condition(run: &Signals) -> Option<Figure> {
     let mut plot = run.plot("condition number", PlotUnit::ONE).decades(1).height(240.0);
     for ([element, label], colour) in run.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
-        if let Some(values) = run.get(&format!("{element}.condition")) {
+        if let Some(values) = run.recording.get(&format!("{element}.condition")) {
             run.line(&mut plot, Line::new(label, colour), &where_shown(values, |at| values[at] > 0.0));
         }
     }

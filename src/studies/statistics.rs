@@ -16,12 +16,17 @@ pub fn rms(values: impl IntoIterator<Item = f64>) -> f64 {
 
 /// The median of finite values; NaN if there are none.
 pub fn median(values: impl IntoIterator<Item = f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The value that exceeds this part of the finite values, less than all; NaN if there are none.
+pub fn quantile(values: impl IntoIterator<Item = f64>, part: f64) -> f64 {
     let mut values: Vec<f64> = values.into_iter().filter(|value| value.is_finite()).collect();
     if values.is_empty() {
         return f64::NAN;
     }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    let at = (part * values.len() as f64) as usize;
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// Minimum and maximum of the finite values; 0 if there are none.

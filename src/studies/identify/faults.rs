@@ -2,7 +2,7 @@
 //! and rows that a late logger repeats. They are left out.
 
 use super::units::significant;
-use crate::studies::statistics::range;
+use crate::studies::statistics::{median, quantile, range};
 
 /// Probability of a false alarm in a whole column of good readings.
 const CHANCE: f64 = 1e-6;
@@ -145,28 +145,24 @@ fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
         let [a, b, c, d] = [values[row - 2], values[row - 1], values[row + 1], values[row + 2]];
         values[row] - (4.0 * (b + c) - (a + d)) / 6.0
     };
-    let quantile = |sizes: &mut Vec<f64>, part: f64| {
-        let at = (part * sizes.len() as f64) as usize;
-        *sizes.select_nth_unstable_by(at, f64::total_cmp).1
-    };
     let sizes = |rows: std::ops::Range<usize>| -> Vec<f64> {
         rows.map(|row| off(row).abs()).filter(|off| off.is_finite()).collect()
     };
     let limit = 1.4826 * (2.0 * libm::log(values.len() as f64 / CHANCE)).sqrt();
     let end = values.len().saturating_sub(2);
-    let mut all = sizes(2..end.max(2));
+    let all = sizes(2..end.max(2));
     if all.is_empty() {
         return Vec::new();
     }
-    let usual = quantile(&mut all, 0.99);
+    let usual = quantile(all, 0.99);
     let mut found = Vec::new();
     for from in (2..end).step_by(BLOCK) {
         let block = from..(from + BLOCK).min(end);
-        let mut near = sizes(block.clone());
+        let near = sizes(block.clone());
         if near.is_empty() {
             continue;
         }
-        let median = quantile(&mut near, 0.5);
+        let median = median(near);
         let is_outlier = |row: &usize| {
             let size = off(*row).abs();
             median > 0.0
