@@ -435,13 +435,8 @@ fn print_results(results: &Results, paths: &[PathBuf]) {
             say!();
             say!("{}", path.display());
         }
-        for words in [&statement.assumptions, &statement.verdict]
-            .into_iter()
-            .chain(&statement.findings)
-            .filter(|words| !words.is_empty())
-        {
-            print::paragraph(words);
-        }
+        let words = [&statement.assumptions, &statement.verdict].into_iter().chain(&statement.findings);
+        words.filter(|words| !words.is_empty()).for_each(|words| print::paragraph(words));
         for table in &statement.tables {
             say!();
             print::table(table);

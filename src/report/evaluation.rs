@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 
 use super::titled;
 use crate::machine::{Bearing, Machine, Reading};
-use crate::simulation::recording::Recording;
+use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::harmonic;
@@ -76,10 +76,8 @@ pub(super) fn errors(machine: &Machine, recording: &Recording) -> Option<Vec<Vec
 
 /// The first sample that shows an estimate in use by the controller, if any; it is in use since the sample before.
 pub fn update(recording: &Recording) -> Option<usize> {
-    let used = recording
-        .columns
-        .iter()
-        .filter(|column| column.name.strip_prefix("controller.").is_some_and(|name| name.contains("lambdaUsed[")));
+    let is_used = |column: &&Column| column.name.starts_with("controller.") && column.name.contains("lambdaUsed[");
+    let used = recording.columns.iter().filter(is_used);
     let changed = used.filter_map(|column| column.values.iter().position(|value| *value != column.values[0]));
     changed.min().filter(|update| *update > 1)
 }

@@ -2,6 +2,7 @@
 
 use serde_json::{Map, Value as Json, json};
 
+use crate::simulation::recording::Column;
 use crate::simulation::scenario::Scenario;
 use crate::simulation::simulate::Run;
 
@@ -27,17 +28,13 @@ pub fn json(scenario: &Scenario, run: &Run) -> Json {
             "valid": last("valid").map(|valid| valid == 1.0),
         })
     });
-    let outputs: Map<_, _> = run
-        .recording
-        .columns
-        .iter()
-        .map(|column| {
-            let all = || column.values.iter().copied();
-            let (least, greatest) = (all().reduce(f64::min), all().reduce(f64::max));
-            let figures = json!({"unit": column.unit, "last": all().last(), "least": least, "greatest": greatest});
-            (column.name.clone(), figures)
-        })
-        .collect();
+    let figures = |column: &Column| {
+        let all = || column.values.iter().copied();
+        let (least, greatest) = (all().reduce(f64::min), all().reduce(f64::max));
+        let figures = json!({"unit": column.unit, "last": all().last(), "least": least, "greatest": greatest});
+        (column.name.clone(), figures)
+    };
+    let outputs: Map<_, _> = run.recording.columns.iter().map(figures).collect();
     json!({
         "title": scenario.title,
         "changes": scenario.changes,

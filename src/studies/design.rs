@@ -137,12 +137,10 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
 pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
     let bearings = montecarlo::of_bearings(scenario);
     let several = bearings.len() > 1;
+    let all = |magnets: &[(String, usize)]| magnets.iter().map(|(_, at)| *at).collect();
     let columns: Vec<(String, Vec<usize>)> = match &bearings[..] {
         [(_, magnets)] => magnets.iter().map(|(name, at)| (name.clone(), vec![*at])).collect(),
-        _ => bearings
-            .iter()
-            .map(|(bearing, magnets)| (bearing.to_string(), magnets.iter().map(|(_, at)| *at).collect()))
-            .collect(),
+        _ => bearings.iter().map(|(bearing, magnets)| (bearing.to_string(), all(magnets))).collect(),
     };
     let head = |modulated: &str| columns.iter().map(move |(name, _)| format!("{name}{modulated}")).collect::<Vec<_>>();
     let rows = instants_s(conditions).into_iter().zip(0..precisions[0].len()).map(|(instant_s, at)| {

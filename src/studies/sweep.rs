@@ -157,9 +157,9 @@ impl Sweep {
 
     /// The header of the result.
     fn header(&self) -> Vec<String> {
-        let figures = self.results.iter().map(|result| result.name.clone());
-        let begin = ["case", "seed", "status"].map(String::from).into_iter();
-        begin.chain(figures).chain(["fingerprint".into()]).chain(self.columns.iter().cloned()).collect()
+        let figures = self.results.iter().map(|result| result.name.clone()).collect();
+        let begin = ["case", "seed", "status"].map(String::from).to_vec();
+        [begin, figures, vec!["fingerprint".into()], self.columns.clone()].concat()
     }
 
     /// Identifies a case and its design.
@@ -213,12 +213,8 @@ impl Sweep {
             }
             Err(why) => (why, vec![String::new(); self.results.len()]),
         };
-        [(case + 1).to_string(), seed, status.replace('\n', " ")]
-            .into_iter()
-            .chain(figures)
-            .chain([self.fingerprint(case)])
-            .chain(self.cases[case].iter().cloned())
-            .collect()
+        let begin = vec![(case + 1).to_string(), seed, status.replace('\n', " ")];
+        [begin, figures, vec![self.fingerprint(case)], self.cases[case].clone()].concat()
     }
 
     /// Runs the cases that have no row in `path` yet.

@@ -42,10 +42,8 @@ pub fn scenario(
         };
         refuse(vec![format!("{}{hint}", error.to_string().trim_end())])
     })?;
-    let (of_run, of_elements): (Vec<_>, Vec<_>) = changes
-        .iter()
-        .map(|(name, text)| (name.clone(), value_of(text)))
-        .partition(|(name, _)| REQUIRED.contains(&name.as_str()));
+    let values = changes.iter().map(|(name, text)| (name.clone(), value_of(text)));
+    let (of_run, of_elements): (Vec<_>, Vec<_>) = values.partition(|(name, _)| REQUIRED.contains(&name.as_str()));
     table.extend(of_run);
     let document = Document::new(table, text, required, &mut findings);
     // Further findings would refer to the wrong machine.
@@ -247,9 +245,8 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
                 for (n, (target, path)) in profile.targets.iter().zip(&text.of).enumerate() {
                     let before = profiles.iter().flat_map(|other: &Profile| &other.targets);
                     if before.chain(&profile.targets[..n]).any(|other| other == target) {
-                        assignment
-                            .findings
-                            .push(format!("[[profile]] number {number}: {path} follows a profile already"));
+                        let finding = format!("[[profile]] number {number}: {path} follows a profile already");
+                        assignment.findings.push(finding);
                     }
                 }
                 profiles.push(profile);

@@ -247,12 +247,11 @@ pub fn bound(scenario: &Scenario, recording: &Recording, instants_s: &[f64]) -> 
     for row in 1..rows {
         let length_s = recording.time_s[row] - recording.time_s[row - 1];
         let next = (row + 1).min(rows - 1);
+        let current = |k: usize| if held { current(k, row) } else { 0.5 * (current(k, row) + current(k, row - 1)) };
         bound.predict(&Interval {
             length_s,
             position_m: coordinates.iter().map(|x| 0.5 * (x[row] + x[row - 1])).collect(),
-            current_a: (0..truth.len())
-                .map(|k| if held { current(k, row) } else { 0.5 * (current(k, row) + current(k, row - 1)) })
-                .collect(),
+            current_a: (0..truth.len()).map(current).collect(),
             theta_rad: 0.5 * (theta[row] + theta[row - 1]),
             omega_rad_s: omega[row],
             acceleration_rad_s2: (omega[next] - omega[row - 1]) / ((next + 1 - row) as f64 * length_s),

@@ -308,9 +308,8 @@ impl Figures {
             over_bound: rms_of(&|sample, k| sample.error[k] / sample.bound[k]),
             normalised: rms_of(&|sample, k| sample.error[k] / sample.std[k]),
             over_total: rms_of(&|sample, k| sample.error[k] / sample.total[k]),
-            worst: valid
-                .iter()
-                .flat_map(|sample| sample.error.iter().zip(&sample.total).map(|(error, total)| (error / total).abs()))
+            worst: (0..magnets)
+                .flat_map(|k| valid.iter().map(move |of| (of.error[k] / of.total[k]).abs()))
                 .fold(f64::NAN, f64::max),
             unbalance: [0, 1].map(|n| mean(&|sample| sample.unbalance[n].powi(2)).sqrt()),
             verdicts,
