@@ -13,14 +13,8 @@ pub struct Noise {
 }
 
 impl Noise {
-    /// Statistically independent generators for `N` channels, from one seed.
-    pub fn channels<const N: usize>(seed: u64) -> [Self; N] {
-        let mut sequence = Self::sequence(seed);
-        std::array::from_fn(|_| sequence())
-    }
-
-    /// As [`channels`](Self::channels), one by one.
-    pub(crate) fn sequence(seed: u64) -> impl FnMut() -> Self {
+    /// Statistically independent generators from one seed, one by one.
+    pub fn sequence(seed: u64) -> impl FnMut() -> Self {
         let mut parent = Pcg64::seed_from_u64(seed);
         move || Self { generator: Pcg64::from_rng(&mut parent) }
     }

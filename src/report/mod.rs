@@ -197,11 +197,8 @@ pub(super) fn table_of(table: &Table) -> Markup {
                         @for row in &table.rows {
                             tr {
                                 @for (column, cell) in row.iter().enumerate() {
-                                    @if column == 0 {
-                                        th scope="row" { (cell) }
-                                    } @else {
-                                        td class=[numeric[column].then_some("number")] { (cell) }
-                                    }
+                                    @if column == 0 { th scope="row" { (cell) } }
+                                    @else { td class=[numeric[column].then_some("number")] { (cell) } }
                                 }
                             }
                         }

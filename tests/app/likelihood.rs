@@ -69,7 +69,8 @@ fn is_near(what: &str, estimate: &Estimate, truth: f64, deviations: f64) {
 
 /// A bench with every error drawn from its typical tolerance, and the errors.
 fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
-    let noise: [Noise; 28] = Noise::channels(seed);
+    let mut channels = Noise::sequence(seed);
+    let noise: [Noise; 28] = std::array::from_fn(|_| channels());
     let drawn = options(&base).parts[0].parameters.clone().into_iter().zip(noise).map(|(parameter, mut noise)| {
         let value = parameter.typical * noise.standard_normal();
         // Sensors are causal.
@@ -298,7 +299,7 @@ fn noise_may_grow_with_the_gap() {
         let (seed, power) = (84_501 + run as u64, -1.0 + 0.3 * run as f64);
         let bench = Bench { seed, seconds: 0.5, position_noise: 1e-8, ..Bench::default() };
         let mut recording = recording(&bench, false);
-        let [mut noise] = Noise::channels::<1>(seed);
+        let mut noise = Noise::sequence(seed)();
         for position_m in recording.position_m.iter_mut().flatten() {
             *position_m += 1e-6 * (1.0 + *position_m / bench.s).powf(power) * noise.standard_normal();
         }

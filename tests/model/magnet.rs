@@ -68,7 +68,7 @@ fn the_allocation_is_exact_for_any_admissible_angles() {
         below("smallest force above F0 in N", least - 20.0, limits[1]);
         true
     }
-    let [mut random] = Noise::channels::<1>(2);
+    let mut random = Noise::sequence(2)();
     let triple = |_: &usize| {
         let alpha_rad = [0; 3].map(|_| 4.0 * random.standard_normal());
         holds(alpha_rad, &mut random, [ROUNDING / SMALLEST_SINE, ROUNDING])

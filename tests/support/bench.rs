@@ -151,8 +151,10 @@ impl Bench {
         };
         let true_alpha: [f64; 3] = std::array::from_fn(|k| self.alpha[k] + self.alpha_error[k]);
         let e = true_alpha.map(|alpha| [alpha.sin(), alpha.cos()]);
-        let mut noise: [Noise; 5] = Noise::channels(self.seed);
-        let (mut walks, mut slow): ([Noise; 2], _) = (Noise::channels(self.seed + 1000), [0.0; 2]);
+        let mut channels = Noise::sequence(self.seed);
+        let mut noise: [Noise; 5] = std::array::from_fn(|_| channels());
+        let mut channels = Noise::sequence(self.seed + 1000);
+        let (mut walks, mut slow): ([Noise; 2], _) = (std::array::from_fn(|_| channels()), [0.0; 2]);
         let gains = gains_of_three(4000.0, self.step);
         let tracking = tracking_gains(1000.0, self.step);
         let (h, sub) = (self.step, self.step / SUBSTEPS as f64);

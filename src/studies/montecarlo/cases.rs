@@ -19,8 +19,7 @@ pub struct Draw {
 impl Draw {
     /// Different seeds, even neighbouring ones, give independent numbers.
     pub fn new(seed: u64) -> Self {
-        let [normal] = Noise::channels(seed);
-        Self { uniform: Pcg64::seed_from_u64(seed ^ 0x5eed), normal }
+        Self { uniform: Pcg64::seed_from_u64(seed ^ 0x5eed), normal: Noise::sequence(seed)() }
     }
 
     /// Uniform between two numbers.
