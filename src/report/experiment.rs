@@ -65,11 +65,11 @@ pub(super) fn coherence_note(scenario: &Scenario, run: &Run) -> String {
         return String::new();
     }
     let inertia_n = of("plant", "m") * omega * omega * of("controller", "reference.rZ");
+    let how = if force_n > 0.0 { "weaker" } else { "stronger" };
+    let percent = 100.0 * (force_n / (inertia_n + force_n)).abs();
     format!(
         "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² r_Z = \
-         {inertia_n:.1} N look like magnets {} by {:.2} %. No filter removes that; the paper's method attributes it to λ. ",
-        if force_n > 0.0 { "weaker" } else { "stronger" },
-        100.0 * (force_n / (inertia_n + force_n)).abs()
+         {inertia_n:.1} N look like magnets {how} by {percent:.2} %. No filter removes that; the paper's method attributes it to λ. "
     )
 }
 

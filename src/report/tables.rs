@@ -66,13 +66,11 @@ fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64]) -> String {
     };
     let errors = truth.iter().enumerate().flat_map(of_magnet);
     let worst = errors.filter(|error| error.0 > 0.0).reduce(|one, other| if other.0 > one.0 { other } else { one });
-    let Some(worst) = worst else { return String::new() };
+    let Some((worst, at_s)) = worst else { return String::new() };
+    let (from_s, percent) = (INSTANTS_S[0], 100.0 * worst);
     format!(
         "Equation (20) to the letter (paperLiteral) divides by a signed determinant that passes through zero: its greatest \
-         error after {} s is {:.0} %, at {:.4} s.",
-        INSTANTS_S[0],
-        100.0 * worst.0,
-        worst.1
+         error after {from_s} s is {percent:.0} %, at {at_s:.4} s."
     )
 }
 

@@ -244,16 +244,13 @@ fn check_memory(scenario: &Scenario, outputs: usize) -> Result<(), Refused> {
     if bytes <= MOST_BYTES {
         return Ok(());
     }
-    let limit_s = scenario.duration_s * MOST_BYTES / bytes;
+    let (limit_s, limit_gb) = (scenario.duration_s * MOST_BYTES / bytes, 1e-9 * MOST_BYTES);
+    let limit_s = if limit_s < 1.0 { limit_s } else { limit_s.floor() };
+    let [duration, step, samples, gb, limit] =
+        [scenario.duration_s, scenario.step_s, samples, 1e-9 * bytes, limit_s].map(Short);
     Err(Refused(vec![format!(
-        "duration = {} s with step = {} s is refused: {} samples of {outputs} outputs take {} GB of memory, the limit is {} GB, \
-         which is a duration of {} s",
-        Short(scenario.duration_s),
-        Short(scenario.step_s),
-        Short(samples),
-        Short(1e-9 * bytes),
-        1e-9 * MOST_BYTES,
-        Short(if limit_s < 1.0 { limit_s } else { limit_s.floor() }),
+        "duration = {duration} s with step = {step} s is refused: {samples} samples of {outputs} outputs take {gb} GB of memory, the limit \
+         is {limit_gb} GB, which is a duration of {limit} s"
     )]))
 }
 

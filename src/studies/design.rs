@@ -104,25 +104,17 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
     let best = if recommended { modulated } else { alone };
     let is_sufficient = worst_in_the_end(best) < STD_LIMIT;
     let percent = |precision: &Precision| montecarlo::or_dash(100.0 * worst_in_the_end(precision), 2);
+    let (at_s, [alone, modulated]) = (conditions.instant_s, [alone, modulated].map(percent));
     let first = if recommended {
         let frequencies: Vec<_> =
             frequencies(scenario).iter().map(|(name, frequency)| format!("{name} = {frequency} Hz")).collect();
+        let (fraction, frequencies) = (MODULATION.0, frequencies.join(", "));
         format!(
-            "F0.modulation = {} at {} is recommended: after {} s the worst λ is known to {} % instead of {} %.",
-            MODULATION.0,
-            frequencies.join(", "),
-            conditions.instant_s,
-            percent(modulated),
-            percent(alone)
+            "F0.modulation = {fraction} at {frequencies} is recommended: after {at_s} s the worst λ is known to {modulated} % instead of {alone} %."
         )
     } else {
-        format!(
-            "{}: after {} s the worst λ is known to {} %; modulation would make that {} %.",
-            if is_sufficient { "The reference trajectory excites enough" } else { "Modulation does not suffice" },
-            conditions.instant_s,
-            percent(alone),
-            percent(modulated)
-        )
+        let why = if is_sufficient { "The reference trajectory excites enough" } else { "Modulation does not suffice" };
+        format!("{why}: after {at_s} s the worst λ is known to {alone} %; modulation would make that {modulated} %.")
     };
     if is_sufficient {
         return first;
@@ -136,7 +128,6 @@ pub fn advice(scenario: &Scenario, conditions: &Conditions, precisions: &[Precis
 /// The results as a table, with a column for each λ, or, if there are several bearings, for the worst λ of each.
 pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precision; 2]) -> Table {
     let bearings = montecarlo::of_bearings(scenario);
-    let several = bearings.len() > 1;
     let all = |magnets: &[(String, usize)]| magnets.iter().map(|(_, at)| *at).collect();
     let columns: Vec<(String, Vec<usize>)> = match &bearings[..] {
         [(_, magnets)] => magnets.iter().map(|(name, at)| (name.clone(), vec![*at])).collect(),
@@ -151,17 +142,13 @@ pub fn table(scenario: &Scenario, conditions: &Conditions, precisions: &[Precisi
         std::iter::once(format!("{instant_s} s")).chain(precisions.iter().flat_map(std)).collect()
     });
     let frequencies: Vec<_> = frequencies(scenario).iter().map(|(_, frequency)| frequency.to_string()).collect();
-    let title = format!(
-        "Standard deviation of λ in %, at {} rpm with noise of {} µm and {} mA",
-        conditions.rpm,
-        (conditions.noise[0] * 1e9).round() / 1e3,
-        (conditions.noise[1] * 1e6).round() / 1e3,
-    );
+    let &Conditions { rpm, noise: [position_m, current_a], .. } = conditions;
+    let (noise_um, noise_ma) = ((position_m * 1e9).round() / 1e3, (current_a * 1e6).round() / 1e3);
+    let title = format!("Standard deviation of λ in %, at {rpm} rpm with noise of {noise_um} µm and {noise_ma} mA");
+    let of = if bearings.len() > 1 { " of the worst λ of each bearing" } else { "" };
+    let (percent, frequencies) = (100.0 * MODULATION.0, frequencies.join(", "));
     let note = format!(
-        "Cramér–Rao bound{} with the reference trajectory alone and with F0 modulated by {:.0} % at {} Hz; the last row is the requested instant.",
-        if several { " of the worst λ of each bearing" } else { "" },
-        100.0 * MODULATION.0,
-        frequencies.join(", ")
+        "Cramér–Rao bound{of} with the reference trajectory alone and with F0 modulated by {percent:.0} % at {frequencies} Hz; the last row is the requested instant."
     );
     Table::new(title, note, [vec!["after".to_owned()], head(""), head(" modulated")].concat(), rows)
 }

@@ -52,11 +52,10 @@ impl Whirl {
     pub fn new(scenario: &Scenario, stiffness_n_m: f64, damping_ns_m: f64) -> Result<Self, String> {
         if !scenario.machine.tilts() {
             let those: Vec<_> = MACHINES.iter().filter(|machine| machine.tilts()).map(|machine| machine.name).collect();
+            let (name, those) = (scenario.machine.name, those.join(", "));
             return Err(format!(
-                "machine = {} is refused: its rotor does not tilt; whirl needs a shaft in two radial bearings, with its moments of inertia, \
-                 as in {}",
-                scenario.machine.name,
-                those.join(", ")
+                "machine = {name} is refused: its rotor does not tilt; whirl needs a shaft in two radial bearings, with its moments of \
+                 inertia, as in {those}"
             ));
         }
         let real = |name: &str| scenario.number("plant", name);
@@ -176,12 +175,9 @@ pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Result<Table, St
         let response = whirl.response_m(omega).map(|u| [1e6 * u.modulus(), u.argument()]).concat();
         for (what, numbers) in [("natural frequencies", &frequencies), ("response to the unbalance", &response)] {
             if numbers.iter().any(|number| !number.is_finite()) {
-                let Whirl { stiffness_n_m, damping_ns_m, .. } = whirl;
+                let [rpm, stiffness, damping] = [rpm, whirl.stiffness_n_m, whirl.damping_ns_m].map(Short);
                 return Err(format!(
-                    "the {what} at {} rpm cannot be computed with a stiffness of {} N/m and a damping of {} N·s/m",
-                    Short(rpm),
-                    Short(*stiffness_n_m),
-                    Short(*damping_ns_m)
+                    "the {what} at {rpm} rpm cannot be computed with a stiffness of {stiffness} N/m and a damping of {damping} N·s/m"
                 ));
             }
         }
@@ -189,11 +185,9 @@ pub fn table(whirl: &Whirl, greatest_rpm: f64, steps: usize) -> Result<Table, St
         Ok([format!("{rpm:.0}")].into_iter().chain(cells).collect())
     };
     let rows = (0..=steps).map(row).collect::<Result<Vec<_>, _>>()?;
+    let (critical, Whirl { stiffness_n_m, damping_ns_m, .. }) = (whirl.critical_in_words(greatest_rpm), whirl);
     let note = format!(
-        "{} Natural frequencies in Hz of the two modes, each whirling against the rotor and with it, and response to the unbalance: amplitude and angle at the bearings, each with {} N/m and {} N·s/m.",
-        whirl.critical_in_words(greatest_rpm),
-        whirl.stiffness_n_m,
-        whirl.damping_ns_m
+        "{critical} Natural frequencies in Hz of the two modes, each whirling against the rotor and with it, and response to the unbalance: amplitude and angle at the bearings, each with {stiffness_n_m} N/m and {damping_ns_m} N·s/m."
     );
     Ok(Table::new("Whirl over the speed", note, head, rows))
 }

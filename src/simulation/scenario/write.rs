@@ -9,13 +9,10 @@ impl Scenario {
     /// The scenario as TOML, all values in the units of the interface, without profiles, balancing, tolerances and estimators beside the
     /// loop.
     pub fn to_toml(&self) -> String {
+        let [title, description, machine] = [&*self.title, &self.description, self.machine.name].map(quoted);
+        let (duration, step) = (self.duration_s, self.step_s);
         let mut text = format!(
-            "{SCENARIO}\ntitle = {}\ndescription = {}\nmachine = {}\nduration = {:?}\nstep = {:?}\n",
-            quoted(&self.title),
-            quoted(&self.description),
-            quoted(self.machine.name),
-            self.duration_s,
-            self.step_s
+            "{SCENARIO}\ntitle = {title}\ndescription = {description}\nmachine = {machine}\nduration = {duration:?}\nstep = {step:?}\n"
         );
         for element in self.in_loop().iter().filter(|element| !element.settings.is_empty()) {
             text += &format!("\n[{}]\n", element.name);

@@ -29,12 +29,8 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
     for (name, values) in columns.iter_mut() {
         let mut found = Vec::new();
         for (value, rows) in clipped(values) {
-            found.push(format!(
-                "clipped at {} in {} rows, the first at {}",
-                significant(value, 4),
-                rows.len(),
-                instant(rows[0])
-            ));
+            let (value, count, first) = (significant(value, 4), rows.len(), instant(rows[0]));
+            found.push(format!("clipped at {value} in {count} rows, the first at {first}"));
             // Near clipped readings, only those with inward noise remain: a biased sample.
             for row in rows {
                 let end = (row + 1 + BESIDE_CLIPPED).min(values.len());

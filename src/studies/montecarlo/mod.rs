@@ -23,7 +23,7 @@ use crate::studies::parallel::in_order_shown;
 use crate::studies::statistics::{median, rms};
 use crate::table::Table;
 use cases::{Draw, TOLERANCES};
-use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, judge, touched, worst};
+use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, touched, worst};
 use offline::Offline;
 
 /// Changes the study's scenario for a run, given its seed and the number of draws before that were rejected.
@@ -356,15 +356,13 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
         (1, seed) => format!("1 run, seed {seed}. "),
         (runs, first) => format!("{runs} runs, seeds {first} to {}. ", first + runs as u64 - 1),
     };
-    note += &match worst.ratio {
+    let Worst { ratio, time_s, error, std } = worst;
+    let ([error, std], beyond) = ([error, std].map(|of| 100.0 * of), outcome.beyond());
+    note += &match ratio {
         0.0 => "No sample is valid.".into(),
-        ratio => format!(
-            "Over all valid samples the greatest error is {ratio:.1} standard deviations (seed {seed}, {:.4} s: {:.2} % by \
-             {:.2} %); {} runs have one beyond {CONFIDENT}.",
-            worst.time_s,
-            100.0 * worst.error,
-            100.0 * worst.std,
-            outcome.beyond(),
+        _ => format!(
+            "Over all valid samples the greatest error is {ratio:.1} standard deviations (seed {seed}, {time_s:.4} s: {error:.2} % by \
+             {std:.2} %); {beyond} runs have one beyond {CONFIDENT}."
         ),
     };
     if study.offline.is_none() {
@@ -385,12 +383,11 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     }
     let noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
     if let Some(last) = noticed.iter().copied().reduce(f64::max) {
+        let [median_ms, last_ms] = [median(noticed.iter().copied()), last].map(|of_s| 1e3 * of_s);
         note += &format!(
-            " The change was noticed in {} runs, after {:.1} ms (median), {:.1} ms at most; the greatest error counts from two \
-             revolutions after it.",
-            noticed.len(),
-            1e3 * median(noticed.iter().copied()),
-            1e3 * last
+            " The change was noticed in {} runs, after {median_ms:.1} ms (median), {last_ms:.1} ms at most; the greatest error counts \
+             from two revolutions after it.",
+            noticed.len()
         );
     }
     let instants = study.instants_s.iter().map(|instant_s| format!("{:.0} ms", instant_s * 1e3));

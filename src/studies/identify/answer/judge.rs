@@ -108,11 +108,10 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
                 let parameter = |of: &Suspect| &found.bench[of.parameter].parameter;
                 let (most, this) = (parameter(&found.suspects[0]), parameter(suspect));
                 let most = if most == this { String::new() } else { format!("most for {}, then ", most.name) };
+                let (BenchParameter { name: this, description, .. }, percent) =
+                    (this, significant(100.0 * shift.abs(), 2));
                 return Some(format!(
-                    "the residuals call {most}for {} ({}), and with it {name} would differ by {} %",
-                    this.name,
-                    this.description,
-                    significant(100.0 * shift.abs(), 2)
+                    "the residuals call {most}for {this} ({description}), and with it {name} would differ by {percent} %"
                 ));
             }
         }
@@ -121,12 +120,12 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
         for n in 0..HARMONICS {
             for (axis, of_axis) in residuals.harmonics.iter().enumerate() {
                 if of_axis[n] > HARMONIC_CHI && residuals.amplitudes[axis][n] > HARMONIC {
+                    let (name, times) =
+                        (stated.machine.readings[axis].axis, significant(residuals.amplitudes[axis][n], 2));
                     return Some(format!(
-                        "the residuals of {} contain harmonic {} of the rotor, {} times the noise: the model lacks a \
+                        "the residuals of {name} contain harmonic {} of the rotor, {times} times the noise: the model lacks a \
                          synchronous effect",
-                        stated.machine.readings[axis].axis,
-                        n + 1,
-                        significant(residuals.amplitudes[axis][n], 2)
+                        n + 1
                     ));
                 }
             }

@@ -143,13 +143,9 @@ fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
         let lag = suspect.value / step_s;
         more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
     }
-    format!(
-        "The residuals call for {} of {} ± {} {unit} ({}): {more}.",
-        parameter.name,
-        significant(suspect.value / factor, 3),
-        significant(suspect.std / factor, 2),
-        parameter.description
-    )
+    let [value, std] = [(suspect.value, 3), (suspect.std, 2)].map(|(of, digits)| significant(of / factor, digits));
+    let BenchParameter { name, description, .. } = parameter;
+    format!("The residuals call for {name} of {value} ± {std} {unit} ({description}): {more}.")
 }
 
 /// Harmonics of the shaft in the first recording that has any.
@@ -224,10 +220,9 @@ fn effects(found: &Identification) -> Vec<String> {
 pub(in crate::studies::identify) fn dynamics_remark(of: &str, kappa: f64, std: f64, worth: &str) -> String {
     let weaker = 1.0 - 1.0 / kappa;
     let side = if weaker > 0.0 { "weaker" } else { "stronger" };
+    let [percent, kappa, std] =
+        [(100.0 * weaker.abs(), 2), (kappa, 4), (std, 2)].map(|(of, digits)| significant(of, digits));
     format!(
-        "The dynamics{of} are {} % {side} than the law (κ = {} ± {}{worth}): use ki/κ and ks/κ for a controller.",
-        significant(100.0 * weaker.abs(), 2),
-        significant(kappa, 4),
-        significant(std, 2)
+        "The dynamics{of} are {percent} % {side} than the law (κ = {kappa} ± {std}{worth}): use ki/κ and ks/κ for a controller."
     )
 }
