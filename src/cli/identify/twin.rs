@@ -36,10 +36,8 @@ impl Arguments {
         scenario.title = format!("Identified from {}", names.join(", "));
         scenario.columns = columns;
         if !left_out.is_empty() {
-            print::paragraph(&format!(
-                "Not part of the twin, whose plant has no such parameter: {}.",
-                left_out.join(", ")
-            ));
+            let names = left_out.join(", ");
+            print::paragraph(&format!("Not part of the twin, whose plant has no such parameter: {names}."));
         }
         if let Some(path) = &self.save {
             write(path, Format::Scenario, scenario.to_toml().as_bytes())?;

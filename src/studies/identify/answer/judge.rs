@@ -143,9 +143,9 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
                     ));
                 }
             } else if part.correlation.abs() > COLOURED.max(chance) {
+                let correlation = significant(part.correlation, 2);
                 return Some(format!(
-                    "the residuals are autocorrelated (neighbouring samples: {}): the model misses some of the motion",
-                    significant(part.correlation, 2)
+                    "the residuals are autocorrelated (neighbouring samples: {correlation}): the model misses some of the motion"
                 ));
             }
         }

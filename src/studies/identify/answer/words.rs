@@ -172,10 +172,8 @@ fn quantisation(found: &Identification, stated: &Stated) -> Vec<String> {
             }
         }
         for part in conditions.parts.iter().filter(|part| part.counting < part.rows) {
-            words.push(format!(
-                "Errors of quantisation repeat with the readings: {} rows count as {}.",
-                part.rows, part.counting
-            ));
+            let (rows, counting) = (part.rows, part.counting);
+            words.push(format!("Errors of quantisation repeat with the readings: {rows} rows count as {counting}."));
         }
     }
     words
@@ -185,11 +183,10 @@ fn quantisation(found: &Identification, stated: &Stated) -> Vec<String> {
 fn slow_force(found: &Identification) -> Option<String> {
     let levels: Vec<f64> = found.parts().map(|part| part.slow_force_n).collect();
     levels.iter().any(|level| *level > 0.0).then(|| {
-        let levels: Vec<String> = levels.iter().map(|level| significant(1e3 * level, 2)).collect();
+        let levels = levels.iter().map(|level| significant(1e3 * level, 2)).collect::<Vec<_>>().join(", ");
         let worth = significant(found.gain_by_slow_force, 3);
         format!(
-            "A slow force that nothing explains wanders by {} mN/√s (worth at least {worth} in log-likelihood).",
-            levels.join(", ")
+            "A slow force that nothing explains wanders by {levels} mN/√s (worth at least {worth} in log-likelihood)."
         )
     })
 }
