@@ -497,9 +497,8 @@ fn first(model_type: &ModelType, key: &str) -> Option<usize> {
 /// The names of the settable variables of these models, arrays by their common name.
 pub fn names(models: &[&ModelType]) -> Vec<String> {
     let mut names: Vec<String> = Vec::new();
-    for variable in
-        models.iter().flat_map(|model_type| model_type.variables()).filter(|variable| variable.is_settable())
-    {
+    let variables = models.iter().flat_map(|model_type| model_type.variables());
+    for variable in variables.filter(|variable| variable.is_settable()) {
         let name = variable.name.split('[').next().unwrap_or_default().to_owned();
         if !names.contains(&name) {
             names.push(name);
