@@ -26,7 +26,7 @@ pub struct Values<G: Bearings, const N: usize, const K: usize, const P: usize> {
     output: EstimatorOutputOf<N, K, P>,
 }
 
-/// Calls without [`Values`] are those of the estimator itself.
+/// The trait's methods take [`Values`]; calls without them go to the estimator's own.
 impl<G, const N: usize, const K: usize, const P: usize> SampledModel for Estimator<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,

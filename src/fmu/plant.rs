@@ -164,7 +164,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     }
 }
 
-/// Calls without [`Values`] are those of the plant itself.
+/// The trait's methods take [`Values`]; calls without them go to the plant's own.
 impl<const N: usize, const K: usize, const B: usize> Model for Plant<N, K, B>
 where
     // Holds for every length in use; serde does not implement it for generic lengths.
