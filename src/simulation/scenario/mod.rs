@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fmu_export::ModelType;
-use fmu_export::variable::{Causality, Type, Value};
+use fmu_export::variable::{Causality, Type, Value, Variable};
 
 pub use self::read::{knows, leaves, names, number_and_unit, suggestion, text};
 use self::read::{permitted, unknown};
@@ -180,31 +180,22 @@ const LOOP: [([usize; 2], &[[&str; 2]]); 4] = [
     ([PLANT, ESTIMATOR], &[["omegam", "omega"]]),
 ];
 
-/// The connections of a closed loop and of the estimators beside it, which get the same data.
-fn connections(elements: &[Element]) -> Vec<Connection> {
-    let of = |element: &'_ Element, causality: Causality| {
-        let names = element.model_type.variables().iter().filter(move |variable| variable.causality == causality);
-        names.map(|variable| variable.name.to_string()).collect::<Vec<_>>()
-    };
-    let mut connections = Vec::new();
-    for ([source, sink], renamed) in LOOP {
-        let Some(from) = elements.get(source) else { continue };
-        let outputs = of(from, Causality::Output);
-        for (_, to) in elements.iter().enumerate().filter(|(at, _)| ESTIMATOR.min(*at) == sink) {
-            for input in of(to, Causality::Input) {
-                let name = renamed.iter().find(|[_, name]| *name == input).map_or(&*input, |[name, _]| name);
-                if let Some(output) = outputs.iter().find(|output| *output == name) {
-                    let [from, to] = [(from, output), (to, &input)].map(|(of, name)| [of.name.clone(), name.clone()]);
-                    connections.push(Connection { from, to });
-                }
-            }
-        }
-    }
-    connections
+/// The output of an element that an input has been connected to, if any, by one of the pairs of names or by its own name.
+fn output<'a>(from: &'a Element, renamed: &[[&str; 2]], input: &Variable) -> Option<&'a Variable> {
+    let name = renamed.iter().find(|[_, name]| *name == input.name).map_or(&*input.name, |[name, _]| name);
+    let output = &from.model_type.variables()[from.index(name)?];
+    (input.causality == Causality::Input && output.causality == Causality::Output).then_some(output)
+}
+
+/// The output that a variable of an element is connected to, by element and variable name.
+fn source(elements: &[Element], at: usize, variable: &Variable) -> Option<[String; 2]> {
+    let routes = LOOP.iter().filter(|([_, sink], _)| *sink == at.min(ESTIMATOR));
+    let mut sources = routes.filter_map(|([from, _], renamed)| Some((elements.get(*from)?, *renamed)));
+    sources.find_map(|(from, renamed)| Some([from.name.clone(), output(from, renamed, variable)?.name.to_string()]))
 }
 
 /// Finds a variable that can be set by its path.
-fn settable(elements: &[Element], connected: &[Connection], path: &str) -> Result<(usize, usize), String> {
+fn settable(elements: &[Element], path: &str) -> Result<(usize, usize), String> {
     let (name, key) = path.split_once('.').unwrap_or(("", path));
     let Some(at) = elements.iter().position(|element| element.name == name) else {
         let knowing = elements.iter().filter(|element| element.index(path).is_some());
@@ -220,7 +211,7 @@ fn settable(elements: &[Element], connected: &[Connection], path: &str) -> Resul
         let settable = variables.iter().filter(|variable| variable.is_settable());
         return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
     };
-    permitted(name, &variables[index], connected).map_err(|why| format!("{path} is refused: {why}"))?;
+    permitted(elements, at, &variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
     Ok((at, index))
 }
 
@@ -332,7 +323,19 @@ impl Scenario {
 
     /// The connections, including those of the estimators beside the loop.
     pub fn connections(&self) -> Vec<Connection> {
-        connections(&self.elements)
+        let mut connections = Vec::new();
+        for ([from, sink], renamed) in LOOP {
+            let Some(from) = self.elements.get(from) else { continue };
+            for (_, to) in self.elements.iter().enumerate().filter(|(at, _)| ESTIMATOR.min(*at) == sink) {
+                for input in to.model_type.variables() {
+                    let Some(output) = output(from, renamed, input) else { continue };
+                    let [from, to] =
+                        [(from, output), (to, input)].map(|(of, name)| [of.name.clone(), name.name.to_string()]);
+                    connections.push(Connection { from, to });
+                }
+            }
+        }
+        connections
     }
 
     /// Speed of the rotor at the start, rpm, to a thousandth, if it turns about an axis.
@@ -357,7 +360,7 @@ impl Scenario {
     /// # Errors
     /// There is no such variable, or it cannot be set.
     pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
-        settable(&self.elements, &self.connections(), path)
+        settable(&self.elements, path)
     }
 
     /// Sets the variable of a path from a text: a number with or without a unit, a name, `true` or `false`.

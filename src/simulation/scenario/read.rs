@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Connection, Element, Profile, Scenario, ScenarioError, connections, foreign, settable};
+use super::{Element, Profile, Scenario, ScenarioError, foreign, settable, source};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -210,7 +210,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         Element { name: name.into(), model_type, settings: Vec::new() }
     };
     let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
-    let mut assignment = Assignment { connected: connections(&elements), elements, findings };
+    let mut assignment = Assignment { elements, findings };
     let all = flatten(&document.all);
     for (at, (name, table)) in document.elements().into_iter().enumerate() {
         // Names that no element has are reported below.
@@ -277,18 +277,17 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
 /// The elements of a loop while values are assigned.
 struct Assignment<'f> {
     elements: Vec<Element>,
-    connected: Vec<Connection>,
     findings: &'f mut Vec<String>,
 }
 
 impl Assignment<'_> {
     /// Assigns the value of a key to the element at this index; `table` names its source in messages.
     fn set(&mut self, at: usize, table: &str, key: &str, value: &toml::Value) {
-        let Element { name, model_type, settings } = &mut self.elements[at];
-        let (indices, values) = match position(model_type, key) {
+        let model_type = self.elements[at].model_type.clone();
+        let (indices, values) = match position(&model_type, key) {
             Some(index) => (vec![index], std::slice::from_ref(value)),
             None => (
-                (0..).map_while(|k| position(model_type, &element(key, k))).collect(),
+                (0..).map_while(|k| position(&model_type, &element(key, k))).collect(),
                 value.as_array().map_or(&[][..], Vec::as_slice),
             ),
         };
@@ -305,8 +304,8 @@ impl Assignment<'_> {
         }
         for (index, value) in indices.into_iter().zip(values) {
             let variable = &model_type.variables()[index];
-            match permitted(name, variable, &self.connected).and_then(|()| convert(&variable.data_type, value)) {
-                Ok(value) => settings.push((index, value)),
+            match permitted(&self.elements, at, variable).and_then(|()| convert(&variable.data_type, value)) {
+                Ok(value) => self.elements[at].settings.push((index, value)),
                 Err(why) => refuse(&variable.name, value, why),
             }
         }
@@ -333,7 +332,7 @@ impl Assignment<'_> {
         // estimator, but that of the estimator is connected.
         let is_open = |at: &usize| {
             let variable = first(model(at), key).map(|index| &model(at).variables()[index]);
-            variable.is_some_and(|variable| permitted(&self.elements[*at].name, variable, &self.connected).is_ok())
+            variable.is_some_and(|variable| permitted(&self.elements, *at, variable).is_ok())
         };
         let open: Vec<usize> = known.iter().copied().filter(is_open).collect();
         for at in if open.is_empty() { known } else { open } {
@@ -375,7 +374,7 @@ impl Assignment<'_> {
             variable.causality == Causality::Parameter && variable.variability != Variability::Tunable
         };
         for path in &text.of {
-            match settable(&self.elements, &self.connected, path) {
+            match settable(&self.elements, path) {
                 Err(why) => refused.push(why),
                 Ok((at, index)) if is_fixed(&self.elements[at].model_type.variables()[index]) => {
                     let wanted = "expected an input or a tunable parameter";
@@ -537,14 +536,11 @@ pub fn suggestion(key: &str, known: &[String]) -> String {
 }
 
 /// Checks that a variable of an element can be set.
-pub fn permitted(element: &str, variable: &Variable, connected: &[Connection]) -> Result<(), String> {
+pub fn permitted(elements: &[Element], at: usize, variable: &Variable) -> Result<(), String> {
     if !variable.is_settable() {
         return Err("it is computed; only parameters and inputs can be set".into());
     }
-    match connected.iter().find(|connection| connection.to[0] == element && connection.to[1] == variable.name) {
-        Some(Connection { from, .. }) => Err(format!("it is connected to {}", from.join("."))),
-        None => Ok(()),
-    }
+    source(elements, at, variable).map_or(Ok(()), |output| Err(format!("it is connected to {}", output.join("."))))
 }
 
 /// A number and the text after it.
