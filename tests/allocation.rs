@@ -92,27 +92,25 @@ impl Loop {
 /// The loop with every method, noise known and estimated, all tolerances, and estimates used by the controller.
 fn loops() -> [(Loop, u64); 5] {
     let noise = [("plant.sensor.positionNoise", "0.1 µm"), ("plant.sensor.currentNoise", "10 mA")];
-    let mut known = noise.to_vec();
-    known.extend([
+    let noisy = |scenario, more: &[_]| Loop::new(scenario, &[&noise[..], more].concat());
+    let known = [
         ("estimator.sensor.positionNoise", "0.1 µm"),
         ("estimator.sensor.currentNoise", "10 mA"),
         ("estimator.tolerance.s", "1 µm"),
         ("estimator.tolerance.alpha", "0.1 deg"),
         ("estimator.hold", "linear"),
-    ]);
-    let mut changing = noise.to_vec();
-    // The data contradict the model, and the estimator keeps restarting.
-    changing.extend([("estimator.identify.unbalance", "false"), ("controller.update.mode", "whenValid")]);
+    ];
     // Every sample uses another estimate of λ.
-    let mut spindle = noise.to_vec();
-    spindle.extend([("plant.drive", "voltage"), ("controller.drive", "voltage"), ("estimator.hold", "linear")]);
-    spindle.push(("controller.update.mode", "whenValid"));
+    let update = ("controller.update.mode", "whenValid");
+    // The data contradict the model, and the estimator keeps restarting.
+    let changing = [("estimator.identify.unbalance", "false"), update];
+    let voltage = [("plant.drive", "voltage"), ("controller.drive", "voltage"), ("estimator.hold", "linear"), update];
     [
-        (Loop::new("paper", &[("controller.update.mode", "whenValid")]), STEPS / 4),
-        (Loop::new("unbalanced", &noise), STEPS),
-        (Loop::new("unbalanced", &known), STEPS / 4),
-        (Loop::new("unbalanced", &changing), STEPS / 4),
-        (Loop::new("spindle", &spindle), STEPS / 20),
+        (Loop::new("paper", &[update]), STEPS / 4),
+        (noisy("unbalanced", &[]), STEPS),
+        (noisy("unbalanced", &known), STEPS / 4),
+        (noisy("unbalanced", &changing), STEPS / 4),
+        (noisy("spindle", &voltage), STEPS / 20),
     ]
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use crate::program::{self, folder, identified, pairs, read, refuses, words};
+use crate::program::{self, folder, identified, is_near, pairs, read, refuses, words};
 use crate::support::{Random, assert_contains, below, runge_kutta};
 use magnetic_bearing::machine::AXIAL;
 use magnetic_bearing::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
@@ -179,11 +179,9 @@ impl Levitation {
         let (answer, notes) = self.answer(rows);
         assert!(answer.valid, "{what}: {}", answer.verdict);
         for (k, lambda) in &answer.lambda {
-            let ratio = (lambda.value - self.lambda[*k]) / lambda.total_std;
-            assert!(ratio.abs() < 4.0, "{what}: λ{} {lambda:?} is off by {ratio:.1} deviations", k + 1);
+            is_near(&format!("{what}: λ{}", k + 1), lambda, self.lambda[*k], 4.0);
         }
-        let ratio = (answer.dynamics.value - self.dynamics) / answer.dynamics.total_std;
-        assert!(ratio.abs() < 4.0, "{what}: κ = {:?}", answer.dynamics);
+        is_near(&format!("{what}: κ"), &answer.dynamics, self.dynamics, 4.0);
         (answer, notes)
     }
 }

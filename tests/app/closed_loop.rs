@@ -88,7 +88,7 @@ fn same(run: &Run, row: usize, element: &str, signals: &[(&str, &[f64])]) {
 
 fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
     let output = state.output();
-    let signals: [(&str, &[f64]); 14] = [
+    let signals: &[(&str, &[f64])] = &[
         ("lambdaHat", &output.lambda_hat),
         ("lambdaRaw", &output.lambda_raw),
         ("lambdaStd", &output.lambda_std),
@@ -104,7 +104,7 @@ fn same_estimate(run: &Run, row: usize, element: &str, state: &EstimatorState) {
         ("unbalance.magnitude", &output.unbalance_kg_m[..1]),
         ("unbalance.phase", &output.unbalance_phase_rad[..1]),
     ];
-    same(run, row, element, &signals);
+    same(run, row, element, signals);
 }
 
 /// The models in a hand-written loop against the instances in the program's loop.
@@ -175,9 +175,7 @@ fn models_and_instances_agree_bit_for_bit() {
                 ..EstimatorInput::default()
             };
             input.current_a = command.current_a;
-            plant
-                .advance(&mut rotor, &InputTrajectory::held(&input), time_s, step_s)
-                .expect("the rotor stays in the gap");
+            plant.advance(&mut rotor, &InputTrajectory::held(&input), time_s, step_s).expect("the rotor in the gap");
             command = controller.sample(&mut tracking, &controller_input).expect("finite inputs");
             for ((_, estimator), estimate) in estimators.iter().zip(&mut estimates) {
                 estimator.sample(estimate, &estimator_input);

@@ -28,11 +28,6 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
     let courses = hostile::courses();
     let cases = hostile::cases(&courses);
     let found = hostile::run(&cases, RUNS, FIRST_SEED).expect("good scenarios");
-    let table = hostile::table(&cases, &found);
-    println!("{}", table.note);
-    for row in [&table.head].into_iter().chain(&table.rows) {
-        println!("{}", row.join("  "));
-    }
     let mut misses = Vec::new();
     for known in [true, false] {
         let (wrong, runs) = hostile::wrong(&cases, &found, known);

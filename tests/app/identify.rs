@@ -2,8 +2,8 @@
 
 mod faults;
 
-use crate::bench::Bench;
-use crate::program::{self, csv, folder, identified, number, open, pairs, refuses, run_to_end};
+use crate::bench::{Bench, Errors};
+use crate::program::{self, csv, folder, identified, is_near, number, open, pairs, refuses, run_to_end};
 use crate::support::{assert_contains, between, library};
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::machine::PLANAR;
@@ -102,8 +102,7 @@ fn is_right(what: &str, answer: &identify::Answer) -> likelihood::Identification
     assert!(answer.valid, "{what}: {} {:?}", answer.verdict, answer.findings);
     let found = answer.found.clone().expect("estimates");
     for (lambda, truth) in found.lambda.iter().zip(TRUTH) {
-        let ratio = (lambda.value - truth) / lambda.total_std;
-        assert!(ratio.abs() < 4.0, "{what}: {lambda:?}: {ratio:.1} standard deviations");
+        is_near(what, lambda, truth, 4.0);
     }
     found
 }
@@ -502,7 +501,8 @@ fn a_slow_force_may_be_excluded() {
 /// A parameter that would move λ may only mimic another one, which improves the residuals more.
 #[test]
 fn the_verdict_begins_with_the_parameter_that_improves_the_residuals_most() {
-    let bench = Bench { seconds: 1.0, runout2: [2e-7, 0.0, 0.0, 0.0], seed: 61, ..Bench::default() };
+    let errors = Errors { runout2: [2e-7, 0.0, 0.0, 0.0], ..Errors::default() };
+    let bench = Bench { seconds: 1.0, errors, seed: 61, ..Bench::default() };
     let samples = recorded(&bench);
     let answer = identify::answer(std::slice::from_ref(&samples), question_to(&bench, &samples));
     let wanted = "Not valid: the residuals call most for runout2.y.cos, then for ";
@@ -545,9 +545,8 @@ fn a_lag_of_the_amplifiers_is_found() {
         let question = Question { stated, ..question };
         let answer = identify::answer(std::slice::from_ref(&samples), question);
         let found = is_right("the most likely reading", &answer);
-        let estimate = found.bench.iter().find(|bench| bench.parameter.name == "lag").map(|bench| bench.estimate);
-        let off = estimate.map(|estimate| (estimate.value - lag) / estimate.total_std);
-        assert!(off.is_some_and(|off| off.abs() < 4.0), "lag {lag}: {estimate:?} {off:?}");
+        let estimated = found.bench.iter().find(|bench| bench.parameter.name == "lag").expect("a lag");
+        is_near(&format!("lag {lag}"), &estimated.estimate, lag, 4.0);
         assert!(answer.findings.iter().any(|finding| finding.contains("with a lag of")), "{:?}", answer.findings);
     }
 }

@@ -1,6 +1,7 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
-use crate::bench::Bench;
+use crate::bench::{Bench, Errors};
+use crate::program::is_near;
 use crate::support::{below, between};
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::simulation::simulate;
@@ -8,6 +9,7 @@ use magnetic_bearing::studies::identify::likelihood::{self, *};
 use magnetic_bearing::studies::montecarlo::figures::{Trial, wanted};
 use magnetic_bearing::studies::montecarlo::offline;
 use magnetic_bearing::studies::parallel::in_order;
+use magnetic_bearing::studies::statistics::rms;
 
 fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
     (0..N).map(|n| rows.iter().map(|row| row[n]).collect()).collect()
@@ -60,13 +62,6 @@ fn of_bench(found: &Identification, name: &str) -> Estimate {
     named.unwrap_or_else(|| panic!("no parameter {name}")).estimate
 }
 
-/// The error of an estimate is below this many of its deviations.
-#[track_caller]
-fn is_near(what: &str, estimate: &Estimate, truth: f64, deviations: f64) {
-    let error = (estimate.value - truth) / estimate.total_std;
-    assert!(error.abs() < deviations, "{what}: {error} standard deviations of {estimate:?}");
-}
-
 /// A bench with every error drawn from its typical tolerance, and the errors.
 fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
     let mut channels = Noise::sequence(seed);
@@ -77,11 +72,10 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
         if parameter.name == "delay" { value.abs() } else { value }
     });
     let d: Vec<f64> = drawn.collect();
-    let bench = Bench {
-        seed,
-        m_error: d[0],
-        s_error: d[1],
-        alpha_error: [d[2], d[3], d[4]],
+    let errors = Errors {
+        m: d[0],
+        s: d[1],
+        alpha: [d[2], d[3], d[4]],
         offset: [d[5], d[6]],
         gain: [d[7] + d[8], d[7] - d[8]],
         rotation: d[9],
@@ -92,9 +86,8 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
         current_gain: [d[22], d[23], d[24]],
         iron: d[25],
         backward: [d[26], d[27]],
-        ..base
     };
-    (bench, d)
+    (Bench { seed, errors, ..base }, d)
 }
 
 /// A bench with all errors or none converges to within its deviations, from short recordings to more rows than the likelihood is trusted for.
@@ -120,7 +113,8 @@ fn all_parameters_of_a_bench_are_found_at_once() {
 /// Recordings at two speeds share λ, unbalance and bench; each has its own load. The deviation of the run-out is 0.38 of that from one speed.
 #[test]
 fn two_speeds_determine_run_out_better_than_one() {
-    let base = Bench { seconds: 0.5, runout1: [2e-6, 0.0, 0.0, 0.0], ..Bench::default() };
+    let errors = Errors { runout1: [2e-6, 0.0, 0.0, 0.0], ..Errors::default() };
+    let base = Bench { seconds: 0.5, errors, ..Bench::default() };
     let slow = Bench { load: [5.0, -30.0], seed: 46, omega: std::f64::consts::TAU * 30.0, ..base.clone() };
     let fast = Bench { load: [10.0, -20.0], seed: 47, omega: std::f64::consts::TAU * 60.0, ..base };
     let mut options = options(&slow);
@@ -312,6 +306,5 @@ fn noise_may_grow_with_the_gap() {
         below(&format!("seed {seed}, ± of the power"), estimate.total_std, 0.2);
         (estimate.value - power) / estimate.total_std
     });
-    let rms = (errors.iter().map(|error| error * error).sum::<f64>() / errors.len() as f64).sqrt();
-    between("error of the power in deviations", rms, 0.7, 1.3);
+    between("error of the power in deviations", rms(errors), 0.7, 1.3);
 }

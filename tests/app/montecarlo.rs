@@ -60,7 +60,6 @@ fn the_bound_of_the_nominal_bearing_agrees_with_another_program() {
         scenario.duration_s = 0.2;
         let run = simulate::run_for(&scenario, wanted).expect("a good scenario");
         let found = bound(&scenario, &run.recording, &INSTANTS_S[..3]).expect("there is noise");
-        println!("{found:.5?}");
         for (found, expected) in found.iter().zip(expected) {
             for k in 0..3 {
                 let miss = (100.0 * found[k] / expected[k] - 1.0).abs();

@@ -11,6 +11,7 @@ use crate::support::assert_contains;
 use magnetic_bearing::simulation::recording::Recording;
 use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::simulation::simulate::{self, Run};
+use magnetic_bearing::studies::identify::likelihood::Estimate;
 use magnetic_bearing::studies::sweep::Sweep;
 
 /// An empty folder for a test; tests run in parallel, so each uses a name of its own.
@@ -108,6 +109,13 @@ pub fn number(of: &Json) -> f64 {
 #[track_caller]
 pub fn estimate(of: &Json) -> [f64; 2] {
     ["value", "stdTotal"].map(|name| number(&of[name]))
+}
+
+/// The error of an estimate is below this many of its deviations.
+#[track_caller]
+pub fn is_near(what: &str, estimate: &Estimate, truth: f64, deviations: f64) {
+    let error = (estimate.value - truth) / estimate.total_std;
+    assert!(error.abs() < deviations, "{what}: {error} standard deviations of {estimate:?}");
 }
 
 /// Runs the program, which must refuse the arguments with these words and print nothing on standard output.

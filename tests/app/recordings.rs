@@ -122,7 +122,6 @@ fn the_sample_time_is_the_slope_of_a_line_through_the_stamps() {
     for (name, header, stamp, step_s, count, words) in cases {
         let samples = Samples::read(BENCH.with_times(header, stamp).as_bytes(), &Reading::default());
         let samples = samples.unwrap_or_else(|error| panic!("{name}: {error}"));
-        println!("{name}: {:?}", samples.notes);
         // Over the whole recording the error stays below a fraction of a sample.
         let error = (samples.step_s / step_s - 1.0).abs() * count as f64;
         assert!(error < 0.05, "{name}: {} s, off by {error:.3} samples at the end", samples.step_s);

@@ -44,14 +44,11 @@ fn the_built_in_scenarios_are_sound() {
 
 #[test]
 fn values_in_every_notation() {
-    let scenario = parse(
-        "",
-        "[all]\nm = 7\nlambda0 = [1e-6, 2e-6, 3e-6]\n[plant]\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
+    let tables = "[all]\nm = 7\nlambda0 = [1e-6, 2e-6, 3e-6]\n[plant]\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
          unbalance.phase = \"90 deg\"\nsensor.seed = -4\n'alpha[1]' = 3.0\n\
          [controller]\nupdate.mode = \"whenValid\"\n[controller.reference]\nrY = \"20 um\"\nlobes = 5\n\
-         [estimator]\nm = 6.0\nenable = false\nTf = \"20 ms\"\n",
-    )
-    .expect("sound");
+         [estimator]\nm = 6.0\nenable = false\nTf = \"20 ms\"\n";
+    let scenario = parse("", tables).expect("sound");
     for (element, name, wanted) in [
         ("plant", "m", 7.0),
         ("plant", "Y0", 2e-5),
@@ -153,28 +150,6 @@ fn errors_are_refused_by_name() {
         ("machine = \"pump\"", "", &["machine = \"pump\"", "planar, spindle, planar4, spindle4, axial"]),
         ("machine = \"planer4\"", "", &["did you mean planar4?"]),
         ("machine = \"planar4\"", "[estimator]\nmethod = 0.1", &["method", "there is no variable of this name"]),
-        // Profiles and contours.
-        (
-            "",
-            "[[profile]]\nof = [\"plant.omgea\"]\ntime = [0]\nvalue = [1]",
-            &["[plant] omgea: there is no variable of this name; did you mean omega?"],
-        ),
-        ("", "[[profile]]\nof = [\"plant.u[1]\"]\ntime = [0]\nvalue = [1]", &["connected to controller.u[1]"]),
-        ("", "[[profile]]\nof = [\"plant.m\"]\ntime = [0]\nvalue = [1]", &["fixed"]),
-        ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 0]\nvalue = [1, 2]", &["increasing"]),
-        ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0, 1]\nvalue = [1]", &["as many values as times"]),
-        ("", "[[profile]]\nof = [\"plant.omega\"]\ntime = [0]\nvalue = [\"1 kg\"]", &["unit kg"]),
-        (
-            "",
-            "[[profile]]\nof = [\"plant.omega\"]\ntime = [0]\nvalue = [inf]",
-            &["inf is refused: expected a finite number"],
-        ),
-        (
-            "",
-            "[[profile]]\nof = [\"plant.omega\", \"plant.omega\"]\ntime = [0]\nvalue = [1]",
-            &["plant.omega follows a profile already"],
-        ),
-        ("", OF_TWO_UNITS, &["3000 rpm", "not the same for plant.pY as for plant.omega", "of its own"]),
         ("contour = \"nowhere.csv\"", "", &["nowhere.csv"]),
         // Correction masses.
         ("balance = \"99 s\"", "", &["balance = \"99 s\"", "before the end, 0.01 s"]),
@@ -195,13 +170,36 @@ fn errors_are_refused_by_name() {
         ("machine = \"axial\"", "[controller]\nreference.rX = 6e-4", &["reference.rX", "does not touch magnet 1"]),
         ("machine = \"axial\"", "[controller]\nbias.current = \"-1 A\"", &["bias.current = -1 A is refused"]),
     ];
-    const OF_TWO_UNITS: &str = "[[profile]]\nof = [\"plant.omega\", \"plant.pY\"]\ntime = [0]\nvalue = [\"3000 rpm\"]";
     const OF_PAPER_TOLERANCE: &str = "[estimator]\nmethod = \"paper\"\ntolerance.s = \"1 µm\"";
     const NONE_OPPOSITE: &str =
         "[controller]\nallocation = \"biasCurrent\"\n[all]\nalpha = [0.8054, 2.35619449, 3.92699082, 5.49778714]";
     const ONE_OF_TWO: &str = "[controller]\nallocation = \"biasCurrent\"\n[all]\nmagnets.used = \"first\"";
     for (head, tables, words) in CASES {
         assert_contains(&refusal(head, tables), words);
+    }
+}
+
+#[test]
+fn errors_of_a_profile_are_refused_by_name() {
+    // Variables, instants, values, and words in the refusal.
+    for (of, time, value, words) in [
+        ("'plant.omgea'", "0", "1", &["[plant] omgea: there is no variable of this name; did you mean omega?"][..]),
+        ("'plant.u[1]'", "0", "1", &["connected to controller.u[1]"]),
+        ("'plant.m'", "0", "1", &["fixed"]),
+        ("'plant.omega'", "0, 0", "1, 2", &["increasing"]),
+        ("'plant.omega'", "0, 1", "1", &["as many values as times"]),
+        ("'plant.omega'", "0", "'1 kg'", &["unit kg"]),
+        ("'plant.omega'", "0", "inf", &["inf is refused: expected a finite number"]),
+        ("'plant.omega', 'plant.omega'", "0", "1", &["plant.omega follows a profile already"]),
+        (
+            "'plant.omega', 'plant.pY'",
+            "0",
+            "'3000 rpm'",
+            &["3000 rpm", "not the same for plant.pY as for plant.omega", "of its own"],
+        ),
+    ] {
+        let profile = format!("[[profile]]\nof = [{of}]\ntime = [{time}]\nvalue = [{value}]");
+        assert_contains(&refusal("", &profile), words);
     }
 }
 
@@ -220,17 +218,13 @@ fn all_findings_are_reported_at_once() {
     // An unknown top-level key, or one of the wrong type, hides no other finding.
     let message =
         refusal("durration = 1\nduration = 0\ncompare = 3\nprofile = 1", "[plant]\nlamda = 1\n[plan]\nm = 1\n");
-    assert_contains(
-        &message,
-        &["durration", "did you mean duration?", "duration = 0", "compare is refused", "profile is"],
-    );
-    assert_contains(&message, &["lamda", "plan in line"]);
+    assert_contains(&message, &["durration", "did you mean duration?", "duration = 0", "compare is refused"]);
+    assert_contains(&message, &["profile is", "lamda", "plan in line"]);
     assert_eq!(message.lines().count(), 7, "one line for the file, one for each finding: {message}");
 
-    let message = refusal(
-        "",
-        "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nmethod = \"paper\"\nTf = 1e-4\n",
-    );
+    let of_models =
+        "[plant]\nm = 0\ns = 0\n[controller]\nTs = 0.0\nF0 = nan\n[estimator]\nmethod = \"paper\"\nTf = 1e-4\n";
+    let message = refusal("", of_models);
     assert_contains(&message, &["[plant] m", "[plant] s", "[controller] Ts", "[controller] F0", "[estimator] Tf"]);
 }
 

@@ -110,10 +110,9 @@ fn never_confident_and_wrong() {
             // A slowly changing load is nearly constant over the first revolutions.
             let slow = method == 3 && name == "slow perturbation";
             let from_s = if backward || slow { DETECTED_S } else { 0.0 };
-            let (worst, valid) = confidence(outputs.iter().filter(|output| output.time_s > from_s), &truth(&scenario));
+            let (worst, _) = confidence(outputs.iter().filter(|output| output.time_s > from_s), &truth(&scenario));
             let last = outputs.last().expect("a run");
             let case = format!("method {method}, noise {noise:?}, known {known}, {name}");
-            println!("{case}: {worst:.1} standard deviations at most, valid {valid} of {}", outputs.len());
             if worst > CONFIDENT {
                 misses.push(format!("{case}: {worst:.1} standard deviations, limit {CONFIDENT}"));
             }
@@ -145,7 +144,6 @@ fn a_step_of_lambda_is_followed() {
             let noticed_s = since(1e-9).find(|output| !output.valid).map(|output| output.time_s - STEP_S);
             let worst = since(FOLLOWED_S).map(|output| 100.0 * largest_error(output, &after)).fold(0.0, f64::max);
             let (ratio, _) = confidence(since(NOTICED_S), &after);
-            println!("{what}: noticed after {noticed_s:?} s, then {worst:.3} %, {ratio:.1} standard deviations");
             assert!(worst < 1.0, "{what}: {worst:.3} % after {FOLLOWED_S} s, limit 1 %");
             let is_noticed = noticed_s.is_some_and(|noticed_s| noticed_s < NOTICED_S);
             assert!(is_noticed, "{what}: noticed after {noticed_s:?} s, limit {NOTICED_S}");
@@ -174,7 +172,6 @@ fn noise_transmitted_by_the_loop_is_covered() {
     const RUNS: usize = 200;
     let study = montecarlo::study("", &open("unbalanced", &[]), [10.0 * NOISE[0], NOISE[1]], true, RUNS);
     let [_, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
-    println!("{late:.4?}");
     // A backward force that cannot be excluded leaves some runs too uncertain.
     assert!(late.valid >= RUNS * 19 / 20, "{}", late.valid);
     for k in 0..3 {
@@ -207,7 +204,6 @@ fn errors_over_many_seeds() {
     for (known, least_normalised) in [(true, 0.8), (false, 0.65)] {
         let study = montecarlo::study("", &open("unbalanced", &[]), NOISE, known, RUNS);
         let [early, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
-        println!("known {known}: {early:.5?}\n{late:.5?}");
         assert_eq!(late.valid, RUNS);
         for (k, limit) in AT_100_MS.into_iter().enumerate() {
             let what = format!("known {known}, lambda[{}]", k + 1);
@@ -248,7 +244,6 @@ fn blows_are_forgotten() {
     }
     back_s.sort_by(f64::total_cmp);
     let [median, most] = [back_s.len() / 2, back_s.len() * 9 / 10].map(|n| back_s[n]);
-    println!("{wrong} of {} wrong; valid again after {median:.3} s, nine in ten after {most:.3} s", back_s.len());
     assert!(wrong <= back_s.len() / 100, "{wrong} of {} valid and wrong", back_s.len());
     assert!(median < 0.075 && most < 0.125, "valid again after {median:.3} s, nine in ten after {most:.3} s");
 }
@@ -307,7 +302,6 @@ fn a_force_that_beats_with_the_motion_is_covered() {
         let (mut outputs, _) = outputs(&scenario, 1.5);
         outputs.retain(|output| output.time_s > 0.5);
         let (worst, valid) = deviations(&outputs, &truth(&scenario), |output| &output.total);
-        println!("seed {seed}, known {known}: {worst:.1} deviations, {valid} samples valid");
         assert!(worst < CONFIDENT, "seed {seed}, known {known}: {worst:.1} standard deviations");
         assert!(valid > 1000, "seed {seed}, known {known}: {valid} samples valid");
     }

@@ -5,32 +5,17 @@
 use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::Path;
-use std::sync::Arc;
 
 use fmu_export::variable::{Type, Variable};
-use fmu_export::{ModelType, Standard, description};
+use fmu_export::{Standard, description};
 use magnetic_bearing::fmu;
 use magnetic_bearing::package;
 use roxmltree::{Document, Node};
 
-fn model_type(name: &str) -> Arc<ModelType> {
-    fmu::find(name).expect("a model of the catalogue")
-}
-
-fn child<'a>(node: Node<'a, 'a>, name: &str) -> Node<'a, 'a> {
-    node.children().find(|child| child.has_tag_name(name)).unwrap_or_else(|| panic!("{name} is there"))
-}
-
-fn children<'a>(node: Node<'a, 'a>, name: &'static str) -> impl Iterator<Item = Node<'a, 'a>> {
-    child(node, name).children().filter(Node::is_element)
-}
-
-/// Checks every model description.
-fn each(check: impl Fn(&str, Node<'_, '_>)) {
-    for entry in fmu::catalogue().iter() {
-        let document = Document::parse(entry.xml()).expect("well-formed XML");
-        check(entry.info.name, document.root_element());
-    }
+/// The elements of a list in a model description.
+fn elements<'a>(root: Node<'a, 'a>, list: &str) -> impl Iterator<Item = Node<'a, 'a>> {
+    let list = root.children().find(|child| child.has_tag_name(list)).unwrap_or_else(|| panic!("{list} is there"));
+    list.children().filter(Node::is_element)
 }
 
 #[test]
@@ -59,12 +44,14 @@ fn no_table_has_a_mistake() {
 /// Fails if descriptions are missing, if a unit is declared twice, or if a display unit equals the unit.
 #[test]
 fn every_variable_is_described() {
-    each(|model, root| {
-        let names: Vec<_> = children(root, "UnitDefinitions").map(|unit| unit.attribute("name")).collect();
+    for entry in fmu::catalogue().iter() {
+        let document = Document::parse(entry.xml()).expect("well-formed XML");
+        let (model, root) = (entry.info.name, document.root_element());
+        let names: Vec<_> = elements(root, "UnitDefinitions").map(|unit| unit.attribute("name")).collect();
         let units: HashSet<_> = names.iter().copied().collect();
         assert_eq!(units.len(), names.len(), "{model}: a unit is declared twice");
         let mut number = 0;
-        for variable in children(root, "ModelVariables") {
+        for variable in elements(root, "ModelVariables") {
             let name = variable.attribute("name").expect("a name");
             let description = variable.attribute("description").unwrap_or_default();
             assert!(description.len() > 8, "{model}.{name} has no description");
@@ -80,7 +67,7 @@ fn every_variable_is_described() {
             number += 1;
         }
         assert!(number > 30, "{model} has {number} variables");
-    });
+    }
 }
 
 /// Some tools refuse connections between different units.
@@ -102,7 +89,7 @@ fn equal_names_have_equal_units() {
 #[test]
 fn the_guid_depends_on_the_whole_interface() {
     type Change = fn(&mut Vec<Variable>);
-    let plant = model_type("MagneticBearing");
+    let plant = fmu::find("MagneticBearing").expect("a model of the catalogue");
     let guid = |change: Change| {
         let mut variables = plant.variables().to_vec();
         change(&mut variables);
@@ -126,5 +113,8 @@ fn the_guid_depends_on_the_whole_interface() {
     let models = fmu::catalogue();
     let guids: HashSet<_> = models.iter().map(|model| model.guid()).collect();
     assert_eq!(guids.len(), models.len(), "every model has a GUID of its own");
-    each(|model, root| assert_eq!(root.attribute("guid"), Some(model_type(model).guid()), "{model}"));
+    for model in models.iter() {
+        let document = Document::parse(model.xml()).expect("well-formed XML");
+        assert_eq!(document.root_element().attribute("guid"), Some(model.guid()), "{}", model.info.name);
+    }
 }

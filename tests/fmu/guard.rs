@@ -7,12 +7,11 @@ use std::ffi::CStr;
 use std::ptr::{null, null_mut};
 use std::thread;
 
-use crate::call;
-use crate::drive;
-use crate::support::MODELS;
-use crate::support::assert_contains;
+use crate::state::{bytes, restore};
 use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
 use crate::support::sequence::{self, STATES, Subject, in_state, state_of};
+use crate::support::{MODELS, assert_contains};
+use crate::{call, drive};
 use fmu_export::fmi2::bindings::*;
 use fmu_export::variable::{Causality, Type};
 
@@ -28,38 +27,9 @@ fn every_function_is_swept() {
     sequence::every_function_is_swept();
 }
 
-/// Fails if a call without an instance returns fmi2OK.
 #[test]
 fn null_instances_are_refused_and_freed() {
-    let c = null_mut();
-    let mut value = [0.0];
-    let reference = [0];
-    let error = fmi2Status::fmi2Error;
-    // SAFETY: the null instance is the test; all arrays have the stated length.
-    unsafe {
-        call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(c));
-        assert_eq!(call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2True, 0, null())), error);
-        assert_eq!(call!(fmi2SetupExperiment: fmi2SetupExperimentTYPE(c, 0, 0.0, 0.0, 0, 0.0)), error);
-        assert_eq!(call!(fmi2EnterInitializationMode: fmi2EnterInitializationModeTYPE(c)), error);
-        assert_eq!(call!(fmi2ExitInitializationMode: fmi2ExitInitializationModeTYPE(c)), error);
-        assert_eq!(call!(fmi2Terminate: fmi2TerminateTYPE(c)), error);
-        assert_eq!(call!(fmi2Reset: fmi2ResetTYPE(c)), error);
-        assert_eq!(call!(fmi2GetReal: fmi2GetRealTYPE(c, reference.as_ptr(), 1, value.as_mut_ptr())), error);
-        assert_eq!(call!(fmi2SetReal: fmi2SetRealTYPE(c, reference.as_ptr(), 1, value.as_ptr())), error);
-        assert_eq!(call!(fmi2GetInteger: fmi2GetIntegerTYPE(c, null(), 0, null_mut())), error);
-        assert_eq!(call!(fmi2GetBoolean: fmi2GetBooleanTYPE(c, null(), 0, null_mut())), error);
-        assert_eq!(call!(fmi2GetString: fmi2GetStringTYPE(c, null(), 0, null_mut())), error);
-        assert_eq!(call!(fmi2SetInteger: fmi2SetIntegerTYPE(c, null(), 0, null())), error);
-        assert_eq!(call!(fmi2SetBoolean: fmi2SetBooleanTYPE(c, null(), 0, null())), error);
-        assert_eq!(call!(fmi2SetString: fmi2SetStringTYPE(c, null(), 0, null())), error);
-        assert_eq!(call!(fmi2GetFMUstate: fmi2GetFMUstateTYPE(c, null_mut())), error);
-        assert_eq!(call!(fmi2SetFMUstate: fmi2SetFMUstateTYPE(c, null_mut())), error);
-        assert_eq!(call!(fmi2DoStep: fmi2DoStepTYPE(c, 0.0, TS, fmi2True)), error);
-        assert_eq!(call!(fmi2CancelStep: fmi2CancelStepTYPE(c)), error);
-        let kind = fmi2StatusKind::fmi2LastSuccessfulTime;
-        assert_eq!(call!(fmi2GetRealStatus: fmi2GetRealStatusTYPE(c, kind, value.as_mut_ptr())), error);
-    }
-    assert_eq!(value, [0.0]);
+    sequence::every_function_needs_an_instance(SUBJECT);
 }
 
 /// The one message of a refused instantiation.
@@ -88,10 +58,8 @@ fn invalid_instantiation_requests_are_refused() {
     assert_contains(&refused(Request { guid: Some(bytes), ..sound() }), &["fmuGUID = \u{fffd}\u{fffd}", &guid(PLANT)]);
     let (long, own) = ("{".repeat(1_000_000), guid(PLANT));
     for given in ["%s%n%s", &long, &own.replace(['{', '}'], ""), &own.to_uppercase()] {
-        assert_contains(
-            &refused(Request { guid: Some(text(given)), ..sound() }),
-            &[&format!("fmuGUID = {}", &given[..6])],
-        );
+        let refusal = refused(Request { guid: Some(text(given)), ..sound() });
+        assert_contains(&refusal, &[&format!("fmuGUID = {}", &given[..6])]);
     }
     // Without callbacks it cannot be reported, which must be harmless.
     assert!(Request { callbacks: false, ..sound() }.instantiate(PLANT).is_err_and(|messages| messages.is_empty()));
@@ -209,10 +177,8 @@ fn null_and_impossible_arrays_are_refused() {
         assert_contains(&get(reference.as_ptr(), 1, null_mut()).error(&fmu), &["value is null"]);
         assert_contains(&set(null(), 3, value.as_ptr()).error(&fmu), &["fmi2SetReal", "vr is null", "3 elements"]);
         assert_contains(&set(reference.as_ptr(), 1, null()).error(&fmu), &["value is null"]);
-        assert_contains(
-            &get(reference.as_ptr(), usize::MAX, value.as_mut_ptr()).error(&fmu),
-            &["vr", "more than memory"],
-        );
+        let impossible = get(reference.as_ptr(), usize::MAX, value.as_mut_ptr());
+        assert_contains(&impossible.error(&fmu), &["vr", "more than memory"]);
         get(null(), 0, null_mut()).ok(&fmu);
         set(null(), 0, null()).ok(&fmu);
 
@@ -333,13 +299,7 @@ fn instances_are_independent() {
                     for step in 0..STEPS {
                         drive(&fmu, step..step + 1);
                         if step % 50 == 0 {
-                            let (mut state, mut read) = (null_mut(), null_mut());
-                            fmu.get_state(&mut state).ok(&fmu);
-                            let bytes = fmu.serialize(state).expect("bytes");
-                            fmu.deserialize(&bytes, &mut read).ok(&fmu);
-                            fmu.set_state(read).ok(&fmu);
-                            fmu.free_state(&mut state).ok(&fmu);
-                            fmu.free_state(&mut read).ok(&fmu);
+                            restore(&fmu, &bytes(&fmu));
                         }
                     }
                     fmu.all_bits()

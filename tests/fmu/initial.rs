@@ -17,13 +17,9 @@ fn outputs(variables: &[Variable]) -> impl Iterator<Item = (usize, &Variable)> {
 fn every_output_declares_its_dependencies_at_the_start() {
     for model in MODELS {
         let model_type = find(model).expect("a model");
-        let is_input = |name: &str| {
-            model_type
-                .variables()
-                .iter()
-                .any(|variable| variable.name == name && variable.causality == Causality::Input)
-        };
-        for (_, output) in outputs(model_type.variables()) {
+        let variables = model_type.variables();
+        let is_input = |name: &str| variables.iter().any(|of| of.name == name && of.causality == Causality::Input);
+        for (_, output) in outputs(variables) {
             let at_start = output.starts_from.as_ref().unwrap_or_else(|| panic!("{model}.{}", output.name));
             let acting = output.depends_on.as_ref().unwrap_or_else(|| panic!("{model}.{}", output.name));
             for (name, _) in acting.iter().filter(|(name, _)| is_input(name)) {

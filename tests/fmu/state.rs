@@ -50,11 +50,19 @@ fn free(fmu: &Fmu, mut state: fmi2FMUstate) {
     fmu.free_state(&mut state).ok(fmu);
 }
 
-fn bytes(fmu: &Fmu) -> Vec<u8> {
+pub fn bytes(fmu: &Fmu) -> Vec<u8> {
     let state = snapshot(fmu);
     let bytes = fmu.serialize(state).expect("bytes");
     free(fmu, state);
     bytes
+}
+
+/// Restores the state that these bytes hold.
+pub fn restore(fmu: &Fmu, written: &[u8]) {
+    let mut state = null_mut();
+    fmu.deserialize(written, &mut state).ok(fmu);
+    fmu.set_state(state).ok(fmu);
+    free(fmu, state);
 }
 
 /// Importers restore although they have declared, as the harness does with every step, that they would not.
@@ -100,16 +108,11 @@ fn a_snapshot_before_the_run_restores_all_parameters() {
     let fmu = Fmu::new("MagneticBearing");
     fmu.set("m", -1.0).ok(&fmu);
     let written = bytes(&fmu);
-    let mut state = null_mut();
-    fmu.deserialize(&written, &mut state).ok(&fmu);
     let other = Fmu::new("MagneticBearing");
-    other.set_state(state).ok(&other);
+    restore(&other, &written);
     assert_eq!(bytes(&other), written);
-    other.setup(0.0, None).ok(&other);
-    other.enter_initialization().ok(&other);
-    let text = other.exit_initialization().error(&other);
+    let text = other.initialize(0.0, None).error(&other);
     assert!(text.contains("m = -1 kg is refused"), "{text}");
-    free(&fmu, state);
 }
 
 /// Fails if the state in the sequence of calls is not part of the snapshot.
@@ -191,20 +194,14 @@ fn input_derivatives_are_saved() {
     let written = bytes(&fmu);
     fmu.step(0.0, 1e-3).ok(&fmu);
     let other = Fmu::new("MagneticBearing");
-    let mut state = null_mut();
-    other.deserialize(&written, &mut state).ok(&other);
-    other.set_state(state).ok(&other);
+    restore(&other, &written);
     other.step(0.0, 1e-3).ok(&other);
     assert_eq!(fmu.all_bits(), other.all_bits());
     assert_eq!(fmu.get("pZ"), 5.0);
     let rate = |fmu: &Fmu| fmu.output_derivatives(&[fmu.reference("perturbation.Z")], &[1]).expect("a derivative");
     assert_eq!(rate(&fmu), [5e3]);
-    let mut after = null_mut();
-    other.deserialize(&bytes(&fmu), &mut after).ok(&other);
-    other.set_state(after).ok(&other);
+    restore(&other, &bytes(&fmu));
     assert_eq!(rate(&other), [5e3], "the load moves on as it did");
-    free(&other, state);
-    free(&other, after);
 }
 
 const CHILD: &str = "MAGNETIC_BEARING_STATE_TEST";
@@ -216,13 +213,10 @@ fn another_process() {
     for model in MODELS {
         let written = std::fs::read(Path::new(&folder).join(model)).expect("the bytes");
         let fmu = Fmu::new(model);
-        let mut state = null_mut();
-        fmu.deserialize(&written, &mut state).ok(&fmu);
-        fmu.set_state(state).ok(&fmu);
+        restore(&fmu, &written);
         assert_eq!(bytes(&fmu), written, "{model}");
         drive(&fmu, 33..60);
         println!("{:?}", fmu.all_bits());
-        free(&fmu, state);
     }
 }
 
@@ -323,13 +317,11 @@ fn a_hostile_content_in_a_valid_frame_does_no_harm() {
                 let other = Fmu::new(model);
                 other.set_state(state).ok(&other);
                 for step in 25..28 {
-                    if other.step(f64::from(step) * 1e-4, 1e-4) != fmi2Status::fmi2OK {
-                        let messages = other.take_messages();
-                        assert!(messages.iter().all(|message| !message.text.contains("defect")), "{messages:?}");
-                    }
+                    let _ = other.step(f64::from(step) * 1e-4, 1e-4);
                 }
-                let mut state = state;
-                fmu.free_state(&mut state).ok(&fmu);
+                let messages = other.take_messages();
+                assert!(messages.iter().all(|message| !message.text.contains("defect")), "{messages:?}");
+                free(&fmu, state);
             }
         };
         // Times and parameters come first, the run last: every byte of these, and some of those between.

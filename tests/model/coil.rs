@@ -138,9 +138,8 @@ fn the_energy_of_coils_and_rotor_balances() {
                     *sum += weight * h / 3.0 * rate;
                 }
                 if node < 10 {
-                    plant
-                        .advance(&mut state, &InputTrajectory::held(&input), (10 * sample + node) as f64 * h, h)
-                        .expect("advance");
+                    let t_s = (10 * sample + node) as f64 * h;
+                    plant.advance(&mut state, &InputTrajectory::held(&input), t_s, h).expect("advance");
                 }
             }
         }
@@ -171,10 +170,10 @@ fn stiff_coils_and_small_gaps_agree_with_a_reference_solution() {
         ("5 µs and saturation", CoilConfig { saturation_wb: 0.01, leakage_h: 1e-3, ..stiff }, [0.0, 100e-6]),
     ] {
         let run = |max_step_s: f64| {
+            let (driven, velocity_m_s) = (voltage(coil.clone()), [0.0; 2]);
             let mut config =
-                PlantConfig { coil: voltage(coil.clone()), position_m, max_step_s, ..PlantConfig::default() };
+                PlantConfig { coil: driven, position_m, velocity_m_s, max_step_s, ..PlantConfig::default() };
             config.touchdown[0].clearance_m = 1.0;
-            config.velocity_m_s = [0.0; 2];
             let plant = Plant::new(config).expect("plant");
             let mut state = plant.start(0.0);
             let scale = coil.resistance_ohm.min(400.0);
@@ -185,26 +184,17 @@ fn stiff_coils_and_small_gaps_agree_with_a_reference_solution() {
                 if position_m[1] < -400e-6 {
                     input.voltage_v[0] = 0.0;
                 }
-                plant
-                    .advance(&mut state, &InputTrajectory::held(&input), sample as f64 * STEP_S, STEP_S)
-                    .expect("advance");
+                let t_s = sample as f64 * STEP_S;
+                plant.advance(&mut state, &InputTrajectory::held(&input), t_s, STEP_S).expect("advance");
             }
             state
         };
-        let (got, wanted) = (run(5e-5), run(5e-8));
-        for a in 0..2 {
-            below(
-                &format!("{name}: position, m"),
-                (got.motion.position_m[a] - wanted.motion.position_m[a]).abs(),
-                POSITION_M,
-            );
+        let (got, wanted) = (run(5e-5).motion, run(5e-8).motion);
+        for (got, wanted) in got.position_m.into_iter().zip(wanted.position_m) {
+            below(&format!("{name}: position, m"), (got - wanted).abs(), POSITION_M);
         }
-        for k in 0..3 {
-            below(
-                &format!("{name}: flux, Wb"),
-                (got.motion.linkage_wb[k] - wanted.motion.linkage_wb[k]).abs(),
-                LINKAGE_WB,
-            );
+        for (got, wanted) in got.linkage_wb.into_iter().zip(wanted.linkage_wb) {
+            below(&format!("{name}: flux, Wb"), (got - wanted).abs(), LINKAGE_WB);
         }
     }
 }

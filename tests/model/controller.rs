@@ -363,12 +363,10 @@ fn sensor_noise_costs_little() {
 /// A rotor at rest away from the reference, with an estimate of λ.
 fn still() -> ControllerInput {
     ControllerInput {
-        current_a: [0.0; 3],
         position_m: [20e-6, 10e-6],
         lambda_hat_nm2_a2: [1.8e-6, 2.0e-6, 2.2e-6],
-        lambda_valid: false,
-        reference_m: [0.0; 2],
         omega_rad_s: TAU * 50.0,
+        ..ControllerInput::default()
     }
 }
 

@@ -53,7 +53,6 @@ fn confidence(rotor: &Rotor, outputs: &[EstimatorOutput], from: usize) -> (f64, 
 #[track_caller]
 fn assert_never_wrong(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput]) -> usize {
     let (worst, at, valid) = confidence(rotor, outputs, 0);
-    println!("{what}: at most {worst:.2} standard deviations, at sample {at}; valid {valid} of {}", outputs.len());
     assert!(worst < CONFIDENT, "{what}: {worst:.2} standard deviations at sample {at}, limit {CONFIDENT}");
     valid
 }
@@ -74,7 +73,6 @@ fn estimator(config: EstimatorConfig) -> Estimator {
 fn assert_right(what: &str, rotor: &Rotor, outputs: &[EstimatorOutput], limit_percent: f64) {
     let last = outputs.last().expect("samples");
     let errors = rotor.error_percent(&last.lambda_hat);
-    println!("{what}: {errors:.5?} %, {:?}", last.verdict);
     assert_eq!(last.verdict, Verdict::Valid, "{what}");
     assert!(largest(errors) < limit_percent, "{what}: errors {errors:?} %, limit {limit_percent} %");
 }

@@ -136,7 +136,6 @@ fn every_sensor_of_every_machine_has_a_peak_and_a_zone() {
         let found = Sensitivity::new(&scenario, &lambda(&scenario, "plant", "lambda")).expect("settled");
         let (table, missing) = table(&scenario);
         assert!(missing.is_empty(), "{}: {missing:?}", machine.name);
-        println!("{}: {:?}", machine.name, table.rows);
         assert_eq!(table.rows.len(), machine.readings.len());
         for (n, (row, reading)) in table.rows.iter().zip(machine.readings).enumerate() {
             let [_, highest] = peak(&found.curve(n)).expect("a curve");

@@ -44,9 +44,8 @@ fn gain_and_offset_of_every_sensor_are_applied() {
         let current_a = std::array::from_fn(|k| 1.0 + 0.1 * k as f64);
         let input = PlantInput { current_a, omega_rad_s: 300.0, ..PlantInput::default() };
         for step in 0..5 {
-            plant
-                .advance(&mut state, &InputTrajectory::held(&input), f64::from(step) * STEP_S, STEP_S)
-                .expect("advance");
+            let t_s = f64::from(step) * STEP_S;
+            plant.advance(&mut state, &InputTrajectory::held(&input), t_s, STEP_S).expect("advance");
             let readings = plant.config().rotor.readings(state.motion.position_m);
             for (n, reading) in readings.into_iter().enumerate() {
                 let wanted = (1.0 + part(0.01, n)) * reading + part(1e-6, n);

@@ -87,7 +87,6 @@ fn study(seeds: std::ops::Range<u64>, noise_known: bool, change: impl Fn(FiveAxe
 #[track_caller]
 fn assert_efficient(what: &str, figures: &Figures, seeds: usize, limit_percent: f64) {
     let Figures { percent, bound, std, valid, .. } = figures;
-    println!("{what}: {percent:.2?} %, error/bound {bound:.2}, error/std {std:.2}, valid {valid} of {seeds}");
     assert_eq!(*valid, seeds, "{what}");
     assert!(percent.iter().all(|percent| *percent < limit_percent), "{what}: {percent:?} %, limit {limit_percent} %");
     // Over 40 seeds these are 0.93 to 1.2 and 0.86 to 1.08; eight seeds with eight magnets determine them within a tenth.
@@ -130,7 +129,6 @@ fn exact_data_give_exact_constants() {
         let last = outputs.last().expect("samples");
         assert_eq!(last.verdict, Verdict::Valid, "{rpm} rpm");
         let percent: [f64; 8] = std::array::from_fn(|k| 100.0 * (last.lambda_hat[k] / shaft.lambda[k] - 1.0));
-        println!("{rpm} rpm: {percent:.4?} %, U {:?} {:?}", last.unbalance_kg_m, last.unbalance_phase_rad);
         let (limit, limit_n) = if rpm > 6000.0 { (1.0, 0.5) } else { (0.01, 0.05) };
         assert!(percent.iter().all(|percent| percent.abs() < limit), "{rpm} rpm: {percent:?} %, limit {limit} %");
         for (found, (u, _)) in last.unbalance_kg_m.iter().zip(shaft.unbalance) {
@@ -169,13 +167,13 @@ fn without_axial_motion_the_axial_verdict_is_uncertain() {
     };
     let (outputs, _) = run(config(&shaft, true), &inputs(&shaft));
     let last = outputs.last().expect("samples");
-    println!("{:?}, axial {:?}", last.verdict, last.axial_verdict);
     assert_eq!(last.axial_verdict, Verdict::Uncertain);
     assert!(!last.valid);
 }
 
 #[test]
 fn unusable_samples_are_named() {
+    use Verdict::{BadSample, Collecting, Contact, Disabled, Stuck, Valid};
     let shaft = FiveAxes { samples: 900, ..FiveAxes::guessing(4) };
     let mut inputs = inputs(&shaft);
     inputs[700].enable = false;
@@ -187,16 +185,7 @@ fn unusable_samples_are_named() {
     inputs[850].reset = true;
     let (outputs, state) = run(config(&shaft, true), &inputs);
     let verdicts = [699, 700, 710, 740, 745, 795, 850].map(|at| outputs[at].verdict);
-    let wanted = [
-        Verdict::Valid,
-        Verdict::Disabled,
-        Verdict::Contact,
-        Verdict::BadSample,
-        Verdict::BadSample,
-        Verdict::Stuck,
-        Verdict::Collecting,
-    ];
-    assert_eq!(verdicts, wanted);
+    assert_eq!(verdicts, [Valid, Disabled, Contact, BadSample, BadSample, Stuck, Collecting]);
     // The estimate survives a gap, but not a reset.
     assert_eq!(outputs[740].lambda_hat, outputs[711].lambda_hat);
     assert_eq!(outputs[850].lambda_hat, shaft.guess);

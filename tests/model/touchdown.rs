@@ -79,17 +79,10 @@ fn the_rotor_comes_to_rest_at_its_static_deflection() {
     below("depth, m", (last.motion.position_m[1] + CLEARANCE_M + depth).abs(), 1e-9);
     assert!(last.contact[0]);
     // Energy only decreases: no bounce is higher than the one before.
-    let tops: Vec<f64> = states
-        .windows(3)
-        .filter(|w| {
-            !w[1].contact[0] && w[1].motion.position_m[1] >= w[0].motion.position_m[1].max(w[2].motion.position_m[1])
-        })
-        .map(|w| w[1].motion.position_m[1])
-        .collect();
-    assert!(tops.len() > 2, "{tops:?}");
-    for pair in tops.windows(2) {
-        assert!(pair[1] <= pair[0] + 1e-9, "{tops:?}");
-    }
+    let heights: Vec<_> = states.iter().map(|state| (state.motion.position_m[1], state.contact[0])).collect();
+    let is_top = |w: &&[(f64, bool)]| !w[1].1 && w[1].0 >= w[0].0.max(w[2].0);
+    let tops: Vec<f64> = heights.windows(3).filter(is_top).map(|w| w[1].0).collect();
+    assert!(tops.len() > 2 && tops.windows(2).all(|pair| pair[1] <= pair[0] + 1e-9), "{tops:?}");
 }
 
 #[test]
@@ -99,10 +92,7 @@ fn before_contact_the_ring_changes_no_bit() {
     // 7 ms of free fall: 240 µm.
     let [with, without] = [hard, none].map(|ring| run(&falling(ring), 0.0, 0.007, 70));
     for (a, b) in with.iter().zip(&without) {
-        assert_eq!(
-            (a.motion.position_m, a.motion.velocity_m_s, a.contact),
-            (b.motion.position_m, b.motion.velocity_m_s, [false])
-        );
+        assert_eq!((&a.motion, a.contact), (&b.motion, [false]));
     }
     assert!(with[69].motion.position_m[1] < -0.9 * CLEARANCE_M, "{:?}", with[69].motion.position_m);
 }

@@ -32,10 +32,24 @@ pub struct Bench {
     pub step: f64,
     pub seconds: f64,
     pub seed: u64,
-    // Imperfections of the true bench, unknown to the controller.
-    pub m_error: f64,
-    pub s_error: f64,
-    pub alpha_error: [f64; 3],
+    pub errors: Errors,
+    /// Step of λ: time in s, relative change.
+    pub change: [f64; 2],
+    /// Impact along z, a half sine of 0.5 ms: time in s, peak in N.
+    pub impact: [f64; 2],
+    /// Time constant, in s, with which the currents in the magnets follow the recorded ones.
+    pub lag: f64,
+    /// Random-walk force along y and z: standard deviation after 1 s, in N.
+    pub slow_force: f64,
+}
+
+/// Errors of the bench, unknown to the controller; those of mass and gap are relative.
+#[derive(Clone, Debug, Default)]
+#[allow(missing_docs)]
+pub struct Errors {
+    pub m: f64,
+    pub s: f64,
+    pub alpha: [f64; 3],
     pub offset: [f64; 2],
     pub gain: [f64; 2],
     pub rotation: f64,
@@ -48,14 +62,6 @@ pub struct Bench {
     pub current_gain: [f64; 3],
     pub iron: f64,
     pub backward: [f64; 2],
-    /// Step of λ: time in s, relative change.
-    pub change: [f64; 2],
-    /// Impact along z, a half sine of 0.5 ms: time in s, peak in N.
-    pub impact: [f64; 2],
-    /// Time constant, in s, with which the currents in the magnets follow the recorded ones.
-    pub lag: f64,
-    /// Random-walk force along y and z: standard deviation after 1 s, in N.
-    pub slow_force: f64,
 }
 
 impl Default for Bench {
@@ -77,19 +83,7 @@ impl Default for Bench {
             step: 1e-4,
             seconds: 0.4,
             seed: 1,
-            m_error: 0.0,
-            s_error: 0.0,
-            alpha_error: [0.0; 3],
-            offset: [0.0; 2],
-            gain: [0.0; 2],
-            rotation: 0.0,
-            delay: 0.0,
-            runout1: [0.0; 4],
-            runout2: [0.0; 4],
-            current_offset: [0.0; 3],
-            current_gain: [0.0; 3],
-            iron: 0.0,
-            backward: [0.0; 2],
+            errors: Errors::default(),
             change: [0.0; 2],
             impact: [0.0; 2],
             lag: 0.0,
@@ -117,7 +111,7 @@ impl Bench {
     }
 
     fn force(&self, t: f64, x: &[f64; 4], current: [f64; 3], e: &[[f64; 2]; 3]) -> [f64; 2] {
-        let gap = self.s * (1.0 + self.s_error) + self.iron;
+        let gap = self.s * (1.0 + self.errors.s) + self.errors.iron;
         let lambda_factor = if self.change[0] > 0.0 && t >= self.change[0] { 1.0 + self.change[1] } else { 1.0 };
         let mut force = self.load;
         for k in 0..3 {
@@ -129,7 +123,7 @@ impl Bench {
         let (sin, cos) = (self.omega * t).sin_cos();
         let w_2 = self.omega * self.omega;
         let [u_c, u_s] = self.unbalance;
-        let [b_c, b_s] = self.backward;
+        let [b_c, b_s] = self.errors.backward;
         force[0] += w_2 * (u_c * cos - u_s * sin) + b_c * cos + b_s * sin;
         force[1] += w_2 * (u_c * sin + u_s * cos) - b_c * sin + b_s * cos;
         if self.impact[1] != 0.0 && t >= self.impact[0] && t < self.impact[0] + 5e-4 {
@@ -149,8 +143,8 @@ impl Bench {
             magnets.allocate(force, &[20.0], &mut forces);
             forces
         };
-        let true_alpha: [f64; 3] = std::array::from_fn(|k| self.alpha[k] + self.alpha_error[k]);
-        let e = true_alpha.map(|alpha| [alpha.sin(), alpha.cos()]);
+        let errors = &self.errors;
+        let e: [_; 3] = std::array::from_fn(|k| (self.alpha[k] + errors.alpha[k]).sin_cos().into());
         let mut channels = Noise::sequence(self.seed);
         let mut noise: [Noise; 5] = std::array::from_fn(|_| channels());
         let mut channels = Noise::sequence(self.seed + 1000);
@@ -158,7 +152,7 @@ impl Bench {
         let gains = gains_of_three(4000.0, self.step);
         let tracking = tracking_gains(1000.0, self.step);
         let (h, sub) = (self.step, self.step / SUBSTEPS as f64);
-        let m = self.m * (1.0 + self.m_error);
+        let m = self.m * (1.0 + errors.m);
         let start = self.reference(0.0);
         let mut x = [start[0][0], start[1][0], start[0][1], start[1][1]];
         let mut observed = [[start[0][0], start[0][1], 0.0], [start[1][0], start[1][1], 0.0]];
@@ -173,23 +167,23 @@ impl Bench {
         let mut out = Recorded::default();
         for row in 0..rows {
             let t = row as f64 * h;
-            let substep = ((row * SUBSTEPS) as f64 - self.delay / sub).max(0.0);
+            let substep = ((row * SUBSTEPS) as f64 - errors.delay / sub).max(0.0);
             let (at, fraction) = (substep.floor() as usize, substep.fract());
             let next = (at + 1).min(history.len() - 1);
             let angle = self.omega * t;
             let (sin, cos) = angle.sin_cos();
             let (sin_2, cos_2) = (2.0 * angle).sin_cos();
-            let (r, q) = (self.runout1, self.runout2);
+            let (r, q) = (errors.runout1, errors.runout2);
             let delayed = |a: usize| history[at][a] * (1.0 - fraction) + history[next][a] * fraction;
             let y = delayed(0) + (r[0] + r[2]) * cos + (r[3] - r[1]) * sin + q[0] * cos_2 + q[1] * sin_2;
             let z = delayed(1) + (r[0] - r[2]) * sin + (r[1] + r[3]) * cos + q[2] * cos_2 + q[3] * sin_2;
-            let (s_r, c_r) = self.rotation.sin_cos();
+            let (s_r, c_r) = errors.rotation.sin_cos();
             let rotated = [c_r * y - s_r * z, s_r * y + c_r * z];
             let read: [f64; 2] = std::array::from_fn(|a| {
-                noise[a].measure((1.0 + self.gain[a]) * rotated[a] + self.offset[a], self.position_noise)
+                noise[a].measure((1.0 + errors.gain[a]) * rotated[a] + errors.offset[a], self.position_noise)
             });
             let reading = std::array::from_fn(|k| {
-                let value = (1.0 + self.current_gain[k]) * held[k] + self.current_offset[k];
+                let value = (1.0 + errors.current_gain[k]) * held[k] + errors.current_offset[k];
                 noise[2 + k].measure(value, self.current_noise)
             });
             out.position.push(read);

@@ -245,8 +245,7 @@ impl Rotor {
             theta_rad: sample.theta_rad,
             omega_rad_s: self.omega_rad_s,
             enable: true,
-            contact: false,
-            reset: false,
+            ..EstimatorInput::default()
         }
     }
 

@@ -27,10 +27,6 @@ pub struct Abuse3<S> {
     pub calls: u64,
     /// Calls that returned fmi3OK.
     pub served: u64,
-    /// Calls that returned fmi3Error.
-    pub refused: u64,
-    /// Instances made and instances refused.
-    pub instantiations: [u64; 2],
     /// Completed steps.
     pub steps: u64,
 }
@@ -58,7 +54,6 @@ impl<S: Source> Abuse3<S> {
         let instances: Vec<_> = (0..2 * models.len()).map(instance).collect();
         Self {
             source,
-            instantiations: [instances.len() as u64, 0],
             times: vec![0.0; instances.len()],
             models,
             instances,
@@ -66,7 +61,6 @@ impl<S: Source> Abuse3<S> {
             written: Vec::new(),
             calls: 0,
             served: 0,
-            refused: 0,
             steps: 0,
         }
     }
@@ -104,7 +98,6 @@ impl<S: Source> Abuse3<S> {
             other => panic!("{other:?} is no answer of these FMUs: {messages:?}"),
         }
         self.served += u64::from(status == fmi3Status::fmi3OK);
-        self.refused += u64::from(status == fmi3Status::fmi3Error);
         status == fmi3Status::fmi3OK
     }
 
@@ -422,7 +415,6 @@ impl<S: Source> Abuse3<S> {
             _ => {}
         }
         let made = request.instantiate(name, arrays);
-        self.instantiations[usize::from(made.is_err())] += 1;
         self.calls += 1;
         if let Ok(fmu) = made {
             // The assignment frees the former instance.
@@ -458,7 +450,6 @@ impl<S: Source> Abuse3<S> {
             }
         };
         self.calls += 1;
-        self.refused += 1;
         assert_eq!(status, fmi3Status::fmi3Error);
         Some(())
     }

@@ -173,8 +173,7 @@ unsafe impl Send for Fmu {}
 
 impl Drop for Fmu {
     fn drop(&mut self) {
-        // SAFETY: the instance is live and is not used again.
-        unsafe { call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(self.component)) }
+        self.free();
     }
 }
 
@@ -197,9 +196,21 @@ impl Fmu {
 
     /// Initializes.
     pub fn start(&self, start_s: f64, stop_s: Option<f64>) {
+        self.initialize(start_s, stop_s).ok(self);
+    }
+
+    /// The status at the end of the initialization.
+    pub fn initialize(&self, start_s: f64, stop_s: Option<f64>) -> fmi2Status {
         self.setup(start_s, stop_s).ok(self);
         self.enter_initialization().ok(self);
-        self.exit_initialization().ok(self);
+        self.exit_initialization()
+    }
+
+    /// Frees the instance; the pointer to it is null from then on.
+    pub fn free(&mut self) {
+        let component = std::mem::replace(&mut self.component, null_mut());
+        // SAFETY: the instance is live and is not used again, or the pointer is null.
+        unsafe { call!(fmi2FreeInstance: fmi2FreeInstanceTYPE(component)) }
     }
 
     /// The pointer that the C functions take as the instance.

@@ -68,8 +68,8 @@ fn call(subject: Subject, fmu: &Fmu, function: &str) -> fmi2Status {
     let (mut status, mut size, mut whole) = (fmi2Status::fmi2OK, 0, 0);
     let mut word: fmi2String = null();
     let one = [1];
-    // SAFETY: the instance is live; arrays have the stated length, or the length is 0; a null snapshot is refused.
-    unsafe {
+    // SAFETY: the instance is live or null; arrays have the stated length, or the length is 0; a null snapshot is refused.
+    let answer = unsafe {
         match function {
             "SetDebugLogging" => call!(fmi2SetDebugLogging: fmi2SetDebugLoggingTYPE(c, fmi2True, 0, null())),
             "SetupExperiment" => fmu.setup(0.0, None),
@@ -134,7 +134,9 @@ fn call(subject: Subject, fmu: &Fmu, function: &str) -> fmi2Status {
             ),
             other => panic!("{other} is not swept"),
         }
-    }
+    };
+    assert!(!c.is_null() || values == [0.0], "fmi2{function} returns a value of no instance");
+    answer
 }
 
 /// The states in which each function is allowed, from FMI 2.0.4, section 4.2.4, with liberties that importers take: logging settings
@@ -199,6 +201,15 @@ pub fn every_function_is_refused_in_all_other_states(subject: Subject) {
             }
             assert_eq!(state_of(&fmu), state, "fmi2{function} in `{words}` changed the state");
         }
+    }
+}
+
+/// Fails if a call without an instance returns fmi2OK or a value.
+pub fn every_function_needs_an_instance(subject: Subject) {
+    let mut fmu = Fmu::new(subject.model);
+    fmu.free();
+    for (function, _) in SEQUENCE.iter().filter(|(function, _)| *function != "FreeFMUstate") {
+        assert_eq!(call(subject, &fmu, function), fmi2Status::fmi2Error, "fmi2{function}");
     }
 }
 

@@ -256,15 +256,9 @@ fn currents_that_are_zero_or_limited() {
     for current_a in [[0.0; 3], [2.0; 3], [0.0, 2.0, 0.0]] {
         let mut state = estimator.start();
         for j in 0..3000 {
-            let theta_rad = 0.03 * f64::from(j);
-            let input = EstimatorInput {
-                position_m: [1e-5, -2e-5],
-                current_a,
-                theta_rad,
-                omega_rad_s: 300.0,
-                enable: true,
-                ..EstimatorInput::default()
-            };
+            let (position_m, theta_rad, omega_rad_s) = ([1e-5, -2e-5], 0.03 * f64::from(j), 300.0);
+            let mut input = EstimatorInput { position_m, current_a, theta_rad, omega_rad_s, ..Default::default() };
+            input.enable = true;
             let output = estimator.sample(&mut state, &input);
             assert!(!output.valid, "{current_a:?}: {output:?}");
             assert_eq!(output.lambda_hat, [4e-6; 3]);
