@@ -1,13 +1,10 @@
 //! The machine `axial`: recordings of a real bench (tests/data/levitation), and an independent simulator of a levitated mass.
 
-use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use crate::prelude::*;
 
-use crate::program::{self, folder, identified, is_near, pairs, read, refuses, words};
-use crate::support::{Random, assert_contains, below, runge_kutta};
-use magnetic_bearing::machine::AXIAL;
+use crate::program;
+use crate::support::runge_kutta;
 use magnetic_bearing::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
-use magnetic_bearing::studies::identify::{Reading, Samples};
 
 const RUNS: [&str; 5] = ["lqi", "lqr-tracking", "mpc", "pid-anti-windup", "pid-gain-scheduling"];
 /// Static estimates of the prototype (README of the recordings): ki in N/A and ks in N/m at 10 mm.

@@ -4,10 +4,8 @@
 //! After an intended change, `BITS=write cargo test --release --test app bits::` rewrites the file; its diff shows what has
 //! changed, and by how much.
 
+use crate::prelude::*;
 use std::fmt::Write;
-use std::path::Path;
-
-use crate::program::scenario_and_run;
 
 /// Samples in the file: the first ones, around the first estimates and around the update, and the last.
 const SAMPLES: [usize; 9] = [0, 1, 2, 200, 208, 1000, 2000, 2001, 4000];

@@ -1,7 +1,7 @@
 //! The Cramér–Rao bound against the inverse Fisher information of the joint likelihood, written out as one large least-squares
 //! problem, for a rotor in one bearing and for a shaft that tilts.
 
-use std::f64::consts::TAU;
+use crate::prelude::*;
 
 use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
 use nalgebra::{DMatrix, DVector};

@@ -1,17 +1,13 @@
 //! The closed loop: two independent implementations agree bit for bit and reproduce the figures of the method.
 
-use crate::program::{column, lambda_errors, row, scenario_and_run};
-use crate::support::below;
+use crate::prelude::*;
 use magnetic_bearing::bearing::magnet::Used;
 use magnetic_bearing::bearing::rotor::RotorConfig;
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::reference::{PathConfig, ReferenceConfig};
 use magnetic_bearing::control::tracking::TrackingConfig;
 use magnetic_bearing::estimation::{Estimator, EstimatorConfig, EstimatorInput, EstimatorState, Method};
-use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::plant::{Harmonic, InputTrajectory, Plant, PlantConfig, PlantInput, SensorConfig};
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate::Run;
 
 /// Values of an element of a scenario by name.
 fn values<'s>(scenario: &'s Scenario, element: &'s str) -> impl Fn(&str) -> f64 {

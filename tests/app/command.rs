@@ -1,12 +1,7 @@
 //! The built program: its files, its messages, its exit codes, and closed pipes.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-
-use crate::program::{cell, decoded, exits, folder, program, read, refuses, rows, words, write};
-use crate::support::{MODELS, assert_contains};
+use crate::prelude::*;
+use std::process::Stdio;
 
 #[test]
 fn the_main_job_packages_runs_and_reports() {

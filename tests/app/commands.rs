@@ -1,12 +1,8 @@
 //! Commands on all machines.
 
-use crate::program::{cell, folder, open, swept};
-use crate::support::{assert_contains, between};
-use magnetic_bearing::machine::{MACHINES, Machine};
-use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
+use crate::prelude::*;
 use magnetic_bearing::studies::design::{self, Conditions, design};
-use magnetic_bearing::studies::montecarlo::{self, NOISE, figures};
-use magnetic_bearing::studies::statistics::rms;
+use magnetic_bearing::studies::montecarlo::figures;
 
 /// The built-in scenario of a machine.
 fn built_in(machine: &Machine) -> &'static str {

@@ -1,9 +1,9 @@
 //! Contours of holes as tables of points: reading and refusals.
 
-use crate::program::{folder, write};
+use crate::prelude::*;
 use magnetic_bearing::control::reference::HARMONICS;
 use magnetic_bearing::simulation::contour::{Fit, read};
-use magnetic_bearing::simulation::scenario::{Scenario, built_in};
+use magnetic_bearing::simulation::scenario::built_in;
 
 /// A table of `count` points of an ellipse of 30 µm by 70 µm about (1, −2) µm, in the units of `head`.
 fn table(head: &str, count: usize, [angle, length_y, length_z]: [f64; 3]) -> String {

@@ -1,10 +1,7 @@
 //! The standard deviations that `design` predicts against those of runs.
 
-use crate::program::open;
-use crate::support::{assert_contains, between};
-use magnetic_bearing::simulation::scenario::Scenario;
+use crate::prelude::*;
 use magnetic_bearing::studies::design::{self, Conditions, design, worst_in_the_end};
-use magnetic_bearing::studies::montecarlo::{self, NOISE};
 
 fn conditions(rpm: f64, instant_s: f64) -> Conditions {
     Conditions { rpm, step_s: None, noise: NOISE, instant_s }

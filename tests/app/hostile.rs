@@ -2,13 +2,11 @@
 //!
 //! `cargo run --release -- montecarlo --only hostile` prints them as a table, with any number of seeds.
 
-use std::f64::consts::TAU;
+use crate::prelude::*;
 
 use crate::montecarlo::recorded;
-use magnetic_bearing::simulation::scenario::Scenario;
 use magnetic_bearing::studies::montecarlo::hostile::altered::{self, Alter, Missing, Readings};
 use magnetic_bearing::studies::montecarlo::hostile::{self, Case, Requirement, Trial, VALID_FROM_S};
-use magnetic_bearing::studies::montecarlo::{NOISE, nominal};
 
 /// Seeds not used for tuning.
 const FIRST_SEED: u64 = 98_001;

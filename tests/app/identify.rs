@@ -2,22 +2,14 @@
 
 mod faults;
 
-use crate::bench::{Bench, Errors};
-use crate::program::{self, csv, folder, identified, is_near, number, open, pairs, refuses, run_to_end};
-use crate::support::{assert_contains, between, library};
+use crate::prelude::*;
+use crate::program;
+use crate::support::library;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
-use magnetic_bearing::machine::PLANAR;
 use magnetic_bearing::report::identification::{self, Results};
-use magnetic_bearing::simulation::recording::Recording;
-use magnetic_bearing::simulation::scenario::{Element, Scenario};
 
 use magnetic_bearing::studies::identify::likelihood::Body;
-use magnetic_bearing::studies::identify::{
-    self, Currents, Holds, Question, Reading, Samples, Stated, Track, likelihood,
-};
-use magnetic_bearing::studies::montecarlo;
-use magnetic_bearing::studies::parallel::in_order;
-use magnetic_bearing::variables::Choice;
+use magnetic_bearing::studies::identify::{self, Currents, Holds, Question, Stated, Track, likelihood};
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
 

@@ -1,7 +1,6 @@
 //! The layers: forbidden dependencies and calls of each. The rules apply to code only, not to comments and strings.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use crate::prelude::*;
 
 /// Words, or files and folders.
 type Words = &'static [&'static str];

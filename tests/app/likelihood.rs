@@ -1,15 +1,10 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
-use crate::bench::{Bench, Errors};
-use crate::program::is_near;
-use crate::support::{below, between};
+use crate::prelude::*;
 use magnetic_bearing::plant::noise::Noise;
-use magnetic_bearing::simulation::simulate;
-use magnetic_bearing::studies::identify::likelihood::{self, *};
+use magnetic_bearing::studies::identify::likelihood::{self, Recording, *};
 use magnetic_bearing::studies::montecarlo::figures::{Trial, wanted};
 use magnetic_bearing::studies::montecarlo::offline;
-use magnetic_bearing::studies::parallel::in_order;
-use magnetic_bearing::studies::statistics::rms;
 
 fn by_column<const N: usize>(rows: &[[f64; N]]) -> Vec<Vec<f64>> {
     (0..N).map(|n| rows.iter().map(|row| row[n]).collect()).collect()

@@ -1,11 +1,7 @@
 //! The machines other than the planar rotor: closed loops, accuracy, correction masses, pages.
 
-use std::path::Path;
+use crate::prelude::*;
 
-use crate::program::{column, error_m, folder, row, scenario_and_run, swept};
-use crate::support::assert_contains;
-
-use magnetic_bearing::report::experiment;
 use magnetic_bearing::simulation::{summary, synchronous};
 
 /// From an instant in s on, the estimate is valid, and the error of each magnet in use is below a relative limit and a number of its own

@@ -1,14 +1,6 @@
 //! `identify` for the machines planar4, spindle and spindle4.
 
-use std::fs;
-use std::path::Path;
-
-use magnetic_bearing::machine::{Machine, PLANAR4, SPINDLE, SPINDLE4};
-use magnetic_bearing::simulation::scenario::Scenario;
-use serde_json::Value as Json;
-
-use crate::program::{csv, estimate, exits, folder, identified, number, open, read, refuses, run_to_end, words, write};
-use crate::support::{assert_contains, below, between};
+use crate::prelude::*;
 
 /// Limit of errors in their own standard deviations.
 const MOST_STD: f64 = 5.0;

@@ -22,6 +22,7 @@ mod machines_identified;
 mod montecarlo;
 mod package;
 mod platforms;
+mod prelude;
 mod program;
 mod recordings;
 mod report;

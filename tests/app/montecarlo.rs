@@ -1,13 +1,10 @@
 //! The studies: random draws, the bound over a recording, statistics of hand-made samples.
 
-use crate::support::below;
-use magnetic_bearing::simulation::recording::{Column, Recording};
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
+use crate::prelude::*;
+use magnetic_bearing::studies::montecarlo::INSTANTS_S;
 use magnetic_bearing::studies::montecarlo::bound::bound;
 use magnetic_bearing::studies::montecarlo::cases::{self, Draw, TOLERANCES};
 use magnetic_bearing::studies::montecarlo::figures::{Figures, Sample, judge, wanted, worst};
-use magnetic_bearing::studies::montecarlo::{self, INSTANTS_S, NOISE, nominal};
 
 #[test]
 fn drawn_bearings_are_in_range_and_reproducible() {

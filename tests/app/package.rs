@@ -1,21 +1,15 @@
 //! The archives: reproducible, complete, and valid for the tools that read them.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
-use std::fs;
+use crate::prelude::*;
+use std::collections::{BTreeSet, HashMap, HashSet};
 use std::io::{Cursor, Read};
-use std::path::Path;
-use std::process::Command;
 use std::sync::{Arc, LazyLock};
 
-use crate::program::{folder, open};
-use crate::support::{MODELS, assert_contains};
 use fmu_export::package::{Written, binaries_of, platform};
 use fmu_export::variable::{Type, Value, Variable};
 use fmu_export::{ModelType, Standard};
 use magnetic_bearing::fmu::catalogue;
-use magnetic_bearing::machine::MACHINES;
 use magnetic_bearing::package;
-use magnetic_bearing::simulation::scenario::Element;
 use roxmltree::{Document, Node};
 use zip::{CompressionMethod, ZipArchive};
 

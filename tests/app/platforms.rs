@@ -3,13 +3,10 @@
 //! Most binaries here are only file headers; `scripts/test-platforms` builds and runs real ones.
 
 use crate::package::members;
-use crate::program::{folder, run, write};
-use crate::support::{MODELS, assert_contains};
+use crate::prelude::*;
 use fmu_export::Standard;
 use fmu_export::package::platforms::{Binaries, PLATFORMS, by_name};
 use magnetic_bearing::package::built_library;
-use std::fs;
-use std::path::Path;
 
 const X86: u16 = 62;
 const ARM: u16 = 183;

@@ -1,16 +1,8 @@
 //! Helpers: the built program, the folders in which tests run it, its scenarios and their runs.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use crate::prelude::*;
+use std::process::Output;
 
-use serde_json::Value as Json;
-
-use crate::support::assert_contains;
-use magnetic_bearing::simulation::recording::Recording;
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate::{self, Run};
 use magnetic_bearing::studies::identify::likelihood::Estimate;
 use magnetic_bearing::studies::sweep::Sweep;
 

@@ -1,11 +1,9 @@
 //! Reading recordings: times, rates, encodings, separators, units, headers, misread units.
 
+use crate::prelude::*;
 use std::io::Write;
 
-use magnetic_bearing::studies::identify::{Reading, Samples, duration_s, rate_s};
-
-use crate::program::pairs;
-use crate::support::{Random, assert_contains};
+use magnetic_bearing::studies::identify::{duration_s, rate_s};
 
 /// A recording of an orbit with uniformly distributed noise of 0.1 µm and 10 mA.
 struct Bench {

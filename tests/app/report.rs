@@ -1,20 +1,12 @@
 //! The report page: a single file that loads nothing, well-formed, reproducible, and faithful to the recording.
 
-use std::f64::consts::TAU;
+use crate::prelude::*;
 use std::sync::LazyLock;
 
 use base64::Engine;
-use magnetic_bearing::report::experiment;
 use magnetic_bearing::report::plot::{Line, Plot, PlotUnit};
-use magnetic_bearing::simulation::recording::Recording;
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate::Run;
 use quick_xml::Reader;
 use quick_xml::events::Event as Xml;
-use serde_json::Value as Json;
-
-use crate::program::{column, run_to_end, scenario_and_run};
-use crate::support::assert_contains;
 
 /// Limit of the data, so that the page of a long run can be mailed and opens quickly.
 const DATA_LIMIT_BYTES: usize = 2_000_000;

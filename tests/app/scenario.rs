@@ -1,11 +1,8 @@
 //! Scenario files: accepted notations, and refusals that name the key, the value, and the expectation.
 
-use std::path::Path;
+use crate::prelude::*;
 
-use crate::support::assert_contains;
 use fmu_export::variable::Value;
-use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::simulation::simulate;
 
 /// The scenario with the given top-level lines and tables.
 fn parse(head: &str, tables: &str) -> Result<Scenario, String> {

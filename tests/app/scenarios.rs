@@ -1,12 +1,6 @@
 //! The built-in scenarios and the effects that they demonstrate.
 
-use std::path::Path;
-
-use crate::program::{column, error_m, lambda_errors, open, row, run_to_end, scenario_and_run, values_within};
-use crate::support::{assert_contains, below};
-use magnetic_bearing::report::experiment;
-use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::simulation::simulate::Run;
+use crate::prelude::*;
 
 fn largest(run: &Run, name: &str, from_s: f64, to_s: f64) -> f64 {
     values_within(run, name, from_s, to_s).into_iter().fold(0.0, |most, value| most.max(value.abs()))

@@ -4,18 +4,13 @@
 //! `SURVEY=1000 cargo test --release --test app survey:: -- --nocapture` draws that many bearings instead of the default 100; `SURVEY_SEED`
 //! sets the first seed.
 
-use std::f64::consts::TAU;
+use crate::prelude::*;
 
-use crate::program::{self, column};
+use crate::program;
 use magnetic_bearing::estimation::Method;
-use magnetic_bearing::simulation::scenario::{BUILT_IN, Scenario};
-use magnetic_bearing::simulation::simulate;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
 use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, Worst};
-use magnetic_bearing::studies::montecarlo::{self, SEEDS, cases};
-use magnetic_bearing::studies::parallel::in_order;
-use magnetic_bearing::studies::statistics::rms;
-use magnetic_bearing::variables::Choice;
+use magnetic_bearing::studies::montecarlo::{SEEDS, cases};
 
 /// The methods by the names of the interface, with their numbers.
 fn methods() -> Vec<(&'static str, i32)> {

@@ -1,9 +1,7 @@
 //! Sweeps: a row per case, whatever happens.
 
-use std::path::Path;
+use crate::prelude::*;
 
-use crate::program::{cell, folder, read, rows, write};
-use crate::support::{assert_contains, below};
 use magnetic_bearing::studies::sweep::{Outcome, Sweep};
 
 fn opened(name: &str, scenario: Option<&str>) -> Sweep {

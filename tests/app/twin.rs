@@ -1,17 +1,9 @@
 //! The twin of a bench: `identify --save`, `--ssv`, `--ssp`.
 
-use std::collections::BTreeMap;
-use std::fs;
+use crate::prelude::*;
 use std::io::{Cursor, Write};
-use std::path::Path;
-
-use magnetic_bearing::simulation::scenario::Scenario;
-
-use serde_json::Value as Json;
 
 use crate::package::{members, parameters};
-use crate::program::{estimate, exits, folder, identified, number, read, write};
-use crate::support::{assert_contains, below};
 
 /// The values of the twin, which must be the same in all three files.
 fn same_in_all(folder: &Path) -> BTreeMap<String, f64> {

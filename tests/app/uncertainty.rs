@@ -1,10 +1,6 @@
 //! The stated standard deviations: over many seeds, in every scenario of a matrix, and when λ changes.
 
-use crate::program::{column, open, scenario_and_run, values_within};
-use crate::support::{below, between};
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
-use magnetic_bearing::studies::montecarlo::{self, NOISE};
+use crate::prelude::*;
 
 /// While an estimate is valid, its error must stay below this many of its standard deviations.
 const CONFIDENT: f64 = 5.0;

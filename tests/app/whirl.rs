@@ -1,9 +1,9 @@
 //! Whirl of a shaft against an independent program.
 
+use crate::prelude::*;
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE, UNBALANCES};
 use magnetic_bearing::studies::whirl::Whirl;
 use nalgebra::ComplexField;
-use std::f64::consts::PI;
 
 fn shaft(damping_ns_m: f64) -> Whirl {
     Whirl {

@@ -1,7 +1,7 @@
 //! A million calls in random order with random arguments on several instances: nothing crashes, hangs, panics,
 //! or returns a non-finite number; every error has exactly one message.
 
-use crate::support::Random;
+use crate::prelude::*;
 use crate::support::abuse::Abuse;
 use crate::support::abuse3::Abuse3;
 

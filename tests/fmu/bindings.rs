@@ -3,10 +3,10 @@
 //! `scripts/bindings --check` regenerates and compares them, and `scripts/check_header.py` compares the headers with the standard's; both
 //! need libclang, these tests do not.
 
+use crate::prelude::*;
 use core::ffi::c_void;
 use core::mem::{align_of, offset_of, size_of};
 
-use fmu_export::fmi2::bindings::*;
 use fmu_export::fmi3::bindings::{fmi3Boolean, fmi3Clock, fmi3Status};
 use sha2::{Digest, Sha256};
 

@@ -1,13 +1,9 @@
 //! Derivatives through the C interface: directional, of inputs over a step, and of outputs in time.
 
+use crate::prelude::*;
 use std::f64::consts::PI;
 
-use crate::inputs;
-use crate::support::ffi::{Expect, Fmu};
 use crate::support::ffi3::Fmu3;
-use crate::support::{MODELS, is_plant};
-use fmu_export::fmi2::bindings::fmi2ValueReference;
-use fmu_export::variable::{Causality, Type};
 
 const PLANT: &str = "MagneticBearing";
 const RUNNING: [(&str, f64); 8] = [

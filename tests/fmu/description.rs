@@ -2,11 +2,11 @@
 //!
 //! Users rely on those in `modelDescription/`: names, references, units, start values, capabilities.
 
+use crate::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::Path;
 
-use fmu_export::variable::{Type, Variable};
 use fmu_export::{Standard, description};
 use magnetic_bearing::fmu;
 use magnetic_bearing::package;

@@ -3,21 +3,17 @@
 mod errors;
 mod messages;
 
+use crate::prelude::*;
 use std::ffi::CStr;
-use std::ptr::{null, null_mut};
 use std::thread;
 
+use crate::call;
 use crate::state::{bytes, restore};
-use crate::support::ffi::{Expect, Fmu, Message, Request, guid, text};
+use crate::support::ffi::{Message, guid, text};
 use crate::support::sequence::{self, STATES, Subject, in_state, state_of};
-use crate::support::{MODELS, assert_contains};
-use crate::{call, drive};
-use fmu_export::fmi2::bindings::*;
-use fmu_export::variable::{Causality, Type};
 
 const PLANT: &str = "MagneticBearing";
 const CONTROLLER: &str = "FlatnessController";
-const TS: f64 = 1e-4;
 
 /// The plant, for the sequence of calls.
 const SUBJECT: Subject = Subject { model: PLANT, real: "omega", refused: ("m", -1.0), step_s: TS };

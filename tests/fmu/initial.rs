@@ -1,11 +1,8 @@
 //! Initialization as declared in model descriptions: which outputs depend on which inputs, and the limits of parameters.
 
+use crate::prelude::*;
 use fmu_export::Invalid;
-use fmu_export::variable::{Causality, Type, Variable};
 use magnetic_bearing::fmu::find;
-
-use crate::support::MODELS;
-use crate::support::named::{self, Named};
 
 fn outputs(variables: &[Variable]) -> impl Iterator<Item = (usize, &Variable)> {
     variables.iter().enumerate().filter(|(_, variable)| variable.causality == Causality::Output)

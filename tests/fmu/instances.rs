@@ -1,11 +1,7 @@
 //! Instances and their tables: access, variability, outputs, and refused values.
 
-use crate::support::named::Named;
-use crate::support::{MODELS, Random, assert_contains, below, is_plant};
-use fmu_export::variable::{Causality, Type, Value, Variability};
+use crate::prelude::*;
 use magnetic_bearing::fmu::catalogue;
-
-const TS: f64 = 1e-4;
 
 /// Sets random inputs, weak enough for the rotor to stay in the gap for a while.
 fn excite(instance: &mut Named, random: &mut Random) {

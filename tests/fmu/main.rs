@@ -13,6 +13,7 @@ mod guard;
 mod initial;
 mod instances;
 mod log;
+mod prelude;
 mod session;
 mod stack;
 mod state;
@@ -22,7 +23,7 @@ use fmu_export::variable::{Causality, Type};
 use support::ffi::{Expect, Fmu};
 
 /// Does steps of 0.1 ms with these numbers, with continuous inputs that depend on the number.
-fn drive(fmu: &Fmu, steps: std::ops::Range<u32>) {
+pub fn drive(fmu: &Fmu, steps: std::ops::Range<u32>) {
     for step in steps {
         for input in inputs(fmu) {
             let Type::Real { start, nominal, .. } = fmu.variables()[input as usize].data_type else { unreachable!() };
@@ -35,7 +36,7 @@ fn drive(fmu: &Fmu, steps: std::ops::Range<u32>) {
 }
 
 /// The references of the continuous inputs.
-fn inputs(fmu: &Fmu) -> Vec<u32> {
+pub fn inputs(fmu: &Fmu) -> Vec<u32> {
     let rows = (0..).zip(fmu.variables());
     let inputs = rows.filter(|(_, variable)| variable.causality == Causality::Input && variable.is_continuous());
     inputs.map(|(reference, _)| reference).collect()

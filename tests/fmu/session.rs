@@ -2,14 +2,7 @@
 //! `cargo +nightly miri test --no-default-features --test fmu session::`. There is no logger, because Miri supports no variadic
 //! calls.
 
-use std::ptr::null_mut;
-
-use crate::inputs;
-use crate::support::ffi::{Expect, Request};
-use crate::support::is_plant;
-use fmu_export::fmi2::bindings::{fmi2Status, fmi2StatusKind};
-
-const TS: f64 = 1e-4;
+use crate::prelude::*;
 
 /// Every function with a pointer argument, once, after some steps. Fails if an existing snapshot is not overwritten, or is leaked; under
 /// Miri also if a snapshot is read after it was freed, if an instance is accessed through two references at once, or if

@@ -1,7 +1,7 @@
 //! Threads of importers have small stacks: 1 MiB on Windows, 512 KiB on macOS.
 
+use crate::prelude::*;
 use crate::session::session;
-use crate::support::MODELS;
 
 /// Half of the smallest of them.
 const STACK_BYTES: usize = 256 << 10;

@@ -1,14 +1,9 @@
 //! Snapshots: restored across instances and processes, and refused if damaged.
 
+use crate::prelude::*;
 use std::path::Path;
 use std::process::Command;
-use std::ptr::null_mut;
 
-use crate::support::MODELS;
-use crate::support::ffi::{Expect, Fmu};
-use crate::{drive, inputs};
-use fmu_export::fmi2::bindings::{fmi2FMUstate, fmi2Status};
-use fmu_export::variable::Type;
 use sha2::{Digest, Sha256};
 
 /// Settings that make every part of a state change: noise, delay, voltage drive, unbalance, a short window.

@@ -1,12 +1,10 @@
 //! Communication steps: any start and length, tolerances, refusals. Sampled outputs do not depend on them.
 
-use crate::support::ffi::{Expect, Fmu};
-use crate::support::{Random, assert_contains};
+use crate::prelude::*;
 
 const CONTROLLER: &str = "FlatnessController";
 const ESTIMATOR: &str = "AlgebraicEstimator";
 const PLANT: &str = "MagneticBearing";
-const TS: f64 = 1e-4;
 
 /// The input of a sampled FMU at a sample.
 fn wave(sample: i64) -> f64 {

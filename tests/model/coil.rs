@@ -1,14 +1,8 @@
 //! The coil: one energy for current and force, saturation, and the plant driven by voltage.
 
-use crate::support::below;
-use magnetic_bearing::bearing::coil::{Coil, CoilConfig, Drive};
-use magnetic_bearing::bearing::rotor::RotorConfig;
+use crate::prelude::*;
 use magnetic_bearing::bearing::scalar::Scalar;
-use magnetic_bearing::machine::PLANAR;
-use magnetic_bearing::plant::linearisation::Taylor;
-use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfig, PlantInput, PlantState};
 
-const STEP_S: f64 = 1e-4;
 const GAP_M: f64 = 5e-4;
 
 fn of_mass(m_kg: f64) -> RotorConfig {

@@ -3,20 +3,9 @@
 mod modulation;
 mod update;
 
-use std::f64::consts::{PI, TAU};
+use crate::prelude::*;
 
-use crate::support::{Random, below, between, poles_are_at};
-use magnetic_bearing::bearing::coil::Drive;
-use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
-use magnetic_bearing::control::controller::{
-    Controller, ControllerConfig, ControllerConfigOf, ControllerError, ControllerInput, ControllerOutput, UpdateMode,
-    ramp_gains, tracking_gains,
-};
-use magnetic_bearing::control::reference::{PathConfig, Reference, ReferenceConfig, Shape};
 use magnetic_bearing::control::tracking::TrackingConfig;
-use magnetic_bearing::invalid::{Checks, NotFinite};
-use magnetic_bearing::machine::PLANAR;
-use magnetic_bearing::plant::{Harmonic, InputTrajectory, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
 
 /// Least factor by which the worst tracking error at 6000 rpm grows without compensation of gyroscopic moments; measured 49
 /// and 87 with current and voltage drive.

@@ -3,14 +3,9 @@
 mod readings;
 mod state;
 
-use std::f64::consts::PI;
+use crate::prelude::*;
 
-use crate::rotor::{Currents, Path, Rotor, STEP_S, largest, unbalanced};
-use crate::support::{Random, assert_contains, below, between};
-use magnetic_bearing::estimation::{
-    CONDITION_CAP, Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, EstimatorState, Hold, Method,
-    STD_LIMIT, STUCK_SAMPLES, Tolerance, Verdict,
-};
+use crate::rotor::{Currents, Path, Rotor, largest, unbalanced};
 
 /// Standard deviations of typical sensors, m and A.
 const NOISE: (f64, f64) = (1e-7, 1e-2);

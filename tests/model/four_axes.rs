@@ -1,14 +1,8 @@
 //! A shaft without an axial bearing, N = 4, in two radial bearings with three magnets each. No machine of the project has these sizes.
 
-use crate::support::below;
+use crate::prelude::*;
 use fmu_export::variable::Row;
 use fmu_export::{Model, SampledModel};
-use magnetic_bearing::bearing::rotor::RotorConfig;
-use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
-use magnetic_bearing::estimation::{Estimator, EstimatorConfigOf, EstimatorInputOf};
-use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfigOf, PlantInput};
-
-const STEP_S: f64 = 1e-4;
 
 fn names<D>(rows: Vec<Row<D>>) -> Vec<String> {
     rows.iter().map(|row| row.variable.name.to_string()).collect()

@@ -1,12 +1,7 @@
 //! Four magnets in opposed pairs: force allocation, and the linear law of the textbook (Schweitzer and Maslen, section 4.2).
 
-use crate::support::{Random, below};
+use crate::prelude::*;
 use magnetic_bearing::bearing::magnet::{currents, forces};
-use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
-use magnetic_bearing::invalid::Checks;
-use magnetic_bearing::machine::PLANAR4;
-use magnetic_bearing::plant::linearisation::{Point, Taylor};
-use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput};
 
 const GAP_M: f64 = 5e-4;
 /// Rounding of forces of some 100 N, in N.

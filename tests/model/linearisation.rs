@@ -1,12 +1,8 @@
 //! Exact derivatives of the plant against difference quotients of the same equations, at random points of its state space.
 
-use std::f64::consts::PI;
+use crate::prelude::*;
 
-use crate::support::Random;
-use magnetic_bearing::bearing::coil::{CoilConfig, Drive};
 use magnetic_bearing::bearing::scalar::Scalar;
-use magnetic_bearing::plant::linearisation::{Point, Taylor};
-use magnetic_bearing::plant::{Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// Error of a fourth-order difference quotient, relative to the largest value of its kind.
 const QUOTIENT: f64 = 1e-7;

@@ -1,10 +1,8 @@
 //! Magnets: forces, allocation, and geometries that cannot carry a rotor.
 
-use std::f64::consts::PI;
+use crate::prelude::*;
 
-use crate::support::below;
 use magnetic_bearing::bearing::magnet::{Geometry, Magnets, SMALLEST_SINE, currents, forces};
-use magnetic_bearing::invalid::{Checks, Invalid};
 use magnetic_bearing::plant::noise::Noise;
 
 const GAP_M: f64 = 5e-4;

@@ -17,6 +17,7 @@ mod linearisation;
 mod magnet;
 mod paper;
 mod plant;
+mod prelude;
 mod reference;
 mod sensitivity;
 mod sensor;

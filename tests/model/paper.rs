@@ -1,7 +1,7 @@
 //! The paper's two methods on data of a small simulator that shares no code with the program.
 
+use crate::prelude::*;
 use crate::rotor::{Currents, Rotor, largest};
-use magnetic_bearing::estimation::{Estimator, EstimatorConfig, Hold, Method, Verdict};
 
 /// Error of λ̂ at 0.1 s without perturbation and with the right hold, %: that of the parabola through 1/gap² within a hold interval.
 const EXACT_DATA_PERCENT: f64 = 0.001;

@@ -1,18 +1,10 @@
 //! The plant: integration against known solutions, sensors, errors and refusals.
 
-use std::f64::consts::TAU;
+use crate::prelude::*;
 
-use crate::support::{SpindleConfig, below, between};
-use magnetic_bearing::bearing::rotor::Rotor;
-use magnetic_bearing::invalid::NotFinite;
 use magnetic_bearing::plant::integration::substeps;
 use magnetic_bearing::plant::noise::Noise;
-use magnetic_bearing::plant::{
-    Harmonic, InputTrajectory, Measured, Plant, PlantConfig, PlantConfigOf, PlantInput, PlantState, SensorConfig,
-    StepError,
-};
 
-const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
 
 fn plant(config: PlantConfig) -> Plant {

@@ -1,18 +1,10 @@
 //! The reference trajectory: derivatives, angle over time, and external references.
 
-use std::f64::consts::TAU;
+use crate::prelude::*;
 
-use crate::support::{below, poles_are_at};
-use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::displacement;
 use magnetic_bearing::control::observer::{PerturbationObserver, SignalObserver, gains_of_three};
-use magnetic_bearing::control::reference::{
-    Contour, PathConfig, Reference, ReferenceConfig, ReferenceState, Shape, Transition,
-};
-use magnetic_bearing::invalid::{Checks, Invalid};
-use magnetic_bearing::machine::{PLANAR, SPINDLE};
 
-const STEP_S: f64 = 1e-4;
 const OMEGA_RAD_S: f64 = TAU * 50.0;
 
 /// Relative error of a sixth-order central difference at the step used here.

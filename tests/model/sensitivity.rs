@@ -1,6 +1,6 @@
 //! The sensitivity function: against a sine in time, against Bode's integral, and at low and high frequencies.
 
-use std::f64::consts::{PI, TAU};
+use crate::prelude::*;
 use std::path::Path;
 
 use fmu_export::variable::Value;

@@ -1,9 +1,6 @@
 //! Sensor errors, one at a time.
 
-use crate::support::below;
-use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfig, PlantConfigOf, PlantInput, SensorConfig};
-
-const STEP_S: f64 = 1e-4;
+use crate::prelude::*;
 
 /// Readings of positions, and true positions, at every sample.
 fn readings(sensor: SensorConfig, step_s: f64, steps: usize) -> Vec<([f64; 2], [f64; 3], [f64; 2])> {

@@ -1,22 +1,15 @@
 //! The spindle: whirl, unbalance response and precession in closed form, geometry and backup bearings.
 
+use crate::prelude::*;
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE};
-use std::f64::consts::PI;
 
-use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
 use magnetic_bearing::bearing::shaft::Shaft;
-use magnetic_bearing::invalid::Checks;
-use magnetic_bearing::machine::SPINDLE;
-use magnetic_bearing::plant::{Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState};
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
-
-use crate::support::{SpindleConfig, below};
 
 type SpindlePlant = Plant<5, 8, 3>;
 type SpindleState = PlantState<5, 8, 3>;
 type SpindleInput = PlantInput<f64, 5, 8>;
 
-const STEP_S: f64 = 1e-4;
 const I: Complex<f64> = Complex { re: 0.0, im: 1.0 };
 
 fn plant(config: SpindleConfig) -> SpindlePlant {

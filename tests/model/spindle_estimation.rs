@@ -1,12 +1,8 @@
 //! The estimator of a spindle on data of a small simulator that shares no code with the program.
 
 use crate::five_axes::FiveAxes;
-use magnetic_bearing::bearing::rotor::RotorConfig;
+use crate::prelude::*;
 use magnetic_bearing::estimation::spindle::SpindleEstimator;
-use magnetic_bearing::estimation::{
-    EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Tolerance, Verdict,
-};
-use std::f64::consts::TAU;
 
 type Config = EstimatorConfigOf<RotorConfig<f64, 3>, 8>;
 type Input = EstimatorInputOf<5, 8>;

@@ -1,8 +1,7 @@
 //! The backup bearing: no force without contact, only pushes, and a rotor that stays inside.
 
-use crate::support::below;
+use crate::prelude::*;
 use magnetic_bearing::bearing::touchdown::TouchdownConfig;
-use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfig, PlantInput, PlantState, SensorConfig};
 
 const CLEARANCE_M: f64 = 2.5e-4;
 

@@ -1,8 +1,8 @@
 //! A small independent simulator of a spindle in its closed loop, and the Cramér–Rao bound of its data. The simulator shares no code with the program.
 
-use std::f64::consts::PI;
+use crate::prelude::*;
 
-use crate::support::{Random, runge_kutta};
+use crate::support::runge_kutta;
 use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
 use nalgebra::DMatrix;
 
@@ -13,7 +13,6 @@ const INERTIA: [f64; 2] = [12.0, 0.16];
 const AT_M: [f64; 2] = [-0.12, 0.15];
 const SENSORS_M: [f64; 2] = [-0.10, 0.13];
 const PLANES_M: [f64; 2] = [-0.08, 0.10];
-const STEP_S: f64 = 1e-4;
 type Five = [f64; 5];
 
 /// One sample.

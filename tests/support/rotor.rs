@@ -1,13 +1,8 @@
 //! A small independent simulator: rotor, three magnets, sampled flatness-based tracking, noisy sensors. It shares no code with
 //! the program, and its integration error is below 1e-12 m.
 
-use crate::support::{Random, runge_kutta};
-use magnetic_bearing::estimation::{
-    Estimator, EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Tolerance,
-};
-use std::f64::consts::PI;
-
-pub const STEP_S: f64 = 1e-4;
+use crate::prelude::*;
+use crate::support::runge_kutta;
 
 /// One instant of the data; the two currents are those before and after it (the same if they are continuous).
 #[derive(Clone, Debug)]

@@ -1,0 +1,13 @@
+//! What most tests of the FMUs use.
+
+pub use std::ptr::{null, null_mut};
+
+pub use crate::support::ffi::{Expect, Fmu, Request};
+pub use crate::support::named::{self, Named};
+pub use crate::support::{MODELS, Random, assert_contains, below, is_plant};
+pub use crate::{drive, inputs};
+pub use fmu_export::fmi2::bindings::*;
+pub use fmu_export::variable::*;
+
+/// The sample time, s.
+pub const TS: f64 = 1e-4;
