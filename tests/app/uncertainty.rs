@@ -44,20 +44,12 @@ fn largest_error(output: &Output, truth: &[f64; 3]) -> f64 {
     (0..3).map(|k| (output.hat[k] / truth[k] - 1.0).abs()).fold(0.0, f64::max)
 }
 
-/// Greatest |error|/standard deviation, due to noise or total, of the valid samples, and their number.
-fn deviations<'s>(
-    outputs: impl IntoIterator<Item = &'s Output>,
-    truth: &[f64; 3],
-    std: fn(&Output) -> &[f64; 3],
-) -> (f64, usize) {
-    let valid: Vec<&Output> = outputs.into_iter().filter(|output| output.valid).collect();
-    let ratio =
-        |output: &&Output| (0..3).map(|k| ((output.hat[k] - truth[k]) / std(output)[k]).abs()).fold(0.0, f64::max);
-    (valid.iter().map(ratio).fold(0.0, f64::max), valid.len())
-}
-
-fn confidence<'s>(outputs: impl IntoIterator<Item = &'s Output>, truth: &[f64; 3]) -> (f64, usize) {
-    deviations(outputs, truth, |output| &output.std)
+/// Greatest |error| of the valid samples in standard deviations due to noise, and in total ones.
+fn deviations<'s>(outputs: impl IntoIterator<Item = &'s Output>, truth: &[f64; 3]) -> [f64; 2] {
+    outputs.into_iter().filter(|output| output.valid).fold([0.0; 2], |most, Output { hat, std, total, .. }| {
+        let largest = |std: &[f64; 3]| (0..3).map(|k| ((hat[k] - truth[k]) / std[k]).abs()).fold(0.0, f64::max);
+        [most[0].max(largest(std)), most[1].max(largest(total))]
+    })
 }
 
 /// Changes of the scenario.
@@ -106,7 +98,7 @@ fn never_confident_and_wrong() {
             // A slowly changing load is nearly constant over the first revolutions.
             let slow = method == 3 && name == "slow perturbation";
             let from_s = if backward || slow { DETECTED_S } else { 0.0 };
-            let (worst, _) = confidence(outputs.iter().filter(|output| output.time_s > from_s), &truth(&scenario));
+            let [worst, _] = deviations(outputs.iter().filter(|output| output.time_s > from_s), &truth(&scenario));
             let last = outputs.last().expect("a run");
             let case = format!("method {method}, noise {noise:?}, known {known}, {name}");
             if worst > CONFIDENT {
@@ -139,7 +131,7 @@ fn a_step_of_lambda_is_followed() {
             let since = |since_s: f64| outputs.iter().filter(move |output| output.time_s > STEP_S + since_s);
             let noticed_s = since(1e-9).find(|output| !output.valid).map(|output| output.time_s - STEP_S);
             let worst = since(FOLLOWED_S).map(|output| 100.0 * largest_error(output, &after)).fold(0.0, f64::max);
-            let (ratio, _) = confidence(since(NOTICED_S), &after);
+            let [ratio, _] = deviations(since(NOTICED_S), &after);
             assert!(worst < 1.0, "{what}: {worst:.3} % after {FOLLOWED_S} s, limit 1 %");
             let is_noticed = noticed_s.is_some_and(|noticed_s| noticed_s < NOTICED_S);
             assert!(is_noticed, "{what}: noticed after {noticed_s:?} s, limit {NOTICED_S}");
@@ -232,7 +224,7 @@ fn blows_are_forgotten() {
         let (outputs, _) = outputs(&scenario, 0.6);
         let since = outputs.iter().rev().take_while(|output| output.valid).last();
         back_s.push(since.map_or(f64::INFINITY, |output| output.time_s - 0.2));
-        let (worst, _) = confidence(outputs.iter().filter(|output| output.time_s > 0.16), &truth(&scenario));
+        let [worst, _] = deviations(outputs.iter().filter(|output| output.time_s > 0.16), &truth(&scenario));
         if worst >= CONFIDENT {
             wrong += 1;
             println!("{amplitude_n} N, {rate_rad_s} rad/s, noise {noise:?}, known {known}: {worst:.1}");
@@ -270,7 +262,7 @@ fn a_long_run_stays_valid() {
         let mut scenario = unbalanced(NOISE, known);
         scenario.set("plant", "sensor.seed", seed);
         let (outputs, _) = outputs(&scenario, end_s);
-        let (worst, _) = deviations(&outputs, &truth(&scenario), |output| &output.total);
+        let [_, worst] = deviations(&outputs, &truth(&scenario));
         assert!(worst < CONFIDENT, "seed {seed}: {worst:.1} standard deviations");
         let refused = outputs.iter().filter(|output| output.time_s > 0.2 && !output.valid).count();
         assert_eq!(refused, 0, "seed {seed}: samples that are not valid");
@@ -297,7 +289,8 @@ fn a_force_that_beats_with_the_motion_is_covered() {
         scenario.set("plant", "sensor.seed", seed);
         let (mut outputs, _) = outputs(&scenario, 1.5);
         outputs.retain(|output| output.time_s > 0.5);
-        let (worst, valid) = deviations(&outputs, &truth(&scenario), |output| &output.total);
+        let [_, worst] = deviations(&outputs, &truth(&scenario));
+        let valid = outputs.iter().filter(|output| output.valid).count();
         assert!(worst < CONFIDENT, "seed {seed}, known {known}: {worst:.1} standard deviations");
         assert!(valid > 1000, "seed {seed}, known {known}: {valid} samples valid");
     }
@@ -310,7 +303,7 @@ fn every_other_sample_may_be_repeated() {
     scenario.step_s = 5e-5;
     scenario.set("estimator", "Ts", 5e-5);
     let (outputs, _) = outputs(&scenario, 0.6);
-    let (worst, _) = confidence(&outputs, &truth(&scenario));
+    let [worst, _] = deviations(&outputs, &truth(&scenario));
     assert!(worst < CONFIDENT, "{worst:.1} standard deviations");
     let collecting = 2.0;
     assert_ne!(outputs.last().expect("a run").verdict, collecting, "still collecting after 0.6 s");

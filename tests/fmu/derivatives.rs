@@ -114,13 +114,12 @@ fn derivatives_with_respect_to_parameters_agree_with_difference_quotients() {
 /// Without a declared dependency the derivative must be 0. Fails if `F[1]` is declared to depend on nothing.
 #[test]
 fn declared_dependencies_agree_with_the_derivatives() {
-    let planar = RUNNING.iter().chain(&[("touchdown.friction", 0.2)]).copied().collect::<Vec<_>>();
-    let spindle = SPINDLE_RUNNING.iter().chain(&[("A.touchdown.friction", 0.2)]).copied().collect();
-    let cases =
-        [(PLANT, planar), (SPINDLE, spindle)].into_iter().flat_map(|case| DRIVES.map(|drive| (case.clone(), drive)));
-    for ((model, mut settings), drive) in cases {
-        settings.extend([("drive", drive), ("coil.Lleak", 1e-3)]);
-        let fmu = Fmu::started(model, &settings);
+    let (planar, spindle) = (("touchdown.friction", 0.2), ("A.touchdown.friction", 0.2));
+    let models = [(PLANT, &RUNNING[..], planar), (SPINDLE, &SPINDLE_RUNNING, spindle)];
+    for ((model, settings, friction), drive) in models.into_iter().flat_map(|model| DRIVES.map(|drive| (model, drive)))
+    {
+        let more = [friction, ("drive", drive), ("coil.Lleak", 1e-3)];
+        let fmu = Fmu::started(model, &[settings, &more].concat());
         for step in 0..10 {
             fmu.step(f64::from(step) * 1e-4, 1e-4).ok(&fmu);
         }
@@ -293,15 +292,12 @@ fn output_derivatives_are_those_of_the_motion() {
         let settings = [&RUNNING[..], &[("drive", drive)]].concat();
         let fmu = Fmu::started(PLANT, &settings);
         let outputs = references(&fmu, &names);
-        let driven = references(&fmu, &["i[1]", "u[1]", "i[1]", "u[1]", "i[1]", "u[1]"]);
-        let slopes = |fmu: &Fmu| {
-            let values = [200.0, 200.0, 1e4, 1e4, 1e7, 1e7];
-            fmu.set_input_derivatives(&driven[..4], &[1, 1, 2, 2], &values[..4]).ok(fmu);
-        };
+        let driven = references(&fmu, &["i[1]", "u[1]", "i[1]", "u[1]"]);
+        let slopes = |fmu: &Fmu| fmu.set_input_derivatives(&driven, &[1, 1, 2, 2], &[200.0, 200.0, 1e4, 1e4]).ok(fmu);
         slopes(&fmu);
         fmu.step(0.0, 1e-3).ok(&fmu);
-        let first = fmu.output_derivatives(&outputs, &vec![1; outputs.len()]).expect("first derivatives");
-        let second = fmu.output_derivatives(&outputs, &vec![2; outputs.len()]).expect("second derivatives");
+        let [first, second] =
+            [1, 2].map(|order| fmu.output_derivatives(&outputs, &vec![order; outputs.len()]).expect("derivatives"));
         // The same motion before and after the instant, along the same polynomial.
         let at = |t: f64| {
             let other = Fmu::started(PLANT, &settings);

@@ -61,9 +61,6 @@ impl Named {
     }
 
     /// Tries to set a variable.
-    ///
-    /// # Errors
-    /// Those of the instance.
     pub fn try_set(&mut self, name: &str, number: f64) -> Result<(), AccessError> {
         let index = self.index(name);
         self.instance.set(index, value(&self.variables[index].data_type, number))
@@ -76,9 +73,6 @@ impl Named {
     }
 
     /// Starts the run.
-    ///
-    /// # Errors
-    /// Those of the instance.
     pub fn start(&mut self) -> Result<(), Vec<Invalid>> {
         self.instance.start()
     }

@@ -75,75 +75,71 @@ fn a_changed_lambda_after_a_long_gap_is_no_surprise() {
     }
 }
 
+/// The outputs after a change to the inputs, with unknown noise; no valid one is wrong.
+fn after(what: &str, rotor: &Rotor, change: impl Fn(&mut [EstimatorInput])) -> Vec<EstimatorOutput> {
+    let mut inputs = rotor.inputs(Hold::HeldBefore);
+    change(&mut inputs);
+    let outputs = run(&estimator(config(rotor)), &inputs).0;
+    assert_never_wrong(what, rotor, &outputs);
+    outputs
+}
+
 /// A wrong angle counts as a missing one.
 #[test]
 fn single_wrong_angles_do_no_harm() {
-    let rotor = noisy(13, 6001);
-    let mut inputs = rotor.inputs(Hold::HeldBefore);
-    inputs[2000..].iter_mut().step_by(300).for_each(|input| input.theta_rad += 1.6);
-    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    let outputs = after("wrong angles", &noisy(13, 6001), |inputs| {
+        inputs[2000..].iter_mut().step_by(300).for_each(|input| input.theta_rad += 1.6);
+    });
     assert!(outputs[1999..].iter().all(|output| output.valid));
-    assert_never_wrong("wrong angles", &rotor, &outputs);
 }
 
 /// Missing samples at the start delay the noise estimate.
 #[test]
 fn a_gap_while_the_noise_is_estimated() {
-    let rotor = noisy(6, 2001);
-    let mut inputs = rotor.inputs(Hold::HeldBefore);
-    for j in [0, 30, 61, 90] {
-        inputs[j].position_m[0] = f64::NAN;
-    }
-    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    let outputs = after("gaps at the start", &noisy(6, 2001), |inputs| {
+        [0, 30, 61, 90].into_iter().for_each(|j: usize| inputs[j].position_m[0] = f64::NAN);
+    });
     assert!(outputs.last().expect("samples").valid);
-    assert_never_wrong("gaps at the start", &rotor, &outputs);
 }
 
 /// The controller reacts to the missing samples too, so that those after a gap do not count; if none counts for long, there is no estimate.
 #[test]
 fn gaps_too_frequent_are_named() {
-    let rotor = noisy(8, 6001);
-    let mut inputs = rotor.inputs(Hold::HeldBefore);
-    inputs[2000..4000].iter_mut().step_by(16).for_each(|input| input.position_m[1] = f64::NAN);
-    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    let miss = |inputs: &mut [EstimatorInput], every: usize| {
+        inputs.iter_mut().step_by(every).for_each(|input| input.position_m[1] = f64::NAN);
+    };
+    let outputs = after("frequent gaps", &noisy(8, 6001), |inputs| miss(&mut inputs[2000..4000], 16));
     assert!(outputs[1999..2900].iter().all(|output| output.valid), "the estimate of before");
     assert!(outputs[3100..4000].iter().all(|output| output.verdict == Verdict::BadSample));
     assert!(outputs[5000..].iter().all(|output| output.valid), "it comes back by itself");
-    assert_never_wrong("frequent gaps", &rotor, &outputs);
     // With every fifth sample missing the noise cannot even be estimated.
-    inputs.iter_mut().step_by(5).for_each(|input| input.position_m[1] = f64::NAN);
-    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    let outputs = after("every fifth is missing", &noisy(8, 6001), |inputs| miss(inputs, 5));
     assert!(outputs[1500..].iter().all(|output| output.verdict == Verdict::BadSample));
 }
 
 /// A single outlier of a position is excluded; several in a row are not sensor noise.
 #[test]
 fn outliers_are_left_out() {
-    let rotor = noisy(9, 4001);
-    let estimator = estimator(config(&rotor));
     for (lasting, wanted) in [(1, Verdict::Valid), (2, Verdict::Unexplained)] {
-        let mut inputs = rotor.inputs(Hold::HeldBefore);
-        (2000..2000 + lasting).for_each(|j| inputs[j].position_m[0] += 1e-5);
-        let outputs = run(&estimator, &inputs).0;
+        let outputs = after("outliers", &noisy(9, 4001), |inputs| {
+            inputs[2000..2000 + lasting].iter_mut().for_each(|input| input.position_m[0] += 1e-5);
+        });
         assert_eq!(outputs[1999 + lasting].verdict, wanted, "{lasting} in a row");
         let back = outputs[2001..].iter().position(|output| output.valid);
         assert!(back.is_some_and(|samples| samples < 1500), "{lasting} in a row: valid after {back:?} samples");
-        assert_never_wrong("outliers", &rotor, &outputs);
     }
 }
 
 #[test]
 fn a_stuck_sensor_is_named() {
-    let rotor = noisy(7, 5001);
-    let mut inputs = rotor.inputs(Hold::HeldBefore);
-    let stuck = inputs[1000].position_m[1];
-    inputs[1000..1400].iter_mut().for_each(|input| input.position_m[1] = stuck);
-    let outputs = run(&estimator(config(&rotor)), &inputs).0;
+    let outputs = after("stuck", &noisy(7, 5001), |inputs| {
+        let stuck = inputs[1000].position_m[1];
+        inputs[1000..1400].iter_mut().for_each(|input| input.position_m[1] = stuck);
+    });
     let named = outputs[1000..].iter().position(|output| output.verdict == Verdict::Stuck);
     assert_eq!(named, Some(STUCK_SAMPLES as usize), "samples until it is named");
     assert!(outputs[1000 + STUCK_SAMPLES as usize..1400].iter().all(|output| output.verdict == Verdict::Stuck));
     assert!(outputs[3400..].iter().all(|output| output.valid), "it comes back by itself within 0.2 s");
-    assert_never_wrong("stuck", &rotor, &outputs);
 }
 
 #[test]
@@ -268,14 +264,14 @@ fn currents_that_are_zero_or_limited() {
     let rotor = noisy(11, 2001);
     let mut inputs = rotor.inputs(Hold::HeldBefore);
     inputs.iter_mut().for_each(|input| input.current_a[1] = 0.0);
-    let outputs = run(&Estimator::new(config(&rotor)).expect("good"), &inputs).0;
+    let outputs = run(&self::estimator(config(&rotor)), &inputs).0;
     assert!(outputs.iter().all(|output| !output.valid), "{:?}", outputs.last());
     // Without current for a while the estimate soon becomes invalid, and is never wrong.
     let rotor = noisy(13, 6001);
     let mut inputs = rotor.inputs(Hold::HeldBefore);
     inputs[1500..2000].iter_mut().for_each(|input| input.current_a[1] = 0.0);
     for noise in [NOISE, (0.0, 0.0)] {
-        let outputs = run(&Estimator::new(with_noise(config(&rotor), noise)).expect("good"), &inputs).0;
+        let outputs = run(&self::estimator(with_noise(config(&rotor), noise)), &inputs).0;
         assert!(outputs[1499].valid && outputs[1500..1600].iter().any(|output| !output.valid), "known {noise:?}");
         let (worst, at, _) = confidence(&rotor, &outputs, 1600);
         assert!(worst < CONFIDENT, "known {noise:?}: {worst:.2} standard deviations at sample {at}");
