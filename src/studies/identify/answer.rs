@@ -9,7 +9,7 @@ mod words;
 use nalgebra::DVector;
 
 pub(super) use self::judge::implausible;
-use self::judge::{judge, moved};
+use self::judge::{judge, moved, uncertain};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::words::{constant_currents, dynamics_remark};
 use super::agreement::{Check, Own, disagreement, sentence};
@@ -81,7 +81,15 @@ struct Judged {
 /// Why estimates are not valid, and which findings are added.
 struct Refusal {
     why: String,
+    /// Advice if no other description explains the data; may be empty.
+    advice: String,
     details: Details,
+}
+
+impl Refusal {
+    fn new(why: String, details: Details) -> Self {
+        Self { why, advice: String::new(), details }
+    }
 }
 
 /// Findings that are added to estimates that are not valid.
@@ -178,7 +186,7 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     let is_long = |at: &&usize| delay_of(at).0.value.abs() >= LONGEST_DELAY * delay_of(at).1;
     if let Some(at) = delays.iter().find(is_long) {
         let why = words::long_delay(delay_of(at).0);
-        delayed.refusal = Some(Refusal { why, details: Details::Proposals });
+        delayed.refusal = Some(Refusal::new(why, Details::Proposals));
         return before.refusal.is_none().then_some(delayed);
     }
     let late = words::acting_later(now.bench[first].estimate, delayed.question.stated.hold, gain);
@@ -223,7 +231,7 @@ fn refusal(
     let stated = &question.stated;
     let found = identified.as_ref();
     if let Some(why) = found.ok().and_then(|_| differ(all, options, &stated.machine.symbols("λ"))) {
-        return Some(Refusal { why, details: Details::Nothing });
+        return Some(Refusal::new(why, Details::Nothing));
     }
     let is_at_rest = all.iter().all(Recording::at_rest);
     let least = TURNS[usize::from(stated.noise.iter().any(|noise| *noise <= 0.0))];
@@ -231,23 +239,27 @@ fn refusal(
     if !is_at_rest && turns < least {
         let turns = significant(turns, 2);
         let why = format!("the recording is too short: {turns} turns of the rotor, expected at least {least}");
-        return Some(Refusal { why, details: Details::Findings });
+        return Some(Refusal::new(why, Details::Findings));
     }
     let judge_all = |found: &Identification| {
-        let why =
-            question.holds.and_then(|holds| holds.against(stated.currents())).or_else(|| judge(found, all, stated));
-        why.or_else(|| moved(found, all, options, stated))
+        let against = question.holds.and_then(|holds| holds.against(stated.currents()));
+        let plain = || judge(found, all, stated).or_else(|| moved(found, all, options, stated));
+        against.or_else(|| uncertain(found, all, stated)).or_else(|| Some([plain()?, String::new()]))
     };
-    let why = found.map_or_else(|failed| Some(failed.to_string()), judge_all)?;
+    let failed = |failed: &Failed| match failed {
+        Failed::Diverged(why) => Some(["the search does not converge".into(), why.clone()]),
+        failed => Some([failed.to_string(), String::new()]),
+    };
+    let [why, advice] = found.map_or_else(failed, judge_all)?;
     let weak = found.is_ok_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
     });
     if is_at_rest && (weak || all.iter().all(|recording| recording.still(&options.parts))) {
         let why = "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the smallest \
                    force (F0.modulation)";
-        return Some(Refusal { why: why.into(), details: Details::Findings });
+        return Some(Refusal::new(why.into(), Details::Findings));
     }
-    Some(Refusal { why, details: Details::Proposals })
+    Some(Refusal { why, advice, details: Details::Proposals })
 }
 
 /// The answer in words.
@@ -255,22 +267,27 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     let Judged { question, options, found, refusal, notes } = judged;
     let details = refusal.as_ref().map_or(&Details::Findings, |refusal| &refusal.details);
     let mut findings = Vec::new();
-    let mut is_explained = false;
+    let mut best = None;
     if *details == Details::Proposals {
         let trial = Trial { recording: all[0].clone(), options, machine: question.stated.machine, bearing: 0 };
         findings.extend(constant_currents(&all[0].current_a, question.stated.machine));
         let proposals = diagnosis::proposals(&trial);
-        is_explained = !proposals.is_empty();
-        findings.extend(proposals);
+        best = proposals.first().cloned();
+        let listed = || format!("The data fit better if {}.", proposals.join("; or if "));
+        findings.extend(best.iter().map(|_| listed()));
     }
     // A search that did not converge has neither estimates nor meaningful residuals.
     let found = found.filter(|found| found.converged);
     if let Some(found) = found.as_ref().filter(|_| *details != Details::Nothing) {
-        findings.extend(words::findings(found, all, &question.stated, is_explained));
+        findings.extend(words::findings(found, all, &question.stated, best.is_some()));
         findings.extend(notes);
     }
     let verdict = match (&refusal, &found) {
-        (Some(Refusal { why, .. }), _) => format!("Not valid: {why}."),
+        (Some(Refusal { why, advice, .. }), _) => match best {
+            Some(best) => format!("Not valid: {why}; the data fit better if {best}."),
+            None if advice.is_empty() => format!("Not valid: {why}."),
+            None => format!("Not valid: {why}: {advice}."),
+        },
         (None, Some(found)) => words::valid(found, &question.stated),
         (None, None) => "Not valid.".into(),
     };

@@ -108,14 +108,15 @@ impl Holds {
         measured.or(plain).or(self.best()).unwrap_or(MEASURED)
     }
 
-    /// The objection to a stated meaning, if another one is clearly more likely.
-    pub(super) fn against(&self, stated: Currents) -> Option<String> {
+    /// The objection to a stated meaning, if another one is clearly more likely, and the options for it.
+    pub(super) fn against(&self, stated: Currents) -> Option<[String; 2]> {
         let (deficit, best) = (self.deficit(stated)?, self.best()?);
         let by = deficit.is_finite().then(|| format!(" by {} in log-likelihood", significant(deficit, 3)));
         let by = by.unwrap_or_default();
         (deficit > VERY_STRONG).then(|| {
             let (stated, options, best) = (stated.name(), best.options(), best.name());
-            format!("currents that are read as {stated} are less likely than as {best}{by}: {options}, or --hold auto")
+            let why = format!("currents that are read as {stated} are less likely than as {best}{by}");
+            [why, format!("{options}, or --hold auto")]
         })
     }
 

@@ -299,7 +299,7 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
     of.map(|value| if value.is_finite() { value - best } else { value })
 }
 
-/// Proposals, the best first; empty if nothing fits better than the stated values.
+/// Descriptions that explain the data better, with advice, the best first; empty if nothing fits better than the stated values.
 pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut trial = stretch(trial, 1);
     trial.options.excludes_rows = false;
@@ -345,7 +345,5 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut fits: Vec<(f64, String)> = tried.into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
-    let as_good: Vec<String> =
-        fits.into_iter().filter(|(likelihood, _)| *likelihood > best - AS_GOOD).map(|(_, words)| words).collect();
-    vec![format!("The data fit better if {}.", as_good.join("; or if "))]
+    fits.into_iter().filter(|(likelihood, _)| *likelihood > best - AS_GOOD).map(|(_, words)| words).collect()
 }

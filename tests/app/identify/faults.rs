@@ -48,6 +48,12 @@ fn what_is_wrong_is_told_in_words() {
         let answer = identify::answer(&[samples], question);
         let first = answer.findings.first().cloned().unwrap_or_default();
         assert!(!answer.valid && first.contains(proposal), "{proposal}: {} {:?}", answer.verdict, answer.findings);
+        // The verdict names the same description, in place of advice that holds if the stated one is right.
+        if let Some(best) = first.strip_prefix("The data fit better if ") {
+            let best = best.split("; or if ").next().unwrap_or(best).trim_end_matches('.');
+            assert!(answer.verdict.ends_with(&format!("; the data fit better if {best}.")), "{}", answer.verdict);
+            assert!(!answer.verdict.contains("longer recording"), "{}", answer.verdict);
+        }
         let json = answer.statement().json;
         assert!(json["valid"] == false && json["lambdaHat"].is_null() && json["findings"].is_array(), "{json}");
     }

@@ -69,14 +69,11 @@ pub(in crate::studies::identify) fn implausible(
     None
 }
 
-/// Why the estimates are not valid.
-pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<String> {
-    let names = stated.machine.symbols("λ");
+/// Why the search or a force constant is too uncertain, and advice that holds if the description of the bench is right.
+pub(super) fn uncertain(found: &Identification, all: &[Recording], stated: &Stated) -> Option<[String; 2]> {
     if !found.converged {
-        return Some(format!(
-            "the search did not converge in {} iterations: the model does not describe these data, or too much was left free",
-            found.iterations
-        ));
+        let why = format!("the search did not converge in {} iterations", found.iterations);
+        return Some([why, "the model does not describe these data, or too much was left free".into()]);
     }
     let relative = |k: usize| found.lambda[k].total_std / found.lambda[k].value.abs();
     let worst = (0..found.lambda.len()).max_by(|a, b| relative(*a).total_cmp(&relative(*b))).unwrap_or(0);
@@ -84,7 +81,7 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
         let [mean, variance] = recording.spread(&recording.current_a[worst]);
         variance.sqrt() < CONSTANT * mean.abs()
     };
-    if relative(worst).is_nan() || relative(worst) >= STD_LIMIT {
+    (relative(worst).is_nan() || relative(worst) >= STD_LIMIT).then(|| {
         let wanted = match relative(worst) < NOT_KNOWN {
             true => "use a longer recording, a larger path, or better knowledge of the bench",
             false if all.iter().all(is_constant) => {
@@ -93,9 +90,15 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             }
             false => "the model does not describe these data, or hardly anything excites the rotor",
         };
-        let (name, percent, limit) = (&names[worst], significant(100.0 * relative(worst), 2), 100.0 * STD_LIMIT);
-        return Some(format!("{name} is known to {percent} % only, the limit is {limit} %: {wanted}"));
-    }
+        let (names, percent, limit) =
+            (stated.machine.symbols("λ"), significant(100.0 * relative(worst), 2), 100.0 * STD_LIMIT);
+        [format!("{} is known to {percent} % only, the limit is {limit} %", names[worst]), wanted.into()]
+    })
+}
+
+/// Why estimates that are certain enough are not valid.
+pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<String> {
+    let names = stated.machine.symbols("λ");
     if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, &stated.parts)) {
         return Some(why);
     }

@@ -74,8 +74,11 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let mut answer = identified(axis, recording)?;
     if !answer.valid {
         let constant = constant_currents(&recording.current_a, recording.machine);
-        let proposals = if constant.is_empty() { proposals(axis, recording, &answer) } else { constant };
-        answer.findings.splice(..0, proposals);
+        let proposals = if constant.is_empty() { proposals(axis, recording, &answer) } else { Vec::new() };
+        if let Some(first) = proposals.first() {
+            answer.verdict = format!("Not valid: {first}.");
+        }
+        answer.findings.splice(..0, constant.into_iter().chain(proposals.iter().map(|of| sentence(of))));
     }
     Ok(answer)
 }
@@ -93,7 +96,7 @@ fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
         axis.known[LOAD] = axis.known[LOAD].map(|load_n| sign * load_n);
         let other = identified(&axis, &recording).ok().filter(|other| other.valid)?;
         let is_better = other.found.fit.log_likelihood > stated.found.fit.log_likelihood;
-        is_better.then(|| format!("The data fit better if {words}."))
+        is_better.then(|| format!("the data fit better if {words}"))
     };
     mistakes.into_iter().filter_map(proposal).collect()
 }
