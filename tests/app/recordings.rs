@@ -343,6 +343,15 @@ fn all_errors_of_a_header_are_reported_at_once() {
         ),
         ("time,y,im1,im2,im3\n", &twice, &["Ym and Zm: both are column y"]),
         (
+            "time;Ym;Z_m;im1;im_2;im3\n1;2;3;4;5;6\n",
+            &Reading { units: pairs(&[("im[2]", "kA")]), ..Reading::default() },
+            &[
+                "Zm: no column of this name, expected the position along z: --column Zm=…; the nearest name is Z_m\n",
+                "im[2]: no column of this name, expected the current of magnet 2: --column im[2]=…; the nearest name is im_2\n",
+                "--unit im[2]=kA: expected one of A, mA",
+            ],
+        ),
+        (
             "time [s];Ym [m];Zm [m];im1;im2;im3\ns;µm;m;A;A;A\n",
             &Reading::default(),
             &["Ym: the header says m, the row below it µm"],

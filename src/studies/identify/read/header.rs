@@ -10,6 +10,9 @@ use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SP
 pub(in crate::studies::identify) const TIME_AT: usize = 0;
 const TIME_NAME: &str = "time";
 
+/// Likeness of names above which a column is proposed for a signal.
+const ALIKE: f64 = 0.8;
+
 /// Number of lines in which the header is searched for.
 const BEFORE_HEADER: usize = 200;
 
@@ -72,6 +75,14 @@ impl Signal {
             let (name, column, known) = (&self.name, &column.name, units::names(self.quantity));
             format!("{name} (column {column}): the unit {stated} is none of {known}")
         })
+    }
+
+    /// How much the name of a column is like one of its names (Jaro and Winkler).
+    fn likeness(&self, column: &Column) -> f64 {
+        let plain =
+            |name: &str| name.trim_start_matches("plant.").to_lowercase().replace(['.', '_', ' ', '[', ']'], "");
+        let names = self.names.iter().map(|name| strsim::jaro_winkler(&plain(name), &plain(&column.name)));
+        names.fold(0.0, f64::max)
     }
 
     /// The columns that match the signal, one if all is well: the given column, with or without its unit, or those with the best name.
@@ -241,15 +252,20 @@ pub(super) fn places(
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {known}"));
         }
     }
-    let (mut places, mut is_absent) = (vec![None; signals.list.len()], false);
+    let (mut places, mut absent) = (vec![None; signals.list.len()], Vec::new());
     for (at, signal) in signals.list.iter().enumerate().filter(|(at, _)| wanted(*at)) {
         let is_optional = at >= signals.theta || at == TIME_AT && reading.rate_s.is_some();
         let column = match signal.column(columns, reading, is_optional) {
             Ok(Some(column)) => column,
             Ok(None) => continue,
             Err(finding) => {
+                if signal.candidates(columns, signal.given(&reading.columns)).is_empty() {
+                    absent.push((findings.len(), signal));
+                }
                 findings.push(finding);
-                is_absent |= signal.candidates(columns, signal.given(&reading.columns)).is_empty();
+                let unit = signal.given(&reading.units).filter(|unit| units::find(signal.quantity, unit).is_none());
+                let (name, known) = (&signal.name, units::names(signal.quantity));
+                findings.extend(unit.map(|unit| format!("--unit {name}={unit}: expected one of {known}")));
                 continue;
             }
         };
@@ -267,7 +283,13 @@ pub(super) fn places(
     let is_other = findings.len() > before || !reading.is_stated;
     let other = other_machine(columns, reading.machine).filter(|_| is_other);
     findings.extend(other.map(|other| format!("these are columns of the machine {0}: --machine {0}", other.name)));
-    if is_absent {
+    let is_free = |at: &usize| places.iter().flatten().all(|place: &Place| place.column != *at);
+    for (finding, signal) in &absent {
+        let free = (0..columns.len()).filter(is_free).map(|at| (signal.likeness(&columns[at]), &columns[at].name));
+        let nearest = free.filter(|(likeness, _)| *likeness > ALIKE).max_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.into_iter().for_each(|(_, name)| findings[*finding] += &format!("; the nearest name is {name}"));
+    }
+    if !absent.is_empty() {
         findings.push(format!("the header has the columns {}", joined(columns.iter().map(|column| &column.name))));
     }
     places
