@@ -86,12 +86,6 @@ struct Refusal {
     details: Details,
 }
 
-impl Refusal {
-    fn new(why: String, details: Details) -> Self {
-        Self { why, advice: String::new(), details }
-    }
-}
-
 /// Findings that are added to estimates that are not valid.
 #[derive(PartialEq)]
 enum Details {
@@ -176,9 +170,12 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     if gain < diagnosis::VERY_STRONG {
         return None;
     }
+    // Of two refused answers, the simpler is given.
+    if before.refusal.is_some() && (now.pushes() || uncertain(&now, all, &question.stated).is_some()) {
+        return None;
+    }
     let next = next.map(|of| other(of.hold));
     let mut delayed = identify_and_judge(all, next.iter().map(|next| (next, false)), question);
-    // Of two refused answers, the simpler is given.
     if delayed.refusal.is_some() && before.refusal.is_some() {
         return None;
     }
@@ -186,7 +183,7 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     let is_long = |at: &&usize| delay_of(at).0.value.abs() >= LONGEST_DELAY * delay_of(at).1;
     if let Some(at) = delays.iter().find(is_long) {
         let why = words::long_delay(delay_of(at).0);
-        delayed.refusal = Some(Refusal::new(why, Details::Proposals));
+        delayed.refusal = Some(Refusal { why, advice: String::new(), details: Details::Proposals });
         return before.refusal.is_none().then_some(delayed);
     }
     let late = words::acting_later(now.bench[first].estimate, delayed.question.stated.hold, gain);
@@ -231,7 +228,7 @@ fn refusal(
     let stated = &question.stated;
     let found = identified.as_ref();
     if let Some(why) = found.ok().and_then(|_| differ(all, options, &stated.machine.symbols("λ"))) {
-        return Some(Refusal::new(why, Details::Nothing));
+        return Some(Refusal { why, advice: String::new(), details: Details::Nothing });
     }
     let is_at_rest = all.iter().all(Recording::at_rest);
     let least = TURNS[usize::from(stated.noise.iter().any(|noise| *noise <= 0.0))];
@@ -239,25 +236,24 @@ fn refusal(
     if !is_at_rest && turns < least {
         let turns = significant(turns, 2);
         let why = format!("the recording is too short: {turns} turns of the rotor, expected at least {least}");
-        return Some(Refusal::new(why, Details::Findings));
+        return Some(Refusal { why, advice: String::new(), details: Details::Findings });
     }
-    let judge_all = |found: &Identification| {
-        let against = question.holds.and_then(|holds| holds.against(stated.currents()));
-        let plain = || judge(found, all, stated).or_else(|| moved(found, all, options, stated));
-        against.or_else(|| uncertain(found, all, stated)).or_else(|| Some([plain()?, String::new()]))
+    let [why, advice] = match found {
+        Err(Failed::Diverged(advice)) => ["the search does not converge".into(), advice.clone()],
+        Err(failed) => [failed.to_string(), String::new()],
+        Ok(found) => {
+            let against = question.holds.and_then(|holds| holds.against(stated.currents()));
+            let plain = || judge(found, all, stated).or_else(|| moved(found, all, options, stated));
+            against.or_else(|| uncertain(found, all, stated)).or_else(|| Some([plain()?, String::new()]))?
+        }
     };
-    let failed = |failed: &Failed| match failed {
-        Failed::Diverged(why) => Some(["the search does not converge".into(), why.clone()]),
-        failed => Some([failed.to_string(), String::new()]),
-    };
-    let [why, advice] = found.map_or_else(failed, judge_all)?;
     let weak = found.is_ok_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
     });
     if is_at_rest && (weak || all.iter().all(|recording| recording.still(&options.parts))) {
         let why = "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the smallest \
                    force (F0.modulation)";
-        return Some(Refusal::new(why.into(), Details::Findings));
+        return Some(Refusal { why: why.into(), advice: String::new(), details: Details::Findings });
     }
     Some(Refusal { why, advice, details: Details::Proposals })
 }
@@ -273,8 +269,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
         findings.extend(constant_currents(&all[0].current_a, question.stated.machine));
         let proposals = diagnosis::proposals(&trial);
         best = proposals.first().cloned();
-        let listed = || format!("The data fit better if {}.", proposals.join("; or if "));
-        findings.extend(best.iter().map(|_| listed()));
+        findings.extend(best.iter().map(|_| format!("The data fit better if {}.", proposals.join("; or if "))));
     }
     // A search that did not converge has neither estimates nor meaningful residuals.
     let found = found.filter(|found| found.converged);
@@ -299,9 +294,9 @@ pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
-    // A slow force looks like changes of the load.
+    // A slow force looks like changes of the load. In a comparison of descriptions, magnets that push decide.
     let is_needed = match &plain {
-        Ok(plain) => is_worth_it(plain),
+        Ok(plain) => is_worth_it(plain) && (options.corrects_bias || !plain.pushes()),
         Err(failed) => *failed == Failed::Contradicted,
     };
     if options.slow_force || !is_needed {

@@ -445,6 +445,11 @@ impl Identification {
         self.bench.iter().filter(|of| of.is_held).map(|of| of.parameter.name.as_str())
     }
 
+    /// Whether the search converged to magnets that push.
+    pub(super) fn pushes(&self) -> bool {
+        self.converged && self.lambda.iter().any(Estimate::is_negative)
+    }
+
     /// Results of all recordings for all parts of the motion.
     pub(super) fn parts(&self) -> impl Iterator<Item = &PartResults> {
         self.conditions.iter().flat_map(|conditions| &conditions.parts)

@@ -545,8 +545,8 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
         let change = changes::change(&finished)?;
         Some((finished, change))
     };
-    let halves = [false, true].into_iter().filter_map(from);
-    let (finished, change) = halves.max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
+    let halves = in_order(2, &|half| from(half == 1));
+    let (finished, change) = halves.into_iter().flatten().max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
     Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
@@ -561,7 +561,9 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: boo
     for _ in 0..if model.part.given.is_empty() { MAX_ROUNDS } else { 0 } {
         // Tests are meaningful only near a solution.
         let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
-            if !std::mem::take(&mut halves_remain) {
+            // In a comparison of descriptions, magnets that push decide.
+            let pushes = !model.corrects_bias && found.as_ref().is_ok_and(|found| found.search.converged);
+            if !std::mem::take(&mut halves_remain) || pushes {
                 break;
             }
             // Rows left out so far were not inconsistent with any solution.
