@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-use self::Concerns::{All, Axial, Radial, Shaft};
+use self::Concerns::{All, Axial, Each, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
 use super::likelihood::{Change, Estimate, Identification, Knowledge, LAG, Options, Recording};
@@ -66,6 +66,8 @@ enum Concerns {
     Axial,
     /// The two radial bearings of a shaft.
     Shaft,
+    /// Each radial bearing of a shaft.
+    Each,
 }
 
 /// A common mistake: the part it concerns, description, correction, advice to the user.
@@ -115,13 +117,22 @@ fn exchange_bearings(trial: &mut Trial) {
     exchange_currents(trial);
 }
 
-/// Shifts the currents and the errors of restored ones by a row, to earlier or later rows.
+/// Shifts columns by a row, to earlier or later rows.
+fn shift<T>(columns: &mut [Vec<T>], is_later: bool) {
+    columns.iter_mut().for_each(|rows| if is_later { rows.rotate_right(1) } else { rows.rotate_left(1) });
+}
+
+/// Shifts the currents and the errors of restored ones.
 fn shift_currents(trial: &mut Trial, is_later: bool) {
-    fn shift<T>(columns: &mut [Vec<T>], is_later: bool) {
-        columns.iter_mut().for_each(|rows| if is_later { rows.rotate_right(1) } else { rows.rotate_left(1) });
-    }
     shift(&mut trial.recording.current_a, is_later);
     shift(&mut trial.recording.square_error_a2, is_later);
+}
+
+/// Shifts the positions of the bearing and the errors of restored ones.
+fn shift_positions(trial: &mut Trial, is_later: bool) {
+    let own = 2 * trial.bearing..2 * trial.bearing + 2;
+    shift(&mut trial.recording.position_m[own.clone()], is_later);
+    trial.recording.position_error_m.get_mut(own).into_iter().for_each(|of| shift(of, is_later));
 }
 
 const SWAP: &str = "exchange Ym and Zm (--column)";
@@ -161,6 +172,8 @@ const ALTERNATIVES: &[Alternative] = &[
     (Shaft, "z of the radial bearings is exchanged", |t| exchange_positions(t, &[1]), COLUMNS),
     (Shaft, "the currents of the radial bearings are exchanged", exchange_currents, COLUMNS),
     (Shaft, "the radial bearings are exchanged", exchange_bearings, COLUMNS),
+    (Each, "the positions come a sample late", |t| shift_positions(t, false), "shift its positions by one row"),
+    (Each, "the positions come a sample early", |t| shift_positions(t, true), "shift its positions by one row"),
     (All, "the currents are those before the sample (measured)", |t| t.recording.hold = HeldBefore, BEFORE),
     (All, "the currents are commands, held after the sample", |t| t.recording.hold = HeldAfter, AFTER),
     (All, "the currents are continuous", |t| t.recording.hold = Linear, "--hold linear"),
@@ -303,7 +316,13 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
 pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut trial = stretch(trial, 1);
     trial.options.excludes_rows = false;
-    let stated = fit(&trial).map_or(f64::NEG_INFINITY, |(found, _)| found.log_likelihood);
+    let as_stated = identified(&trial);
+    // The axial bearing and the radial ones are separate: an alternative for one leaves magnets of the other that push.
+    let pushes = |is_radial: bool| {
+        let own = trial.machine.magnets_of_bearings().into_iter().filter(|(of, _)| of.is_radial == is_radial);
+        let found = as_stated.as_ref().filter(|found| found.converged);
+        found.is_some_and(|found| own.flat_map(|(_, own)| own).any(|k| found.lambda[k].is_negative()))
+    };
     let bearings = trial.machine.bearings;
     let is_shaft = bearings.iter().filter(|of| of.is_radial).count() == 2;
     let each = |alternative: &'static Alternative| {
@@ -312,13 +331,18 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
             Radial(magnets) => of.is_radial && of.magnets >= magnets,
             Axial => !of.is_radial && is_shaft,
             Shaft => *at == 0 && is_shaft,
+            Each => of.is_radial && is_shaft,
         });
         concerned.map(|(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
     };
     let alternatives: Vec<_> = ALTERNATIVES.iter().flat_map(each).collect();
+    let stated = as_stated.as_ref().map_or(f64::NEG_INFINITY, |found| found.log_likelihood);
     let least = stated + needed_gain(alternatives.len(), trial.recording.usable.len());
     let words = |index: usize| {
         let ((concerns, name, apply, proposal), at, bearing) = &alternatives[index];
+        if !matches!(concerns, All) && pushes(matches!(concerns, Axial)) {
+            return None;
+        }
         let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
         let (found, sound) = fit(&other)?;
@@ -330,7 +354,7 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         if !sound || found.log_likelihood <= least || is_stated {
             return None;
         }
-        let is_local = matches!(concerns, Radial(_) | Axial) && is_shaft;
+        let is_local = matches!(concerns, Radial(_) | Axial | Each) && is_shaft;
         let of = if is_local { format!(" at {bearing}") } else { String::new() };
         let mut words = format!("{name}{of}: {proposal}");
         for (name, off) in off.into_iter().filter(|(_, off)| off.abs() > 0.1 * SAME) {
