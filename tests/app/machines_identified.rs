@@ -404,5 +404,6 @@ fn the_deviation_of_the_dynamics_is_honest() {
         below("κ ±", std, 0.003);
         square += ((1.0 + value - kappa) / std).powi(2) / 12.0;
     }
+    println!("error/± {}", square.sqrt());
     between("error/±", square.sqrt(), 0.7, 1.3);
 }

@@ -120,6 +120,10 @@ pub struct Abuse<S> {
     pub calls: u64,
     /// Calls that returned fmi2OK.
     pub served: u64,
+    /// Calls that returned fmi2Error.
+    pub refused: u64,
+    /// Instances made and instances refused.
+    pub instantiations: [u64; 2],
     /// Completed steps.
     pub steps: u64,
 }
@@ -141,7 +145,18 @@ impl<S: Source> Abuse<S> {
         let models: Vec<&str> = FMUS.models().iter().map(|model| model.info.name).collect();
         let instances: Vec<_> =
             (0..2 * models.len()).map(|at| (at % models.len(), Fmu::new(models[at % models.len()]))).collect();
-        Self { source, models, instances, snapshots: Vec::new(), written: Vec::new(), calls: 0, served: 0, steps: 0 }
+        Self {
+            source,
+            instantiations: [instances.len() as u64, 0],
+            models,
+            instances,
+            snapshots: Vec::new(),
+            written: Vec::new(),
+            calls: 0,
+            served: 0,
+            refused: 0,
+            steps: 0,
+        }
     }
 
     fn below(&mut self, limit: usize) -> Option<usize> {
@@ -184,6 +199,7 @@ impl<S: Source> Abuse<S> {
             other => panic!("{other:?} is no answer of these FMUs: {messages:?}"),
         }
         self.served += u64::from(status == fmi2Status::fmi2OK);
+        self.refused += u64::from(status == fmi2Status::fmi2Error);
         status == fmi2Status::fmi2OK
     }
 
@@ -505,6 +521,7 @@ impl<S: Source> Abuse<S> {
             _ => {}
         }
         let made = request.instantiate(self.models[model]);
+        self.instantiations[usize::from(made.is_err())] += 1;
         self.calls += 1;
         if let Ok(fmu) = made {
             // The assignment frees the former instance.
@@ -532,6 +549,7 @@ impl<S: Source> Abuse<S> {
             }
         };
         self.calls += 1;
+        self.refused += 1;
         assert_eq!(status, fmi2Status::fmi2Error);
         Some(())
     }

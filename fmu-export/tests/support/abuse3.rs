@@ -27,6 +27,10 @@ pub struct Abuse3<S> {
     pub calls: u64,
     /// Calls that returned fmi3OK.
     pub served: u64,
+    /// Calls that returned fmi3Error.
+    pub refused: u64,
+    /// Instances made and instances refused.
+    pub instantiations: [u64; 2],
     /// Completed steps.
     pub steps: u64,
 }
@@ -54,6 +58,7 @@ impl<S: Source> Abuse3<S> {
         let instances: Vec<_> = (0..2 * models.len()).map(instance).collect();
         Self {
             source,
+            instantiations: [instances.len() as u64, 0],
             times: vec![0.0; instances.len()],
             models,
             instances,
@@ -61,6 +66,7 @@ impl<S: Source> Abuse3<S> {
             written: Vec::new(),
             calls: 0,
             served: 0,
+            refused: 0,
             steps: 0,
         }
     }
@@ -98,6 +104,7 @@ impl<S: Source> Abuse3<S> {
             other => panic!("{other:?} is no answer of these FMUs: {messages:?}"),
         }
         self.served += u64::from(status == fmi3Status::fmi3OK);
+        self.refused += u64::from(status == fmi3Status::fmi3Error);
         status == fmi3Status::fmi3OK
     }
 
@@ -415,6 +422,7 @@ impl<S: Source> Abuse3<S> {
             _ => {}
         }
         let made = request.instantiate(name, arrays);
+        self.instantiations[usize::from(made.is_err())] += 1;
         self.calls += 1;
         if let Ok(fmu) = made {
             // The assignment frees the former instance.
@@ -450,6 +458,7 @@ impl<S: Source> Abuse3<S> {
             }
         };
         self.calls += 1;
+        self.refused += 1;
         assert_eq!(status, fmi3Status::fmi3Error);
         Some(())
     }
