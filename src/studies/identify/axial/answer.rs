@@ -75,7 +75,9 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     if !answer.valid {
         let constant = constant_currents(&recording.current_a, recording.machine);
         let proposals = if constant.is_empty() { proposals(axis, recording, &answer) } else { Vec::new() };
-        proposals.iter().take(1).for_each(|first| answer.verdict = format!("Not valid: {first}."));
+        if let Some(first) = proposals.first() {
+            answer.verdict = format!("Not valid: {first}.");
+        }
         answer.findings.splice(..0, constant.into_iter().chain(proposals.iter().map(|of| sentence(of))));
     }
     Ok(answer)
