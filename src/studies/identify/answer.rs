@@ -293,11 +293,13 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
 pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -> Result<Identification, Failed> {
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
+    let used: usize = recordings.iter().map(|recording| recording.used().count()).sum();
     let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
     // A slow force looks like changes of the load. In a comparison of descriptions, magnets that push decide.
     let is_needed = match &plain {
         Ok(plain) => is_worth_it(plain) && (options.corrects_bias || !plain.pushes()),
-        Err(failed) => *failed == Failed::Contradicted,
+        Err(Failed::Contradicted { gain }) => *gain > 0.5 * libm::log(2.0 * used as f64),
+        Err(_) => false,
     };
     if options.slow_force || !is_needed {
         return plain;

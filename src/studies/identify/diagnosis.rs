@@ -292,8 +292,10 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
     if !rows.is_empty() {
         for trial in &mut trials {
             rows.iter().for_each(|rows| trial.recording.usable[rows.clone()].fill(false));
+            // A contradiction decides: further rows need not be left out.
+            trial.options.excludes_rows = false;
         }
-        found = all(&trials);
+        found = all(&trials).into_iter().map(|of| of.filter(|of| of.converged)).collect();
     }
     // Magnets only pull, and currents do not lead commands: a negative lag counts as none. Single outliers made one of −20 µs more likely than
     // none by 20 to 40.

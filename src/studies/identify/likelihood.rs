@@ -219,7 +219,10 @@ pub enum Failed {
     },
     /// Some rows are inconsistent with the others, and none may be left out.
     #[error("some rows are inconsistent with the others")]
-    Contradicted,
+    Contradicted {
+        /// Gain in log-likelihood by a slow force with everything else unchanged.
+        gain: f64,
+    },
     /// The search diverged.
     #[error("the search does not converge: {0}")]
     Diverged(String),

@@ -579,7 +579,7 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: boo
         let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
         let change = changes::change(finished).filter(|_| !brief);
         if !exclude && (change.is_some() || !disturbed.is_empty()) {
-            return Err(Failed::Contradicted);
+            return Err(Failed::Contradicted { gain: finished.search.gain_by_slow_force() });
         }
         if let Some(change) = change {
             // A wandering force looks like changes of the load or of λ.
