@@ -220,7 +220,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let white = error / sqrt(position_variance);
         let clipped = white.map(|e| e.clamp(-WHITENESS_LIMIT, WHITENESS_LIMIT));
         self.averaged += 1.0;
-        let memory = MEAN_REVOLUTIONS * per_revolution;
+        // At least one sample: at an impossible speed the mean would diverge.
+        let memory = (MEAN_REVOLUTIONS * per_revolution).max(1.0);
         let weight = 1.0 / self.averaged.min(memory);
         self.product += weight * (clipped.dot(&self.last) - self.product);
         self.square += weight * (clipped.norm_squared() - self.square);
