@@ -12,7 +12,7 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variable};
 
-pub use self::read::{knows, leaves, names, number_and_unit, suggestion, text};
+pub use self::read::{ALIKE, knows, leaves, likeness, names, number_and_unit, suggestion, text};
 use self::read::{permitted, unknown};
 use crate::estimation::Method;
 use crate::machine::{self, Machine};

@@ -511,10 +511,17 @@ pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
     format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
 }
 
+/// Likeness above which a name is probably meant by another one.
+pub const ALIKE: f64 = 0.8;
+
+/// Likeness of two names in any case (Jaro and Winkler), from 0 to 1.
+pub fn likeness(one: &str, other: &str) -> f64 {
+    strsim::jaro_winkler(&one.to_lowercase(), &other.to_lowercase())
+}
+
 /// The known name nearest to an unknown one, and their likeness.
 fn nearest<'k>(key: &str, known: &'k [String]) -> Option<(f64, &'k String)> {
-    let likeness = |name: &String| strsim::jaro_winkler(&name.to_lowercase(), &key.to_lowercase());
-    let alike = known.iter().map(|name| (likeness(name), name)).filter(|(likeness, _)| *likeness > 0.0);
+    let alike = known.iter().map(|name| (likeness(name, key), name)).filter(|(likeness, _)| *likeness > 0.0);
     alike.max_by(|one, other| one.0.total_cmp(&other.0))
 }
 
@@ -523,7 +530,7 @@ fn likely(key: &str, known: &[String]) -> Option<String> {
     if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name == array)) {
         return Some(format!("{array} has no such element"));
     }
-    nearest(key, known).filter(|(likeness, _)| *likeness > 0.8).map(|(_, name)| format!("did you mean {name}?"))
+    nearest(key, known).filter(|(likeness, _)| *likeness > ALIKE).map(|(_, name)| format!("did you mean {name}?"))
 }
 
 /// Suggests a known name for an unknown one.

@@ -294,11 +294,12 @@ pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let used: usize = recordings.iter().map(|recording| recording.used().count()).sum();
-    let is_worth_it = |of: &Identification| of.gain_by_slow_force > 0.5 * libm::log(2.0 * rows(of) as f64);
+    let is_worth_it = |gain: f64, rows: usize| gain > 0.5 * libm::log(2.0 * rows as f64);
+    let gains = |of: &Identification| is_worth_it(of.gain_by_slow_force, rows(of));
     // A slow force looks like changes of the load. In a comparison of descriptions, magnets that push decide.
     let is_needed = match &plain {
-        Ok(plain) => is_worth_it(plain) && (options.corrects_bias || !plain.pushes()),
-        Err(Failed::Contradicted { gain }) => *gain > 0.5 * libm::log(2.0 * used as f64),
+        Ok(plain) => gains(plain) && (options.corrects_bias || !plain.pushes()),
+        Err(Failed::Contradicted { gain }) => is_worth_it(*gain, used),
         Err(_) => false,
     };
     if options.slow_force || !is_needed {
@@ -308,7 +309,7 @@ pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -
     let most = SLOW_FORCE * options.parts[0].body.m_kg() * GRAVITY_M_S2;
     let is_slow = |of: &Identification| of.parts().all(|part| part.slow_force_n < most);
     match likelihood::identify(recordings, &slow) {
-        Ok(found) if found.converged && is_slow(&found) && is_worth_it(&found) => {
+        Ok(found) if found.converged && is_slow(&found) && gains(&found) => {
             *options = slow;
             // Each gain is computed with all else fixed: the smaller one is certain.
             let plain = plain.map_or(f64::INFINITY, |plain| plain.gain_by_slow_force);

@@ -4,14 +4,12 @@ use std::ops::Range;
 
 use super::{Reading, text};
 use crate::machine::{self, MACHINES, Machine};
+use crate::simulation::scenario::{ALIKE, likeness};
 use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SPEED, TIME};
 
 /// The time is the first signal of every machine.
 pub(in crate::studies::identify) const TIME_AT: usize = 0;
 const TIME_NAME: &str = "time";
-
-/// Likeness of names above which a column is proposed for a signal.
-const ALIKE: f64 = 0.8;
 
 /// Number of lines in which the header is searched for.
 const BEFORE_HEADER: usize = 200;
@@ -77,11 +75,10 @@ impl Signal {
         })
     }
 
-    /// How much the name of a column is like one of its names (Jaro and Winkler).
+    /// Likeness of the name of a column to one of its names, apart from punctuation.
     fn likeness(&self, column: &Column) -> f64 {
-        let plain =
-            |name: &str| name.trim_start_matches("plant.").to_lowercase().replace(['.', '_', ' ', '[', ']'], "");
-        let names = self.names.iter().map(|name| strsim::jaro_winkler(&plain(name), &plain(&column.name)));
+        let plain = |name: &str| name.trim_start_matches("plant.").replace(['.', '_', ' ', '[', ']'], "");
+        let names = self.names.iter().map(|name| likeness(&plain(name), &plain(&column.name)));
         names.fold(0.0, f64::max)
     }
 
@@ -287,7 +284,9 @@ pub(super) fn places(
     for (finding, signal) in &absent {
         let free = (0..columns.len()).filter(is_free).map(|at| (signal.likeness(&columns[at]), &columns[at].name));
         let nearest = free.filter(|(likeness, _)| *likeness > ALIKE).max_by(|a, b| a.0.total_cmp(&b.0));
-        nearest.into_iter().for_each(|(_, name)| findings[*finding] += &format!("; the nearest name is {name}"));
+        if let Some((_, name)) = nearest {
+            findings[*finding] += &format!("; the nearest name is {name}");
+        }
     }
     if !absent.is_empty() {
         findings.push(format!("the header has the columns {}", joined(columns.iter().map(|column| &column.name))));
