@@ -42,6 +42,9 @@ pub(crate) fn are_finite(numbers: &[&[f64]]) -> bool {
     numbers.iter().all(|numbers| numbers.iter().all(|number| number.is_finite()))
 }
 
+/// A name or an expectation in a finding.
+type Text = Cow<'static, str>;
+
 /// Collects all findings, so that the user sees them at once: [`Checks::all`].
 #[derive(Debug, Default)]
 pub struct Checks {
@@ -50,26 +53,14 @@ pub struct Checks {
 
 impl Checks {
     /// Adds a finding unless `holds`.
-    pub fn require(
-        &mut self,
-        holds: bool,
-        name: impl Into<Cow<'static, str>>,
-        value: impl fmt::Display,
-        wanted: impl Into<Cow<'static, str>>,
-    ) {
+    pub fn require(&mut self, holds: bool, name: impl Into<Text>, value: impl fmt::Display, wanted: impl Into<Text>) {
         if !holds {
             self.found.push(Invalid { name: name.into(), value: value.to_string(), wanted: wanted.into() });
         }
     }
 
     /// The same for a number with its unit.
-    pub fn number(
-        &mut self,
-        holds: bool,
-        name: impl Into<Cow<'static, str>>,
-        (value, unit): (f64, &str),
-        wanted: impl Into<Cow<'static, str>>,
-    ) {
+    pub fn number(&mut self, holds: bool, name: impl Into<Text>, (value, unit): (f64, &str), wanted: impl Into<Text>) {
         self.require(holds, name, format_args!("{value} {unit}"), wanted);
     }
 

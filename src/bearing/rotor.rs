@@ -245,12 +245,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     /// The forces of the magnets, in N, for the generalised force Q, in N or N·m, and for each group the smallest force in N, or the bias
     /// current in A if `per_square`, `λ_k/gap_k²` in N/A², is given.
     #[inline(always)]
-    pub fn allocate<const G: usize>(
-        &self,
-        force: [f64; N],
-        level: [f64; G],
-        per_square: Option<&[f64; K]>,
-    ) -> [f64; K] {
+    pub fn allocate(&self, force: [f64; N], level: &[f64], per_square: Option<&[f64; K]>) -> [f64; K] {
         let mut forces_n = [0.0; K];
         for (b, at_n) in self.shared(force).into_iter().enumerate() {
             let (magnets, level) = (Self::MACHINE.magnets_of(b), &level[Self::MACHINE.groups_of(b)]);

@@ -21,7 +21,7 @@ use crate::machine::{AXIAL, MACHINES, Machine};
 use crate::output::{self, Format};
 use crate::report::frame;
 use crate::report::identification::{self, Results};
-use crate::simulation::scenario::{Element, Scenario};
+use crate::simulation::scenario::{Element, Pair, Scenario};
 use crate::simulation::simulate;
 use crate::studies::identify::likelihood::Knowledge;
 use crate::studies::identify::{self, Answer, Check, Currents, Holds, Question, Reading, Rotation, Samples, Stated};
@@ -34,7 +34,7 @@ const LIKELIHOOD: &str = "likelihood";
 /// The on-line method of every machine.
 const PREDICTION_ERROR: &str = "predictionError";
 /// Names with their values.
-type Pairs = Vec<(String, String)>;
+type Pairs = Vec<Pair>;
 /// Value of `--hold` that lets the data decide.
 const AUTO: &str = "auto";
 /// Name of the slow force among the parameters to estimate.
@@ -52,11 +52,11 @@ pub struct Arguments {
     currents: Option<PathBuf>,
     /// Assigns a column: signal as in the interface = name in the header. Also as a table [columns] in the scenario.
     #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
-    column: Vec<(String, String)>,
+    column: Pairs,
     /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
     /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
     #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
-    unit: Vec<(String, String)>,
+    unit: Pairs,
     /// Sample rate, as in 10kHz, for recordings without times; if there are times, they must agree.
     #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
     rate: Option<f64>,
@@ -73,7 +73,7 @@ pub struct Arguments {
     machine: Option<String>,
     /// Machine axial: position at which the answer is linearised, as in Xm=10mm; the mean of the recording by default.
     #[arg(long, value_name = "Xm=VALUE", value_parser = pair)]
-    at: Option<(String, String)>,
+    at: Option<Pair>,
     /// Another recording of the same bench, judged with the estimate: whether its own agrees, and prediction errors of both, one sample and
     /// 20 ms ahead.
     #[arg(long, value_name = "FILE")]
@@ -90,7 +90,7 @@ pub struct Arguments {
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg; or states a load that is known, as in
     /// pY=-65.7N.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
-    changes: Vec<(String, String)>,
+    changes: Pairs,
     /// likelihood (maximum likelihood over the whole recording; the default), or an on-line method to compare with: predictionError, of the machine planar
     /// paperLiteral and paper as well, or all.
     #[arg(long, value_name = "METHOD")]
@@ -99,7 +99,7 @@ pub struct Arguments {
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
     /// the scenario). The parameter is then estimated as well.
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
-    tolerances: Vec<(String, String)>,
+    tolerances: Pairs,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
     /// likelihood says (--set force.slow=0: never); or dynamics, the factor between statics and dynamics, with a load that is known (--set pY=…); or
     /// lag, the time constant with which the currents follow their commands; or noise.exponent, the power of the gap with which the noise of the positions grows.

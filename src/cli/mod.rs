@@ -20,7 +20,7 @@ use crate::package;
 use crate::report::frame;
 use crate::report::{campbell, experiment};
 use crate::simulation::recording::Recording;
-use crate::simulation::scenario::{self, Scenario, ScenarioError};
+use crate::simulation::scenario::{self, Pair, Scenario, ScenarioError};
 use crate::simulation::simulate;
 use crate::simulation::summary;
 use crate::studies::design;
@@ -77,7 +77,7 @@ enum Command {
         /// A binary for a platform: linux64, win64, darwin64, aarch64-linux or aarch64-darwin (can be repeated). One for this
         /// platform replaces the library that was built together with this program.
         #[arg(long = "binary", value_name = "PLATFORM=FILE", value_parser = binary)]
-        binaries: Vec<(&'static Platform, PathBuf)>,
+        binaries: Vec<Binary>,
         /// Makes the elements `x[1]`, `x[2]`, … one array `x` in the FMUs for FMI 3.0; fewer tools read arrays.
         #[arg(long)]
         arrays: bool,
@@ -130,7 +130,7 @@ enum Command {
         scenario: PathBuf,
         /// Changes a value of the scenario (can be repeated), as for `simulate`.
         #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
-        changes: Vec<(String, String)>,
+        changes: Vec<Pair>,
     },
     /// Natural frequencies and unbalance response of a spindle over the speed (Campbell diagram), on bearings that are springs and
     /// dampers.
@@ -203,7 +203,7 @@ struct Simulation {
     /// Changes a value of the scenario (can be repeated): `m=7` for every element that has the variable, `plant.m=7` for
     /// one, `reference.rY=30 µm`, `lambda=[1e-6, 2e-6, 3e-6]`, `duration=1 s`, `step=50 µs`.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
-    changes: Vec<(String, String)>,
+    changes: Vec<Pair>,
     /// Writes all outputs at every communication point as CSV, with names and units in the header; - is the standard
     /// output, and messages then go to the standard error.
     #[arg(long, value_name = "FILE")]
@@ -368,18 +368,16 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
     move |error| format!("{}: {error}", path.display()).into()
 }
 
+/// A library of the FMUs for a platform.
+type Binary = (&'static Platform, PathBuf);
+
 /// Reads the argument `PLATFORM=FILE`.
-fn binary(argument: &str) -> std::result::Result<(&'static Platform, PathBuf), String> {
+fn binary(argument: &str) -> std::result::Result<Binary, String> {
     let (name, path) = argument.split_once('=').ok_or("expected PLATFORM=FILE, as in win64=magnetic_bearing.dll")?;
     Ok((platforms::by_name(name)?, path.into()))
 }
 
-fn package(
-    binaries: &[(&'static Platform, PathBuf)],
-    machines: &[impl AsRef<str>],
-    arrays: bool,
-    folder: &Path,
-) -> Result<()> {
+fn package(binaries: &[Binary], machines: &[impl AsRef<str>], arrays: bool, folder: &Path) -> Result<()> {
     let machines = package::machines(machines).map_err(refused)?;
     for written in package::package(&package::binaries(binaries)?, &machines, arrays, folder)? {
         let platforms = written.platforms.join(", ");
@@ -533,7 +531,7 @@ fn write_table(path: &Path, recording: &Recording) -> Result<()> {
 }
 
 /// `name=value`.
-fn pair(text: &str) -> std::result::Result<(String, String), String> {
+fn pair(text: &str) -> std::result::Result<Pair, String> {
     let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
     Ok((name.trim().into(), value.trim().into()))
 }

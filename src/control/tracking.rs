@@ -336,14 +336,14 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let predicted_m = geometry.gaps(coordinates);
         let gap_m = self.limited(predicted_m);
         state.asked_n = match (self.config.law.allocation, self.config.used.only()) {
-            (Allocation::SmallestForce, None) => self.rotor.allocate(force_n, level, None),
+            (Allocation::SmallestForce, None) => self.rotor.allocate(force_n, &level, None),
             (Allocation::SmallestForce, Some(only)) => {
                 let towards_n = force_n[0] * geometry.directions[only][0];
                 array::from_fn(|k| if k == only { towards_n.max(level[0]) } else { 0.0 })
             }
             (Allocation::BiasCurrent, _) => {
                 let per_square = array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
-                self.rotor.allocate(force_n, level, Some(&per_square))
+                self.rotor.allocate(force_n, &level, Some(&per_square))
             }
         };
         let current_a = magnet::currents(state.asked_n, gap_m, lambda);

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::PlantState;
 use super::config::{Harmonic, PlantConfigOf};
 use super::equations::{Equations, Motion, PlantInput};
 use crate::bearing::array;
@@ -92,18 +93,12 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
 
     /// The fastest rate of motion and contact, in 1/s, for magnet forces in N and gaps in m.
     #[inline]
-    pub(super) fn rate(
-        &self,
-        motion: &Motion<f64, N, K>,
-        contact: [bool; B],
-        force_n: [f64; K],
-        gap_m: [f64; K],
-    ) -> f64 {
+    pub(super) fn rate(&self, state: &PlantState<N, K, B>, force_n: [f64; K], gap_m: [f64; K]) -> f64 {
         let Shaft { m_kg, transverse_kgm2, .. } = self.rotor.shaft;
         // The trace of M⁻¹ K, an upper bound of its largest eigenvalue.
         let mut field: f64 = 0.0;
         let mut rate: f64 = 0.0;
-        for (b, touched) in contact.into_iter().enumerate() {
+        for (b, touched) in state.contact.into_iter().enumerate() {
             // Acceleration of the shaft at ξ per force at ξ: 1/m at the centre of gravity, more elsewhere.
             let at_m = self.rotor.bearings[b].position_m;
             let mobility = match Self::MACHINE.tilts() && Self::MACHINE.bearings[b].is_radial {
@@ -115,10 +110,10 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
                 field += 2.0 * force_n[k] / gap_m[k] * mobility;
                 least_m = least_m.min(gap_m[k]);
             }
-            let moving = self.at_magnets(b, motion.velocity_m_s);
+            let moving = self.at_magnets(b, state.motion.velocity_m_s);
             rate = rate.max((moving[0] * moving[0] + moving[1] * moving[1]).sqrt() / least_m);
             if touched {
-                let push_n = self.touchdown[b].push_n(self.at_magnets(b, motion.position_m), moving);
+                let push_n = self.touchdown[b].push_n(self.at_magnets(b, state.motion.position_m), moving);
                 rate = rate.max(self.touchdown[b].rate(1.0 / mobility, push_n));
             }
         }

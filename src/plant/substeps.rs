@@ -154,7 +154,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let gap_m = self.equations.geometry().gaps(state.motion.position_m);
         let (force_n, coils) = self.equations.forces(state.open, state.motion.linkage_wb, input, gap_m);
         let of_coils = coils.iter().flatten().map(|coil| self.config().coil.resistance_ohm * coil.current_by_linkage);
-        let rate = self.config().rate(&state.motion, state.contact, force_n, gap_m);
+        let rate = self.config().rate(state, force_n, gap_m);
         (SAFETY / of_coils.fold(rate, f64::max)).max(SHORTEST_STEP_S)
     }
 

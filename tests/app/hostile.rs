@@ -66,7 +66,7 @@ fn judged(scenario: &Scenario, change: impl Fn(&str, &mut [f64])) -> Trial {
     for column in &mut recording.columns {
         change(&column.name, &mut column.values);
     }
-    hostile::judge(scenario, &recording, FIRST_SEED, false).expect("all signals are there")
+    hostile::judge(scenario, &recording, false).expect("all signals are there")
 }
 
 #[test]

@@ -426,7 +426,7 @@ fn no_magnet_pulls_with_less_than_the_smallest_force_of_its_group() {
         for _ in 0..1000 {
             let force: [f64; N] = std::array::from_fn(|n| random.between(-1.0, 1.0) * if n < 3 { 100.0 } else { 10.0 });
             let smallest_n: [f64; G] = std::array::from_fn(|_| random.between(0.0, 30.0));
-            let forces = rotor.allocate(force, smallest_n, None);
+            let forces = rotor.allocate(force, &smallest_n, None);
             let mut group = 0;
             for (bearing, magnets) in machine.magnets_of_bearings() {
                 for first in 0..bearing.groups() {

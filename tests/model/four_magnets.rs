@@ -20,7 +20,7 @@ fn currents_about_a_bias_give_the_force_at_any_place() {
         let wanted: [f64; 2] = std::array::from_fn(|_| random.between(-200.0, 200.0));
         let bias_a: [f64; 2] = std::array::from_fn(|_| random.between(0.5, 3.0));
         let per_square: [f64; 4] = std::array::from_fn(|k| lambda[k] / (gap_m[k] * gap_m[k]));
-        let current_a = currents(rotor.allocate(wanted, bias_a, Some(&per_square)), gap_m, lambda);
+        let current_a = currents(rotor.allocate(wanted, &bias_a, Some(&per_square)), gap_m, lambda);
         for (wanted, found) in wanted.into_iter().zip(geometry.resultant(forces(lambda, current_a, gap_m))) {
             below("resultant, N", (wanted - found).abs(), ROUNDING_N);
         }

@@ -51,6 +51,9 @@ pub fn built_in_names() -> String {
     BUILT_IN.map(|(name, _)| name).join(", ")
 }
 
+/// A name and a value, as in `name=value`.
+pub type Pair = (String, String);
+
 /// Findings about a scenario, or about a design of many, each on its own line.
 #[derive(Debug, thiserror::Error)]
 #[error("{origin}:\n  {}", .findings.join("\n  "))]
@@ -158,9 +161,9 @@ pub struct Scenario {
     /// Time in s at which correction masses for the estimated unbalance are fitted, if at all.
     pub balance_s: Option<f64>,
     /// Uncertainties of a test bench, for `identify`: names and values as for `--tolerance`.
-    pub tolerance: Vec<(String, String)>,
+    pub tolerance: Vec<Pair>,
     /// Columns of recordings, for `identify`: signals and names in the header, as for `--column`.
-    pub columns: Vec<(String, String)>,
+    pub columns: Vec<Pair>,
     /// The bench for `identify`, machine `axial` only.
     pub identify: toml::Table,
     /// Changes applied on opening, each as `name=value`.
@@ -239,7 +242,7 @@ impl Scenario {
     ///
     /// # Errors
     /// As for [`Self::open`].
-    pub fn open_with(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+    pub fn open_with(name: &Path, changes: &[Pair]) -> Result<Self, ScenarioError> {
         Self::open_requiring(name, &read::REQUIRED, changes)
     }
 
@@ -247,11 +250,11 @@ impl Scenario {
     ///
     /// # Errors
     /// As for [`Self::open`].
-    pub fn open_parameters(name: &Path, changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+    pub fn open_parameters(name: &Path, changes: &[Pair]) -> Result<Self, ScenarioError> {
         Self::open_requiring(name, &[], changes)
     }
 
-    fn open_requiring(name: &Path, required: &[&str], changes: &[(String, String)]) -> Result<Self, ScenarioError> {
+    fn open_requiring(name: &Path, required: &[&str], changes: &[Pair]) -> Result<Self, ScenarioError> {
         let origin = name.display().to_string();
         let text = text_of(name).map_err(|error| {
             let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
@@ -398,13 +401,7 @@ impl Scenario {
     ///
     /// # Panics
     /// If a path is not that of a settable variable.
-    pub fn follow<V: Into<Value>>(
-        &mut self,
-        paths: &[&str],
-        time_s: &[f64],
-        values: impl IntoIterator<Item = V>,
-        hold: bool,
-    ) {
+    pub fn follow(&mut self, paths: &[&str], time_s: &[f64], values: impl IntoIterator<Item: Into<Value>>, hold: bool) {
         let targets = paths.iter().map(|path| self.settable(path).expect("a variable of the loop")).collect();
         let values = values.into_iter().map(Into::into).collect();
         self.profiles.push(Profile { targets, time_s: time_s.to_vec(), values, hold });

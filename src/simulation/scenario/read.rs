@@ -6,7 +6,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Element, Profile, Scenario, ScenarioError, foreign, settable, source};
+use super::{Element, Pair, Profile, Scenario, ScenarioError, foreign, settable, source};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -26,12 +26,7 @@ pub const ELEMENTS: [&str; 3] = ["plant", "controller", "estimator"];
 ///
 /// # Errors
 /// All findings.
-pub fn scenario(
-    origin: &str,
-    text: &str,
-    required: &[&str],
-    changes: &[(String, String)],
-) -> Result<Scenario, ScenarioError> {
+pub fn scenario(origin: &str, text: &str, required: &[&str], changes: &[Pair]) -> Result<Scenario, ScenarioError> {
     let refuse = |findings: Vec<String>| ScenarioError { origin: origin.into(), findings };
     let mut findings = Vec::new();
     let mut table: toml::Table = toml::from_str(text).map_err(|error| {
@@ -474,7 +469,7 @@ pub fn text(value: &toml::Value) -> String {
 }
 
 /// Names and values of a table as texts.
-pub fn texts(table: &toml::Table) -> Vec<(String, String)> {
+pub fn texts(table: &toml::Table) -> Vec<Pair> {
     flatten(table).into_iter().map(|(name, value)| (name, text(value))).collect()
 }
 

@@ -14,7 +14,9 @@ pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::words::{constant_currents, dynamics_remark};
 use super::agreement::{Check, Own, disagreement, sentence};
 use super::diagnosis::{self, Trial};
-use super::likelihood::{self, DELAY, Estimate, Failed, Hold, Identification, Knowledge, Options, Recording};
+use super::likelihood::{
+    self, DELAY, Estimate, Failed, Hold, Identification, Identified, Knowledge, Options, Recording,
+};
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::significant;
@@ -109,8 +111,8 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     let other = |hold: Hold| -> Vec<Recording> {
         all.iter().zip(recordings).map(|(of, samples)| read_as(of, samples, &stated, hold)).collect()
     };
-    let equally_likely: Vec<Vec<Recording>> = question.equally_likely.iter().map(|hold| other(*hold)).collect();
-    let judged = identify_and_judge(&all, equally_likely.iter().map(|other| (other, true)), question);
+    let equally_likely: Vec<_> = question.equally_likely.iter().map(|hold| (other(*hold), true)).collect();
+    let judged = identify_and_judge(&all, &equally_likely, question);
     let mut answer = worded(with_delay(other, &all, &judged).unwrap_or(judged), &all);
     for (samples, recording) in recordings.iter().zip(&all) {
         if let Some(off) = speed_error(samples, recording) {
@@ -174,8 +176,8 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     if before.refusal.is_some() && (now.pushes() || uncertain(&now, all, &question.stated).is_some()) {
         return None;
     }
-    let next = next.map(|of| other(of.hold));
-    let mut delayed = identify_and_judge(all, next.iter().map(|next| (next, false)), question);
+    let next: Vec<_> = next.map(|of| (other(of.hold), false)).into_iter().collect();
+    let mut delayed = identify_and_judge(all, &next, question);
     if delayed.refusal.is_some() && before.refusal.is_some() {
         return None;
     }
@@ -192,11 +194,7 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
 }
 
 /// Identifies and judges. The difference of λ with each of the `alternatives` widens its standard deviation; the flag allows late positions.
-fn identify_and_judge<'a>(
-    all: &[Recording],
-    alternatives: impl Iterator<Item = (&'a Vec<Recording>, bool)>,
-    question: Question,
-) -> Judged {
+fn identify_and_judge(all: &[Recording], alternatives: &[(Vec<Recording>, bool)], question: Question) -> Judged {
     let slow_force = question.slow_force.unwrap_or(false);
     let mut options =
         Options { parts: question.stated.parts.clone(), slow_force, excludes_rows: true, corrects_bias: true };
@@ -207,7 +205,7 @@ fn identify_and_judge<'a>(
     let mut notes = Vec::new();
     if let Some(found) = identified.as_mut().ok().filter(|found| found.converged) {
         for (other, may_be_late) in alternatives {
-            let own = if may_be_late { options.clone().late() } else { options.clone() };
+            let own = if *may_be_late { options.clone().late() } else { options.clone() };
             match likelihood::identify(other, &own) {
                 Ok(other) if other.converged => found.widen(&other),
                 _ => notes.push(NOT_COMPARED.into()),
@@ -219,12 +217,7 @@ fn identify_and_judge<'a>(
 }
 
 /// Why the estimates are not valid, if they are not.
-fn refusal(
-    identified: &Result<Identification, Failed>,
-    all: &[Recording],
-    options: &Options,
-    question: &Question,
-) -> Option<Refusal> {
+fn refusal(identified: &Identified, all: &[Recording], options: &Options, question: &Question) -> Option<Refusal> {
     let stated = &question.stated;
     let found = identified.as_ref();
     if let Some(why) = found.ok().and_then(|_| differ(all, options, &stated.machine.symbols("λ"))) {
@@ -290,7 +283,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
 }
 
 /// Identifies, and again with a slow force if the likelihood calls for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
-pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -> Result<Identification, Failed> {
+pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -> Identified {
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let used: usize = recordings.iter().map(|recording| recording.used().count()).sum();
@@ -331,7 +324,7 @@ impl Answer {
         }
         let stated = &self.question.stated;
         let mut other = recording(samples, stated, stated.hold);
-        let own = identify_and_judge(std::slice::from_ref(&other), std::iter::empty(), self.question.clone());
+        let own = identify_and_judge(std::slice::from_ref(&other), &[], self.question.clone());
         let options = Options { corrects_bias: false, ..own.options.given(found) };
         let Some(own) = own.found.filter(|own| own.converged) else {
             return Err(format!("no fit of its own: {}", own.refusal.map_or_else(String::new, |refusal| refusal.why)));

@@ -419,6 +419,9 @@ pub struct Identification {
     pub log_likelihood: f64,
 }
 
+/// The result, or why there is none.
+pub type Identified = Result<Identification, Failed>;
+
 /// Shortest segment, in rows: its first rows determine only its initial state.
 pub const SHORTEST: usize = 16;
 
@@ -427,7 +430,7 @@ pub const SHORTEST: usize = 16;
 ///
 /// # Errors
 /// See [`Failed`].
-pub fn identify(recordings: &[Recording], options: &Options) -> Result<Identification, Failed> {
+pub fn identify(recordings: &[Recording], options: &Options) -> Identified {
     let mut parts = options.parts.iter();
     let first = parts.next().expect("something moves").identify(recordings, options)?;
     parts.try_fold(first, |all, part| Ok(all.merged(part.identify(recordings, options)?)))

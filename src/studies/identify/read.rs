@@ -17,6 +17,7 @@ use super::signals::Known;
 use super::units::{rounded_time, time};
 use super::{faults, signals};
 use crate::machine::Machine;
+use crate::simulation::scenario::Pair;
 
 pub(super) use self::header::{Signals, TIME_AT};
 
@@ -30,9 +31,9 @@ pub struct Reading {
     /// The magnets in use, counted from 0, if not all.
     pub magnets: Option<Vec<usize>>,
     /// Names of columns: signal as in the interface, name in the header.
-    pub columns: Vec<(String, String)>,
+    pub columns: Vec<Pair>,
     /// Units: signal as in the interface, unit. The default is the unit in the header, or else SI.
-    pub units: Vec<(String, String)>,
+    pub units: Vec<Pair>,
     /// Speed in rad/s for a recording with neither angle nor speed.
     pub omega_rad_s: Option<f64>,
     /// Sample time in s for recordings without time stamps; time stamps must agree with it.

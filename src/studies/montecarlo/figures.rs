@@ -157,14 +157,8 @@ pub fn touched(recording: &Recording) -> Option<usize> {
     contacts.filter_map(|column| column.values.iter().position(|contact| *contact == 1.0)).min()
 }
 
-/// Judges a run up to the row at which the rotor touches down, if it does. There is no bound without noise, or if a λ steps.
-pub fn judge(
-    scenario: &Scenario,
-    recording: &Recording,
-    instants_s: &[f64],
-    seed: u64,
-    touched: Option<usize>,
-) -> Option<Trial> {
+/// Judges a run at instants in s, up to the row at which the rotor touches down, if it does. There is no bound without noise, or if a λ steps.
+pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: Option<usize>) -> Option<Trial> {
     let machine = scenario.machine;
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
     let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording)?, get("valid")?);
@@ -179,7 +173,6 @@ pub fn judge(
     let changes: Vec<f64> = (1..rows).filter(|row| valid[*row] != valid[row - 1]).map(|row| time_s[row]).collect();
     let within_a_second = |(n, begin_s): (usize, &f64)| changes.partition_point(|at_s| *at_s < begin_s + 1.0) - n;
     let mut trial = Trial {
-        seed,
         valid: good as f64 / counted().count() as f64,
         changes: changes.iter().enumerate().map(within_a_second).max().unwrap_or(0),
         touched_s: touched.map(|row| time_s[row]),
@@ -207,9 +200,9 @@ pub fn judge(
             trial.worst = worst;
         }
     }
-    let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, instants_s)).flatten();
+    let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, at_s)).flatten();
     let planes: Vec<_> = machine.of_planes("magnitude").into_iter().zip(machine.of_planes("phase")).collect();
-    for (at, instant_s) in instants_s.iter().enumerate() {
+    for (at, instant_s) in at_s.iter().enumerate() {
         let Some(row) = (0..rows).find(|row| time_s[*row] >= instant_s - 0.5 * scenario.step_s) else { break };
         let of = |part: fn(&Estimate) -> &[f64]| estimates.iter().map(|estimate| part(estimate)[row]).collect();
         let read = |name: &str| get(name).map_or(f64::NAN, |values| values[row]);

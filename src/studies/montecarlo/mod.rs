@@ -120,24 +120,24 @@ impl Study {
 
     /// One run. If the rotor touches down before the controller takes over an estimate, the bearing is drawn again.
     fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
-        drawn_again(|attempt| {
+        drawn_again(seed, |attempt| {
             let scenario = self.case(seed, attempt);
             let run = simulate::run_for(&scenario, figures::wanted)?;
             if let Some(error) = run.error {
                 return Err(Stopped::Ended(format!("{}, seed {seed}: the run ended early: {error}", self.title)));
             }
             let trial = match &self.offline {
-                None => judge(&scenario, &run.recording, &self.instants_s, seed, touched(&run.recording)),
-                Some(bench) => offline::judge(&scenario, &run.recording, &self.instants_s, seed, bench),
+                None => judge(&scenario, &run.recording, &self.instants_s, touched(&run.recording)),
+                Some(bench) => bench.judge(&scenario, &run.recording, &self.instants_s, seed),
             };
             Ok((trial, scenario.number("controller", "update.time")))
         })
     }
 }
 
-/// Draws the bearing of a run again if the rotor touches down too early to test the estimator; of a later contact, the run until then counts.
+/// Draws the bearing of the run with this seed again if the rotor touches down too early to test the estimator; of a later contact, the run until then counts.
 /// `run` makes the run of a draw, and returns the time in s until which contact is too early.
-fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Result<Trial, Stopped> {
+fn drawn_again(seed: u64, run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Result<Trial, Stopped> {
     let mut attempt = 0;
     loop {
         let (trial, early_s) = run(attempt)?;
@@ -145,7 +145,7 @@ fn drawn_again(run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Re
         let trial = trial.ok_or_else(missing)?;
         attempt += 1;
         if trial.touched_s.is_none_or(|touched_s| touched_s > early_s) || attempt == ATTEMPTS {
-            return Ok(trial);
+            return Ok(Trial { seed, ..trial });
         }
     }
 }

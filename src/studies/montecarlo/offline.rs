@@ -39,6 +39,52 @@ impl Offline {
         }
         errors
     }
+
+    /// Identifies from the recording up to each instant and compares with the truth. There is no bound if bench parameters are estimated too.
+    pub fn judge(&self, scenario: &Scenario, recording: &Recording, instants_s: &[f64], seed: u64) -> Option<Trial> {
+        let whole = misread(recording, scenario.step_s, &self.errors(seed))?;
+        let truth = scenario.truth();
+        let unbalance = ["unbalance.magnitude", "unbalance.phase"].map(|name| scenario.number("plant", name));
+        let touched = touched(recording);
+        let mut stated = Stated::of(&PLANAR, scenario.estimator());
+        self.tolerances.iter().for_each(|(at, std)| stated.know(*at, Knowledge::Tolerance(*std)));
+        let bounds = self.tolerances.is_empty().then(|| bound::bound(scenario, recording, instants_s)).flatten();
+        let mut trial = Trial { touched_s: touched.map(|row| recording.time_s[row]), ..Trial::default() };
+        for (at, instant_s) in instants_s.iter().enumerate() {
+            let rows = (instant_s / scenario.step_s).round() as usize + 1;
+            if touched.is_some_and(|touched| touched < rows) {
+                break;
+            }
+            let question =
+                Question { stated: stated.clone(), holds: None, equally_likely: Vec::new(), slow_force: None };
+            let answer = identify::answer(&[beginning(&whole, rows)], question);
+            let found = answer.found.as_ref();
+            let relative = |of: fn(&Estimate) -> f64| -> Vec<f64> {
+                (0..3).map(|k| found.map_or(f64::NAN, |found| of(&found.lambda[k]) / truth[k])).collect()
+            };
+            let sample = Sample {
+                valid: answer.valid,
+                error: relative(|lambda| lambda.value).into_iter().map(|ratio| ratio - 1.0).collect(),
+                std: relative(|lambda| lambda.noise_std),
+                total: relative(|lambda| lambda.total_std),
+                bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; 3], |bounds| bounds[at].clone()),
+                unbalance: found.map_or([f64::NAN; 2], |found| {
+                    let Unbalance { magnitude, phase } = &found.unbalance[0];
+                    off([magnitude.value, phase.value], unbalance)
+                }),
+                verdict: (!answer.valid).then(|| summary(&answer.verdict)),
+            };
+            for k in (0..3).filter(|_| answer.valid) {
+                let (error, std) = (sample.error[k], sample.total[k]);
+                let ratio = (error / std).abs();
+                if ratio > trial.worst.ratio {
+                    trial.worst = Worst { ratio, time_s: *instant_s, error, std };
+                }
+            }
+            trial.samples.push(sample);
+        }
+        Some(trial)
+    }
 }
 
 /// The bench parameters of the paper's bearing.
@@ -103,57 +149,6 @@ fn beginning(samples: &Samples, rows: usize) -> Samples {
     let columns = samples.position_m.iter_mut().chain(&mut samples.current_a);
     columns.chain([&mut samples.theta_rad, &mut samples.omega_rad_s]).for_each(|column| column.truncate(rows));
     samples
-}
-
-/// Identifies from the recording up to each instant and compares with the truth. There is no bound if bench parameters are estimated too.
-pub fn judge(
-    scenario: &Scenario,
-    recording: &Recording,
-    instants_s: &[f64],
-    seed: u64,
-    offline: &Offline,
-) -> Option<Trial> {
-    let whole = misread(recording, scenario.step_s, &offline.errors(seed))?;
-    let truth = scenario.truth();
-    let unbalance = ["unbalance.magnitude", "unbalance.phase"].map(|name| scenario.number("plant", name));
-    let touched = touched(recording);
-    let mut stated = Stated::of(&PLANAR, scenario.estimator());
-    offline.tolerances.iter().for_each(|(at, std)| stated.know(*at, Knowledge::Tolerance(*std)));
-    let bounds = offline.tolerances.is_empty().then(|| bound::bound(scenario, recording, instants_s)).flatten();
-    let mut trial = Trial { seed, touched_s: touched.map(|row| recording.time_s[row]), ..Trial::default() };
-    for (at, instant_s) in instants_s.iter().enumerate() {
-        let rows = (instant_s / scenario.step_s).round() as usize + 1;
-        if touched.is_some_and(|touched| touched < rows) {
-            break;
-        }
-        let question = Question { stated: stated.clone(), holds: None, equally_likely: Vec::new(), slow_force: None };
-        let answer = identify::answer(&[beginning(&whole, rows)], question);
-        let found = answer.found.as_ref();
-        let relative = |of: fn(&Estimate) -> f64| -> Vec<f64> {
-            (0..3).map(|k| found.map_or(f64::NAN, |found| of(&found.lambda[k]) / truth[k])).collect()
-        };
-        let sample = Sample {
-            valid: answer.valid,
-            error: relative(|lambda| lambda.value).into_iter().map(|ratio| ratio - 1.0).collect(),
-            std: relative(|lambda| lambda.noise_std),
-            total: relative(|lambda| lambda.total_std),
-            bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; 3], |bounds| bounds[at].clone()),
-            unbalance: found.map_or([f64::NAN; 2], |found| {
-                let Unbalance { magnitude, phase } = &found.unbalance[0];
-                off([magnitude.value, phase.value], unbalance)
-            }),
-            verdict: (!answer.valid).then(|| summary(&answer.verdict)),
-        };
-        for k in (0..3).filter(|_| answer.valid) {
-            let (error, std) = (sample.error[k], sample.total[k]);
-            let ratio = (error / std).abs();
-            if ratio > trial.worst.ratio {
-                trial.worst = Worst { ratio, time_s: *instant_s, error, std };
-            }
-        }
-        trial.samples.push(sample);
-    }
-    Some(trial)
 }
 
 /// The first words of a verdict, without numbers.

@@ -4,7 +4,7 @@ use super::bench::{DYNAMICS, Places, place};
 use super::filter::passes;
 use super::rotor::{Describe, Description, Layout, Model};
 use super::search;
-use super::{Failed, Identification, Options, Part, Recording};
+use super::{Identified, Options, Part, Recording};
 use crate::bearing::array;
 use crate::bearing::rotor::RotorConfig;
 use crate::estimation::Machine;
@@ -154,7 +154,7 @@ impl Part {
     }
 
     /// Identifies this part of the motion.
-    pub(super) fn identify(&self, recordings: &[Recording], options: &Options) -> Result<Identification, Failed> {
+    pub(super) fn identify(&self, recordings: &[Recording], options: &Options) -> Identified {
         let [coordinates, magnets, planes] = self.body.sizes();
         let (describe, varied) = match &self.body {
             Body::Disc { m_kg, gap_m, alpha_rad } => match *alpha_rad.as_slice() {

@@ -17,7 +17,7 @@ use super::filter::{Block, Columns, Levels, Likelihoods, Request, UNCHANGED};
 use super::outcome;
 use super::rotor::{Model, Rotor};
 use super::solve::{Normal, inverse, submatrix};
-use super::{Body, Change, Contradiction, Failed, Identification, Knowledge, Recording, SHORTEST};
+use super::{Body, Change, Contradiction, Failed, Identified, Knowledge, Recording, SHORTEST};
 use crate::bearing::array;
 use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
@@ -65,6 +65,9 @@ type Task = (usize, Piece);
 
 /// Sums of the blocks of every piece, with the index of its recording.
 pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
+
+/// Matrix and right-hand side of linear equations.
+type Equations = (DMatrix<f64>, DVector<f64>);
 
 /// Rows with their smoothed trajectory.
 type Smoothed = (Range<usize>, Vec<f64>);
@@ -136,18 +139,12 @@ impl Search<'_> {
     }
 
     /// `J + Π` and `b + Π(mean − x)` of the estimated unknowns.
-    pub fn equations(&self, normal: &Normal, of: &[usize]) -> (DMatrix<f64>, DVector<f64>) {
+    pub fn equations(&self, normal: &Normal, of: &[usize]) -> Equations {
         self.equations_by(normal, of, of, of)
     }
 
     /// The same with other rows and columns of the sums than those of the unknowns.
-    pub fn equations_by(
-        &self,
-        normal: &Normal,
-        of: &[usize],
-        rows: &[usize],
-        columns: &[usize],
-    ) -> (DMatrix<f64>, DVector<f64>) {
+    pub fn equations_by(&self, normal: &Normal, of: &[usize], rows: &[usize], columns: &[usize]) -> Equations {
         let mut a = submatrix(&normal.j, rows, columns);
         let mut b = DVector::from_fn(of.len(), |i, _| normal.b[rows[i]]);
         for (i, at) in of.iter().enumerate() {
@@ -550,7 +547,7 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
     Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
-pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: bool) -> Result<Identification, Failed> {
+pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: bool) -> Identified {
     let mut masks = all_rows(recordings);
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();

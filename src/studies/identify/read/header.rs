@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::{Reading, text};
 use crate::machine::{self, MACHINES, Machine};
-use crate::simulation::scenario::{ALIKE, likeness};
+use crate::simulation::scenario::{ALIKE, Pair, likeness};
 use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SPEED, TIME};
 
 /// The time is the first signal of every machine.
@@ -40,7 +40,7 @@ impl Signal {
     }
 
     /// The last option given for the signal.
-    fn given<'a>(&self, options: &'a [(String, String)]) -> Option<&'a String> {
+    fn given<'a>(&self, options: &'a [Pair]) -> Option<&'a String> {
         options.iter().rev().find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
@@ -168,7 +168,7 @@ impl Header {
 }
 
 /// A unit: its name and its size in SI.
-type Unit = (&'static str, f64);
+pub(super) type Unit = (&'static str, f64);
 
 /// Column of a signal, and its unit, if stated.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,6 @@
 //! Formats of time stamps: numbers with a unit, Unix times, ISO 8601.
 
+use super::header::Unit;
 use super::text;
 use crate::studies::identify::units::{TIME, in_si};
 
@@ -10,7 +11,7 @@ const EPOCH_S: std::ops::Range<f64> = 946_684_800.0..4_102_444_800.0;
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stamps {
     /// Unit of numbers: its name and its size in s; `None` for civil or absolute times.
-    pub unit: Option<(&'static str, f64)>,
+    pub unit: Option<Unit>,
     /// Origin of large numbers, in their unit, and of times, in ns, so that nanoseconds survive.
     origin: i128,
 }
@@ -39,11 +40,7 @@ impl Stamps {
     ///
     /// # Errors
     /// The stamp is not a time, or contradicts the unit.
-    pub(super) fn of(
-        first: &str,
-        separator: char,
-        unit: Option<(&'static str, f64)>,
-    ) -> Result<(Self, Option<String>), String> {
+    pub(super) fn of(first: &str, separator: char, unit: Option<Unit>) -> Result<(Self, Option<String>), String> {
         let Some((whole, fraction)) = parts(first, separator) else {
             let origin = iso_ns(first)
                 .ok_or_else(|| format!("{first:?} is not a time: expected a number or an ISO 8601 stamp"))?;

@@ -106,7 +106,7 @@ impl Case<'_> {
     }
 
     fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
-        drawn_again(|attempt| {
+        drawn_again(seed, |attempt| {
             let scenario = self.scenario(seed, attempt);
             let wires = Wires::new(&scenario);
             let mut alter = self.course.alter.as_ref().map(|alter| alter(&scenario, seed));
@@ -120,7 +120,7 @@ impl Case<'_> {
                 }
             };
             let run = simulate::run_altered(&scenario, wanted, altered)?;
-            let mut trial = judge(&scenario, &run.recording, seed, self.course.rubs);
+            let mut trial = judge(&scenario, &run.recording, self.course.rubs);
             if let Some(trial) = trial.as_mut().filter(|_| run.error.is_some()) {
                 trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
             }
@@ -131,11 +131,11 @@ impl Case<'_> {
 }
 
 /// Judges a run by its valid samples and at its end; it ends when the rotor touches down, unless that is part of the course.
-pub fn judge(scenario: &Scenario, recording: &Recording, seed: u64, rubs: bool) -> Option<Trial> {
+pub fn judge(scenario: &Scenario, recording: &Recording, rubs: bool) -> Option<Trial> {
     let touched = touched(recording).filter(|_| !rubs);
     let last = touched.unwrap_or(recording.time_s.len()).checked_sub(1);
     let instants_s: Vec<f64> = last.map(|last| recording.time_s[last]).into_iter().collect();
-    figures::judge(scenario, recording, &instants_s, seed, touched)
+    figures::judge(scenario, recording, &instants_s, touched)
 }
 
 /// Makes `runs` runs of every case, on all processors; the trials of each case are in the order of the seeds.
