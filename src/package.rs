@@ -12,7 +12,7 @@ use crate::fmu::{FMUS, catalogue, find};
 use crate::machine::{self, MACHINES, Machine, PLANAR, SPINDLE};
 use crate::output::Format;
 use crate::report::frame;
-use crate::simulation::scenario::{Scenario, suggestion};
+use crate::simulation::{Scenario, suggestion};
 
 /// The machines packaged by default.
 pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];

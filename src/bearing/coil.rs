@@ -15,7 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::scalar::{Scalar, joined};
+use crate::bearing::{Scalar, joined};
 use crate::invalid::{Checks, Short};
 use crate::variables::unit::{HENRY, OHM, VOLT, WEBER};
 use crate::variables::{Choice, Variables};

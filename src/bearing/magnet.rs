@@ -29,8 +29,7 @@ use std::f64::consts::TAU;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::array;
-use crate::bearing::scalar::Scalar;
+use crate::bearing::{Scalar, array};
 use crate::invalid::Checks;
 use crate::variables::Choice;
 

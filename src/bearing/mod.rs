@@ -17,3 +17,10 @@ pub mod rotor;
 pub mod scalar;
 pub mod shaft;
 pub mod touchdown;
+
+pub use coil::Drive;
+pub use magnet::Used;
+pub use rotor::{BearingConfig, Rotor, RotorConfig};
+pub use scalar::Scalar;
+pub(crate) use scalar::joined;
+pub use shaft::Shaft;

@@ -14,10 +14,8 @@ use std::borrow::Cow;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::array;
 use crate::bearing::magnet::{Geometry, MOST_MAGNETS, Magnets, angles_rad};
-use crate::bearing::scalar::Scalar;
-use crate::bearing::shaft::{self, Shaft};
+use crate::bearing::{Scalar, Shaft, array, shaft};
 use crate::invalid::Checks;
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{METRE, RADIAN};

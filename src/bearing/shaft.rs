@@ -14,8 +14,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::array;
-use crate::bearing::scalar::Scalar;
+use crate::bearing::{Scalar, array};
 use crate::machine::Machine;
 use crate::variables::Variables;
 use crate::variables::unit::{KILOGRAM, KILOGRAM_METRE2};

@@ -15,8 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::array;
-use crate::bearing::scalar::{Scalar, joined};
+use crate::bearing::{Scalar, array, joined};
 use crate::machine::Bearing;
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE};

@@ -9,11 +9,9 @@ pub use crate::control::tracking::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::array;
-use crate::bearing::coil::Drive;
 pub use crate::bearing::magnet::Used;
-use crate::bearing::rotor::{Rotor, RotorConfig};
 use crate::bearing::shaft::has_x;
+use crate::bearing::{Drive, Rotor, RotorConfig, array};
 use crate::control::observer::{PerturbationObserver, pole};
 use crate::control::reference::{RefPoint, Reference, ReferenceConfig, ReferenceState};
 use crate::control::tracking::{TrackingConfig, TrackingState, excitation};

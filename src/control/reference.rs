@@ -28,10 +28,9 @@ use std::f64::consts::{PI, TAU};
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::array;
 use crate::bearing::magnet::Magnets;
-use crate::bearing::rotor::Rotor;
 use crate::bearing::shaft::has_x;
+use crate::bearing::{Rotor, array};
 use crate::control::observer::{Signal, SignalObserver, ahead};
 use crate::invalid::{Checks, Short};
 use crate::machine::{Bearing, Machine};

@@ -43,10 +43,9 @@ pub use voltage::ramp_gains;
 use serde::{Deserialize, Serialize};
 
 use self::excitation::Excitation;
-use crate::bearing::array;
 use crate::bearing::coil::{CoilConfig, Drive, Saturates};
 use crate::bearing::magnet::{self, Magnets, Used};
-use crate::bearing::rotor::Rotor;
+use crate::bearing::{Rotor, array};
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
 use crate::control::reference::RefPoint;

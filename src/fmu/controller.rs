@@ -7,7 +7,7 @@ use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::{Deserialize, Serialize};
 
 use super::common::{info, sampled};
-use crate::bearing::rotor::Rotor;
+use crate::bearing::Rotor;
 use crate::control::controller::{
     Controller, ControllerConfigOf, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };

@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 use fmu_export::ModelType;
 
-use crate::bearing::rotor::RotorConfig;
+use crate::bearing::RotorConfig;
 use crate::control::controller::Controller;
 use crate::estimation::Estimator;
 use crate::plant::Plant;

@@ -10,8 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use super::common::{described, info};
 use super::dependencies::{dependent, feedthrough};
-use crate::bearing::array;
-use crate::bearing::rotor::Rotor;
+use crate::bearing::{Rotor, array};
 use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
 use crate::plant::sensor::Channels;

@@ -4,12 +4,9 @@ use serde::{Deserialize, Serialize};
 
 use super::check_step;
 use super::sensor::SensorConfig;
-use crate::bearing::array;
 use crate::bearing::coil::{CoilConfig, Saturates};
-use crate::bearing::rotor::{BearingConfig, Rotor, RotorConfig};
-use crate::bearing::scalar::{Scalar, joined};
-use crate::bearing::shaft::Shaft;
 use crate::bearing::touchdown::TouchdownConfig;
+use crate::bearing::{BearingConfig, Rotor, RotorConfig, Scalar, Shaft, array, joined};
 use crate::invalid::{Checks, Short};
 use crate::machine::Machine;
 use crate::variables::unit::{METRE, METRE_PER_SECOND, METRE_PER_SECOND2, NEWTON, RADIAN, RADIAN_PER_SECOND, SECOND};

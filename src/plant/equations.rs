@@ -3,10 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::config::PlantConfigOf;
-use crate::bearing::array;
 use crate::bearing::coil::{Coil, CoilPoint, Drive};
 use crate::bearing::magnet::{Geometry, forces};
-use crate::bearing::scalar::{Scalar, joined};
+use crate::bearing::{Scalar, array, joined};
 use crate::machine::Machine;
 use crate::variables::unit::{
     AMPERE, METRE, METRE_PER_SECOND2, NEWTON, NEWTON_METRE, RADIAN_PER_SECOND, RADIAN_PER_SECOND2, VOLT, WEBER,

@@ -10,8 +10,7 @@
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::bearing::array;
-use crate::bearing::scalar::{Scalar, joined};
+use crate::bearing::{Scalar, array, joined};
 use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.

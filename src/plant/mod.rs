@@ -52,8 +52,7 @@ mod trajectory;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::coil::Drive;
-use crate::bearing::rotor::Rotor;
+use crate::bearing::{Drive, Rotor};
 use crate::invalid::{Checks, Invalid, are_finite};
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};

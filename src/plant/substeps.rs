@@ -6,7 +6,7 @@ use super::{
     Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S, StepError,
     UniformRotation,
 };
-use crate::bearing::rotor::Rotor;
+use crate::bearing::Rotor;
 use crate::invalid::are_finite;
 use crate::plant::integration::{rk4, substeps};
 

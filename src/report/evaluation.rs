@@ -5,10 +5,8 @@ use std::f64::consts::TAU;
 
 use super::titled;
 use crate::machine::{Bearing, Machine, Reading};
-use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::harmonic;
+use crate::simulation::{Column, Recording, Run, Scenario};
 use crate::studies::sensitivity::{Sensitivity, peak, zone};
 use crate::studies::statistics::{mean, range, rms};
 use crate::table::Table;

@@ -10,8 +10,7 @@ use super::{title_of, titled};
 use crate::machine::Bearing;
 use crate::report::evaluation::{self, Sensitivities, Stretch, lengths};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
-use crate::simulation::recording::Recording;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::{Recording, Scenario};
 use crate::studies::sensitivity::ZONES;
 
 /// Maximum number of animation frames; the paper's run has 4000, 200 per revolution.

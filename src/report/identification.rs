@@ -11,7 +11,7 @@ use crate::report::evaluation::{REVOLUTIONS, WITHOUT_TURNING_S};
 use crate::report::figures::{Figure, time_unit, where_shown};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards};
-use crate::simulation::scenario::Scenario;
+use crate::simulation::Scenario;
 use crate::studies::identify::likelihood::{BenchEstimate, Change, Estimate, Identification};
 use crate::studies::identify::{Answer, Samples, Statement, Track, Twin, axial};
 

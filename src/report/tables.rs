@@ -3,9 +3,8 @@
 use super::evaluation;
 use super::experiment::{PAPER_LAMBDA, coherence_note, methods};
 use super::percent;
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::Run;
 use crate::simulation::synchronous::{self, INTERVAL_S};
+use crate::simulation::{Run, Scenario};
 use crate::table::Table;
 
 /// Reduction of the perturbation estimates that the paper reports.

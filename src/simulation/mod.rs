@@ -12,3 +12,7 @@ pub mod scenario;
 pub mod simulate;
 pub mod summary;
 pub mod synchronous;
+
+pub use recording::{Column, Recording};
+pub use scenario::{Element, Pair, Profile, Scenario, ScenarioError, suggestion};
+pub use simulate::{Refused, Run, Stopped};

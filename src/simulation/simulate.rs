@@ -9,8 +9,8 @@ use fmu_export::{Instance, Step};
 
 use crate::invalid::Short;
 use crate::progress::Progress;
-use crate::simulation::recording::{Column, Recording};
 use crate::simulation::scenario::{Connection, Element, Scenario, place};
+use crate::simulation::{Column, Recording};
 
 /// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]

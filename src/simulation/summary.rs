@@ -2,9 +2,7 @@
 
 use serde_json::{Map, Value as Json, json};
 
-use crate::simulation::recording::Column;
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::Run;
+use crate::simulation::{Column, Run, Scenario};
 
 /// The run as JSON: scenario, whether the run was completed, the final estimates of every method with the true values, and the
 /// last, smallest and largest value of every output. Values are in the units of the interface; unused magnets have no estimates.

@@ -3,8 +3,7 @@
 //! Standard deviations are the Cramér–Rao bound of a run of the scenario; the estimator is within 10 % of it.
 
 use crate::estimation::STD_LIMIT;
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::{self, Refused, Stopped};
+use crate::simulation::{Refused, Scenario, Stopped, simulate};
 use crate::studies::montecarlo::bound::bound;
 use crate::studies::montecarlo::{self, cases};
 use crate::table::Table;

@@ -16,8 +16,7 @@ use nalgebra::{Complex, ComplexField};
 
 use super::montecarlo::cases;
 use crate::machine::Reading;
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate;
+use crate::simulation::{Scenario, simulate};
 use crate::table::Table;
 use fmu_export::variable::{Type, Value};
 

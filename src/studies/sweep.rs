@@ -23,7 +23,7 @@ use sha2::{Digest, Sha256};
 use crate::progress::Progress;
 use crate::simulation::recording::with_unit;
 use crate::simulation::scenario::{Element, Scenario, ScenarioError, built_in, leaves, text, text_of};
-use crate::simulation::simulate::{self, Run};
+use crate::simulation::{Run, simulate};
 
 /// Length of the interval at the end of a run over which tracking is judged, in s.
 const TRACKING_S: f64 = 0.04;

@@ -16,7 +16,7 @@ use nalgebra::{Complex, ComplexField, Matrix2, Matrix4, Schur, Vector2};
 use crate::bearing::array;
 use crate::invalid::Short;
 use crate::machine::MACHINES;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::Scenario;
 use crate::table::Table;
 
 type C = Complex<f64>;

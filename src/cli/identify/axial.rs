@@ -6,7 +6,7 @@ use serde_json::json;
 
 use super::machine::without_element;
 use super::{Arguments, Result, refused};
-use crate::bearing::magnet::Used;
+use crate::bearing::Used;
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
 use crate::simulation::scenario::{Scenario, suggestion, text};

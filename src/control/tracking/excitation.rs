@@ -17,7 +17,7 @@ use std::f64::consts::TAU;
 use serde::{Deserialize, Serialize};
 
 use super::{TrackingConfig, TrackingState};
-use crate::bearing::coil::Drive;
+use crate::bearing::Drive;
 use crate::control::controller::Controller;
 use crate::invalid::{Checks, Short};
 use crate::machine::Machine;

@@ -20,9 +20,8 @@
 //! uses the forces of the actual currents, not the commanded ones.
 
 use super::{Preview, TrackingState};
-use crate::bearing::array;
 use crate::bearing::coil::CoilConfig;
-use crate::bearing::magnet;
+use crate::bearing::{array, magnet};
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
 

@@ -55,8 +55,7 @@ pub use self::filter::HARMONICS;
 pub(super) use self::search::BENCH_ROWS;
 pub use crate::estimation::Hold;
 use crate::machine::Bearing;
-use crate::studies::identify::tolerance::plain;
-use crate::studies::identify::units::significant;
+use crate::studies::identify::{plain, significant};
 
 /// Noise below that of any position sensor, m, and of any current sensor, A: a simulation without noise, whose residuals are rounding. A wrong bench
 /// raises that of the currents, a gap stated 4 % too large to 6 mA.

@@ -17,7 +17,7 @@ use super::signals::Known;
 use super::units::{rounded_time, time};
 use super::{faults, signals};
 use crate::machine::Machine;
-use crate::simulation::scenario::Pair;
+use crate::simulation::Pair;
 
 pub(super) use self::header::{Signals, TIME_AT};
 

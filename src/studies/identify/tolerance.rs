@@ -6,7 +6,7 @@ use super::Stated;
 use super::likelihood::BenchParameter;
 use super::units::{self, factor};
 use crate::simulation::scenario::number_and_unit;
-use crate::simulation::scenario::{Element, suggestion};
+use crate::simulation::{Element, suggestion};
 
 /// A value in SI units from a number with or without a unit of the quantity whose SI unit is `si`.
 ///

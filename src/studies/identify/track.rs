@@ -13,9 +13,7 @@ use super::samples::Samples;
 use super::units::significant;
 use crate::estimation::{Hold, Method, STD_LIMIT, Verdict};
 use crate::machine::{Bearing, Machine, PLANAR};
-use crate::simulation::recording::{Column, Recording};
-use crate::simulation::scenario::Element;
-use crate::simulation::simulate;
+use crate::simulation::{Column, Element, Recording, simulate};
 use crate::table::Table;
 use crate::variables::Choice;
 

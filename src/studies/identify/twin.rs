@@ -10,8 +10,7 @@ use super::likelihood::{Body, DYNAMICS, Part};
 use super::samples::Samples;
 use super::tolerance::plain;
 use super::{Stated, mean, rms};
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate;
+use crate::simulation::{Scenario, simulate};
 
 /// Communication steps of the run: 0.4 s at 10 kHz.
 const STEPS: f64 = 4000.0;

@@ -4,8 +4,7 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::bearing::{array, shaft};
 use crate::fmu::plant;
-use crate::simulation::recording::Recording;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::{Recording, Scenario};
 
 /// Order of the Taylor series over an interval; the negative stiffness changes little within a sample.
 const ORDERS: usize = 6;

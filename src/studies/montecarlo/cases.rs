@@ -7,7 +7,7 @@ use rand_pcg::Pcg64;
 
 use crate::machine::Machine;
 use crate::plant::noise::Noise;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::Scenario;
 use fmu_export::variable::Value;
 
 /// Numbers drawn with a seed; the same on every platform.

@@ -5,9 +5,8 @@ use std::f64::consts::TAU;
 
 use super::bound;
 use crate::estimation::Verdict;
-use crate::simulation::recording::Recording;
-use crate::simulation::scenario::{Profile, Scenario};
 use crate::simulation::synchronous::forces;
+use crate::simulation::{Profile, Recording, Scenario};
 use crate::studies::statistics::rms;
 use crate::variables::Choice;
 use fmu_export::variable::Value;

@@ -17,8 +17,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use crate::machine::Bearing;
-use crate::simulation::scenario::Scenario;
-use crate::simulation::simulate::{self, Refused, Stopped};
+use crate::simulation::{Refused, Scenario, Stopped, simulate};
 use crate::studies::parallel::in_order_shown;
 use crate::studies::statistics::{median, rms};
 use crate::table::Table;

@@ -8,8 +8,7 @@ use super::cases::{self, Draw};
 use super::figures::{Sample, Trial, Worst, off, touched};
 use super::{NOISE, NOISE_KNOWN, SEEDS, Study, TENFOLD, drawn, nominal, study};
 use crate::machine::PLANAR;
-use crate::simulation::recording::Recording;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::{Recording, Scenario};
 use crate::studies::identify::likelihood::{self, BenchParameter, Estimate, Knowledge, Unbalance};
 use crate::studies::identify::{self, Question, Rotation, Samples, Stated};
 

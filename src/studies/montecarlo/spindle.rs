@@ -4,7 +4,7 @@ use std::f64::consts::PI;
 
 use super::cases::{self, Draw};
 use super::{NOISE, NOISE_KNOWN, Study, at_speed, built_in, study};
-use crate::simulation::scenario::Scenario;
+use crate::simulation::Scenario;
 use fmu_export::variable::Value;
 
 /// All studies of a spindle.

@@ -2,11 +2,10 @@
 
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
-use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
     self, BenchParameter, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M, Suspect,
 };
-use crate::studies::identify::units::significant;
+use crate::studies::identify::{Stated, significant};
 
 // The limits below cause no false alarms in good recordings (seeds 95001 and 101001): 600 of drawn bearings, 0.1 to 5 s, 1300 of the nominal
 // bearing whose bench is off by its tolerances, and 1200 with its bench exactly as stated.

@@ -6,8 +6,7 @@ use super::restored::{Restored, Signals};
 use crate::estimation::Hold;
 use crate::studies::identify::likelihood::{Part, Recording};
 use crate::studies::identify::plausible::REST_RAD_S;
-use crate::studies::identify::samples::{Rotation, Samples};
-use crate::studies::identify::{Stated, rms};
+use crate::studies::identify::{Rotation, Samples, Stated, rms};
 
 /// The recording of a machine with this meaning of a current sample.
 pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {

@@ -6,9 +6,8 @@ use serde_json::{Value as Json, json};
 
 use super::Answer;
 use crate::machine::Bearing;
-use crate::studies::identify::Statement;
 use crate::studies::identify::likelihood::{self, BenchEstimate, BenchParameter, Identification, Knowledge};
-use crate::studies::identify::units::significant;
+use crate::studies::identify::{Statement, significant};
 use crate::table::Table;
 use crate::variables::Choice;
 

@@ -3,13 +3,11 @@
 use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;
 use crate::machine::Machine;
-use crate::studies::identify::Stated;
 use crate::studies::identify::likelihood::{
     BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Hold, Identification,
     LAG, Recording, Suspect,
 };
-use crate::studies::identify::tolerance::plain;
-use crate::studies::identify::units::{rounded_time, significant, time};
+use crate::studies::identify::{Stated, plain, rounded_time, significant, time};
 use crate::studies::statistics::range;
 use crate::variables::Choice;
 

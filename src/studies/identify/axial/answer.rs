@@ -11,12 +11,10 @@ use super::{
 };
 use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
-use crate::studies::identify::Statement;
 use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
 use crate::studies::identify::answer::{constant_currents, dynamics_remark};
 use crate::studies::identify::likelihood::Estimate;
-use crate::studies::identify::samples::Samples;
-use crate::studies::identify::units::{significant, time};
+use crate::studies::identify::{Samples, Statement, significant, time};
 use crate::table::Table;
 
 /// Relative standard deviation that a single recording of any bench cannot reveal, and which is therefore part of every ±: with it the

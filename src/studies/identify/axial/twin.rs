@@ -11,9 +11,9 @@ use fmu_export::variable::Value;
 
 use super::answer::Answer;
 use super::{CURRENT_NOISE, DELAY, EXPONENT, GAP, LOAD, PARAMETERS, POSITION_NOISE, SLOW, UNKNOWNS, values};
-use crate::bearing::magnet::Used;
-use crate::simulation::scenario::Scenario;
-use crate::studies::identify::twin::Twin;
+use crate::bearing::Used;
+use crate::simulation::Scenario;
+use crate::studies::identify::Twin;
 use crate::variables::Choice;
 
 /// Effects of a bench that the FMUs lack.

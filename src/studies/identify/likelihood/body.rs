@@ -5,8 +5,7 @@ use super::filter::passes;
 use super::rotor::{Describe, Description, Layout, Model};
 use super::search;
 use super::{Identified, Options, Part, Recording};
-use crate::bearing::array;
-use crate::bearing::rotor::RotorConfig;
+use crate::bearing::{RotorConfig, array};
 use crate::estimation::Machine;
 use crate::plant::PLANES;
 

@@ -12,8 +12,7 @@ use super::{
     Unbalance,
 };
 use crate::bearing::array;
-use crate::studies::identify::mean;
-use crate::studies::identify::tolerance::plain;
+use crate::studies::identify::{mean, plain};
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;

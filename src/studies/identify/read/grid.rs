@@ -4,7 +4,7 @@ use super::Reading;
 use super::header::TIME_AT;
 use super::pace::{CLOCKS, Pace};
 use super::table::Table;
-use crate::studies::identify::units::{significant, time};
+use crate::studies::identify::{significant, time};
 
 /// Minimum number of samples with all positions.
 const LEAST: usize = 20;

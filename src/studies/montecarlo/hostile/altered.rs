@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::Draw;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::Scenario;
 use fmu_export::variable::Value;
 
 /// The readings of one sample.

@@ -7,7 +7,7 @@ use super::altered::{self, Alter, Missing};
 use super::cases::RPM;
 use super::{Course, Draw, NOISE, cases};
 use crate::bearing::array;
-use crate::simulation::scenario::Scenario;
+use crate::simulation::Scenario;
 
 impl Course {
     fn new(
