@@ -14,6 +14,8 @@ use crate::output::Format;
 use crate::report::frame;
 use crate::simulation::{Scenario, suggestion};
 
+type Result<T> = std::result::Result<T, PackageError>;
+
 /// The machines packaged by default.
 pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 
@@ -21,7 +23,7 @@ pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 ///
 /// # Errors
 /// An unknown name, with the nearest known one; a duplicate.
-pub fn machines(names: &[impl AsRef<str>]) -> Result<Vec<&'static Machine>, String> {
+pub fn machines(names: &[impl AsRef<str>]) -> std::result::Result<Vec<&'static Machine>, String> {
     let known = MACHINES.map(|machine| machine.name.to_owned());
     let mut machines: Vec<&Machine> = Vec::new();
     for name in names.iter().map(AsRef::as_ref) {
@@ -75,7 +77,7 @@ fn extras(name: &str) -> Extras {
 ///
 /// # Errors
 /// It is not beside the program.
-pub fn built_library() -> Result<PathBuf, PackageError> {
+pub fn built_library() -> Result<PathBuf> {
     package::built_library(FMUS.library())
 }
 
@@ -83,7 +85,7 @@ pub fn built_library() -> Result<PathBuf, PackageError> {
 ///
 /// # Errors
 /// A file that cannot be read, or is not a library for its platform.
-pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, PackageError> {
+pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries> {
     package::binaries(given, built_library)
 }
 
@@ -92,12 +94,7 @@ pub fn binaries(given: &[(&'static Platform, PathBuf)]) -> Result<Binaries, Pack
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn package(
-    binaries: &Binaries,
-    machines: &[&Machine],
-    arrays: bool,
-    folder: &Path,
-) -> Result<Vec<Written>, PackageError> {
+pub fn package(binaries: &Binaries, machines: &[&Machine], arrays: bool, folder: &Path) -> Result<Vec<Written>> {
     let models = machines.iter().flat_map(|machine| machine.models);
     let models: Vec<_> = models.filter_map(|(name, _)| find(name)).collect();
     let mut archives = Vec::new();
@@ -130,7 +127,7 @@ pub fn package(
 ///
 /// # Errors
 /// A file that cannot be written.
-pub fn write_descriptions(folder: &Path) -> Result<(), PackageError> {
+pub fn write_descriptions(folder: &Path) -> Result<()> {
     let write = |format: Format, name: String, text: &str| {
         let path = folder.join(name);
         format.write(&path, text.as_bytes()).map_err(|source| PackageError::File { path, source })
@@ -196,7 +193,7 @@ fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> S
 ///
 /// # Errors
 /// [`PackageError::Archive`], [`PackageError::Model`].
-pub fn system_archive(scenario: &Scenario, parameters: &str, binaries: &Binaries) -> Result<Vec<u8>, PackageError> {
+pub fn system_archive(scenario: &Scenario, parameters: &str, binaries: &Binaries) -> Result<Vec<u8>> {
     let system = system_of(scenario, ssp::DEFAULT, scenario.machine.models[0].0, parameters);
     let mut members = system.members();
     for element in &system.elements {

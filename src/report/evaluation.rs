@@ -52,7 +52,7 @@ pub(super) fn largest(values: &[f64]) -> f64 {
 
 /// The largest value minus the smallest one.
 pub(super) fn peak_to_peak(values: &[f64]) -> f64 {
-    let [low, high] = range(values.iter().copied());
+    let [low, high] = range(values);
     high - low
 }
 
@@ -148,7 +148,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         }
         let error = lengths(&errors[readings.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
         row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
-        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error).iter().copied())));
+        row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
         for (reading, signal) in machine.readings[readings].iter().zip(columns) {
             row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
                 let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
@@ -158,7 +158,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         for k in 1..=*magnets {
             let current = get(format!("plant.{prefix}im[{k}]"))?;
             row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
-                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current).iter().copied()))
+                format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
             });
             // A current controller commands no voltage.
             let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);
@@ -169,9 +169,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
                 });
             }
             let force = get(format!("plant.{prefix}F[{k}]"))?;
-            row(format!("static load of magnet {k}{at}"), "N", &|s| {
-                format!("{:.1}", mean(s.of(force).iter().copied()))
-            });
+            row(format!("static load of magnet {k}{at}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
         }
     }
     rows.extend(peaks(scenario, sensitivities));

@@ -310,7 +310,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
 impl Found {
     /// Smallest and largest position of the rows, m, and in words.
     fn position_range(&self) -> ([f64; 2], String) {
-        let range_m = range(self.readings.x_m[self.readings.rows.clone()].iter().copied());
+        let range_m = range(&self.readings.x_m[self.readings.rows.clone()]);
         let [low, high] = range_m.map(|of_m| significant(1e3 * of_m, 4));
         (range_m, format!("from {low} to {high} mm"))
     }
@@ -444,9 +444,9 @@ fn begin(axis: &Axis, readings: &Readings, point: &Point) -> Option<usize> {
         nis.push(error * error / variance);
         slow_n.push(filter.slow_n()[0]);
     });
-    let means = |of: &[f64]| of.chunks_exact(window).map(|of| mean(of.iter().copied())).collect::<Vec<_>>();
+    let means = |of: &[f64]| of.chunks_exact(window).map(mean).collect::<Vec<_>>();
     let (nis, slow_n) = (means(&nis), means(&slow_n));
-    let median = median(nis[nis.len() / 2..].iter().copied());
+    let median = median(&nis[nis.len() / 2..]);
     if median.is_nan() {
         return None;
     }

@@ -37,7 +37,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
                 values[row.saturating_sub(BESIDE_CLIPPED)..end].fill(f64::NAN);
             }
         }
-        let [low, high] = range(values.iter().copied());
+        let [low, high] = range(&**values);
         let is_position = name.ends_with('m');
         for rows in stuck(values) {
             let value = values[rows.start];

@@ -272,7 +272,7 @@ pub struct Statement {
 
 /// The window of one revolution, in s, rounded to whole samples, at least 8, and at most 0.2 s; the paper's if the speed is not known.
 pub fn one_revolution(samples: &Samples) -> f64 {
-    let speed_rad_s = mean(samples.omega_rad_s.iter().copied()).abs();
+    let speed_rad_s = mean(&samples.omega_rad_s).abs();
     let window_s = if speed_rad_s > 0.0 { TAU / speed_rad_s } else { 0.02 };
     (window_s.min(0.2) / samples.step_s).round().max(8.0) * samples.step_s
 }

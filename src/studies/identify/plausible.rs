@@ -90,12 +90,11 @@ impl Checks<'_> {
     fn unmoved(&self) -> Vec<String> {
         let Self { samples, signals } = self;
         let currents = samples.currents(Hold::Linear);
-        let spread = |of: &[f64]| range(of.iter().copied());
         let unmoved = |(bearing, magnets): (usize, Range<usize>)| {
-            let varies = |current: &Vec<f64>| spread(current)[0] < spread(current)[1];
+            let varies = |current: &Vec<f64>| range(current)[0] < range(current)[1];
             let readings =
                 samples.machine.readings_of(bearing).filter(|_| currents[magnets.clone()].iter().any(varies));
-            let still = readings.map(|at| (at, spread(&samples.position_m[at]))).filter(|(_, [low, high])| low == high);
+            let still = readings.map(|at| (at, range(&samples.position_m[at]))).filter(|(_, [low, high])| low == high);
             let name = |at: usize| signals.list[signals.positions.start + at].name.clone();
             let words = still.map(|(at, [value, _])| {
                 let value = significant(1e6 * value, 4);
@@ -119,8 +118,7 @@ impl Checks<'_> {
     /// Findings about the positions at a bearing.
     fn positions(&self, bearing: usize, gap_m: f64) -> Vec<String> {
         let axes: Vec<usize> = self.samples.machine.readings_of(bearing).collect();
-        let ranges: Vec<[f64; 2]> =
-            axes.iter().map(|axis| range(self.samples.position_m[*axis].iter().copied())).collect();
+        let ranges: Vec<[f64; 2]> = axes.iter().map(|axis| range(&self.samples.position_m[*axis])).collect();
         let spans: Vec<f64> = ranges.iter().map(|[low, high]| high - low).collect();
         let is_silent = |n: usize| noise(&self.samples.position_m[axes[n]]) < SILENT_M;
         let is_still = (0..axes.len()).all(|n| spans[n] < STILL_M && is_silent(n));
@@ -159,7 +157,7 @@ impl Checks<'_> {
         let currents = self.samples.currents(Hold::Linear);
         let largest: Vec<f64> =
             currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
-        let most = range(largest.iter().copied())[1];
+        let most = range(&largest)[1];
         let finding = |k: usize| {
             let (at, strongest) = (self.signals.currents.start + k, largest[k]);
             if strongest == 0.0 && currents[k].iter().any(|value| value.is_finite()) {
@@ -206,7 +204,7 @@ impl Checks<'_> {
         if speeds <= rest && slopes <= rest || agrees(1.0) {
             return None;
         }
-        let speed = median(samples.omega_rad_s.iter().copied());
+        let speed = median(&samples.omega_rad_s);
         let slope = if speeds > 0.0 { ratio * speed } else { (slopes / count).sqrt() };
         let value = format!("the angle turns at {}, the speed is {}", rpm(slope), rpm(speed));
         let Signals { theta, omega, .. } = self.signals;
@@ -227,7 +225,7 @@ impl Checks<'_> {
 
     /// Speeds that are too high for a rotor, or for its controller.
     fn speed(&self) -> Option<String> {
-        let (speed, step_s) = (median(self.samples.omega_rad_s.iter().copied()).abs(), self.samples.step_s);
+        let (speed, step_s) = (median(&self.samples.omega_rad_s).abs(), self.samples.step_s);
         let fits = |speed: f64| speed <= SPEED_RAD_S && speed * step_s <= TAU / SAMPLES_PER_TURN;
         if fits(speed) || speed.is_nan() {
             return None;
@@ -248,7 +246,7 @@ impl Checks<'_> {
             return None;
         }
         let explains = |scale: f64| synchronous(samples, scale).is_some_and(|part| part > MOST);
-        let speed = rpm(median(samples.omega_rad_s.iter().copied()));
+        let speed = rpm(median(&samples.omega_rad_s));
         let value = |scale: f64| format!("{speed}, while the motion turns {} times as fast", significant(scale, 3));
         let suspects: &[(usize, i32)] = match samples.rotation {
             Rotation::Angle | Rotation::Both => &[(self.signals.theta, 1)],
@@ -269,7 +267,7 @@ fn synchronous(samples: &Samples, factor: f64) -> Option<f64> {
     /// Samples that are enough.
     const ENOUGH: usize = 100_000;
     let theta = &samples.theta_rad[..samples.theta_rad.len().min(ENOUGH)];
-    let [low, high] = range(theta.iter().copied());
+    let [low, high] = range(theta);
     let turned = factor * (high - low);
     // Less than two turns show little, and fast turns alias with slow ones.
     if turned < 2.0 * TAU || turned / theta.len() as f64 > PI / f64::from(HARMONICS) {

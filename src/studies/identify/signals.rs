@@ -128,7 +128,7 @@ pub(super) fn unwrap(angle: &mut Known) -> Option<f64> {
         let step = (*value - before) / samples;
         speed = Some(speed.map_or(step, |speed: f64| speed + (step - speed) / AVERAGED));
     }
-    let [jump, step] = [&jumps, &steps].map(|steps| median(steps.iter().copied()));
+    let [jump, step] = [&jumps, &steps].map(median);
     let is_against = jumps.iter().all(|one| one * jump > 0.0) && jump * step < 0.0;
     (steps.len() >= 2 * jumps.len() && is_against).then(|| (step - jump).abs())
 }

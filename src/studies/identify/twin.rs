@@ -174,7 +174,7 @@ impl Answer {
         };
         // The estimator assumes exact sensors: their errors add to its uncertainty.
         let error = |name: &str| of(name).hypot(std(name));
-        let omega_rad_s = mean(samples.omega_rad_s.iter().copied());
+        let omega_rad_s = mean(&samples.omega_rad_s);
         let machine = base.machine;
 
         let mut twin = Twin::of(base, samples.step_s, &self.verdict);

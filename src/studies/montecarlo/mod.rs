@@ -312,9 +312,9 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     row(&format!("valid where the bound is below {} %", 100.0 * IDENTIFIABLE), &|figures| {
         format!("{}/{}", figures.identified, figures.identifiable)
     });
-    row("rms error/bound", &|figures| or_dash(rms(figures.over_bound.iter().copied()), 2));
-    row("rms error/standard deviation (noise)", &|figures| or_dash(rms(figures.normalised.iter().copied()), 2));
-    row("rms error/standard deviation (total)", &|figures| or_dash(rms(figures.over_total.iter().copied()), 2));
+    row("rms error/bound", &|figures| or_dash(rms(&figures.over_bound), 2));
+    row("rms error/standard deviation (noise)", &|figures| or_dash(rms(&figures.normalised), 2));
+    row("rms error/standard deviation (total)", &|figures| or_dash(rms(&figures.over_total), 2));
     row("greatest error/standard deviation", &|figures| or_dash(figures.worst, 1));
     if !study.mixed {
         let bearings = of_bearings(&study.scenario);
@@ -382,7 +382,7 @@ pub fn table(study: &Study, outcome: &Outcome) -> Table {
     }
     let noticed: Vec<f64> = outcome.trials.iter().filter_map(|trial| trial.noticed_s).collect();
     if let Some(last) = noticed.iter().copied().reduce(f64::max) {
-        let [median_ms, last_ms] = [median(noticed.iter().copied()), last].map(|of_s| 1e3 * of_s);
+        let [median_ms, last_ms] = [median(&noticed), last].map(|of_s| 1e3 * of_s);
         note += &format!(
             " The change was noticed in {} runs, after {median_ms:.1} ms (median), {last_ms:.1} ms at most; the greatest error counts \
              from two revolutions after it.",

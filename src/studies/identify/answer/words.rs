@@ -52,7 +52,7 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
 /// Currents that are the same in every row: commands at their limit, or readings of a dead sensor.
 pub fn constant_currents(current_a: &[Vec<f64>], machine: &Machine) -> Vec<String> {
     let words = |(name, current): (String, &Vec<f64>)| {
-        let [low, high] = range(current.iter().copied());
+        let [low, high] = range(current);
         let value = significant(low, 4);
         (low == high && !current.is_empty()).then(|| {
             format!("{name} is {value} A throughout: if this is a reading, are the magnet and its sensor connected?")

@@ -147,7 +147,7 @@ impl Found {
         let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
         let mut mean_a = [0.0; 2];
         for (mean_a, of) in mean_a.iter_mut().zip(current_a) {
-            *mean_a = mean(of[rows.clone()].iter().copied());
+            *mean_a = mean(&of[rows.clone()]);
         }
         if let [k] = axis.used.as_slice() {
             mean_a[0] = law.reference_m * (point[LOAD].abs() / law.values[*k]).sqrt();

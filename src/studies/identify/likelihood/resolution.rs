@@ -27,7 +27,7 @@ pub(super) fn step(values: impl Iterator<Item = f64>) -> f64 {
     if steps.is_empty() || MIN_REPEATS * sorted.len() > count {
         return 0.0;
     }
-    let step = median(steps.iter().copied());
+    let step = median(&steps);
     let is_multiple = |of: &&f64| (**of / step - (**of / step).round()).abs() < ROUNDING;
     let multiples = steps.iter().filter(is_multiple).count();
     if multiples as f64 >= MIN_MULTIPLES * steps.len() as f64 { step } else { 0.0 }

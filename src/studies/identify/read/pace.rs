@@ -321,9 +321,9 @@ impl Times {
         };
         let worst = (0..self.time_s.len()).max_by(|a, b| off(a).total_cmp(&off(b))).unwrap_or(0);
         let (percent, line) = (100.0 * off(&worst), self.lines[worst]);
-        let [least, greatest] = range(steps.iter().copied()).map(|step| rounded_time(step, 4));
-        let [all, begin, end] = [&steps, &steps[..tenth], &steps[steps.len() - tenth..]]
-            .map(|steps| rounded_time(median(steps.iter().copied()), 4));
+        let [least, greatest] = range(&steps).map(|step| rounded_time(step, 4));
+        let [all, begin, end] =
+            [&steps, &steps[..tenth], &steps[steps.len() - tenth..]].map(|steps| rounded_time(median(steps), 4));
         format!(
             "the time stamps contradict an even pace: steps are from {least} to {greatest} (median {all}; {begin} in the first tenth, {end} in \
              the last), and stamps are up to {percent:.0} % of a sample time off the straight line (line {line})"
