@@ -14,6 +14,12 @@ pub(crate) fn from_fn<T: Copy, const N: usize, F: FnMut(usize) -> T>(mut f: F) -
     values
 }
 
+/// The values of a function of each element.
+#[inline]
+pub(crate) fn map<T: Copy, U: Copy, const N: usize>(of: [T; N], mut f: impl FnMut(T) -> U) -> [U; N] {
+    from_fn(|k| f(of[k]))
+}
+
 /// Combines two arrays element by element.
 #[inline]
 pub(crate) fn each<T: Copy, U: Copy, V: Copy, const N: usize>(a: &[T; N], b: &[U; N], f: impl Fn(T, U) -> V) -> [V; N] {

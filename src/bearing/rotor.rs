@@ -111,13 +111,13 @@ impl<T: Scalar, const B: usize> RotorConfig<T, B> {
     /// The readings `H q`, in m, at the coordinates q in m and rad.
     #[inline]
     pub fn readings<const N: usize>(&self, q: [T; N]) -> [T; N] {
-        in_bearings(self.bearings.map(|bearing| bearing.sensor_position_m), q)
+        in_bearings(array::map(self.bearings, |bearing| bearing.sensor_position_m), q)
     }
 
     /// The displacements at the magnets, in m, in the order of the readings.
     #[inline]
     pub fn at_magnets<const N: usize>(&self, q: [T; N]) -> [T; N] {
-        in_bearings(self.bearings.map(|bearing| bearing.position_m), q)
+        in_bearings(array::map(self.bearings, |bearing| bearing.position_m), q)
     }
 }
 
@@ -127,7 +127,7 @@ fn in_bearings<T: Scalar, const N: usize, const B: usize>(at_m: [T; B], q: [T; N
     if N < shaft::ACROSS {
         return q;
     }
-    let [a, b] = [0, 1].map(|b| shaft::displacement(at_m[b], q));
+    let [a, b] = array::from_fn(|b| shaft::displacement(at_m[b], q));
     array::from_fn(|n| [a[0], a[1], b[0], b[1], q[0]][n])
 }
 
@@ -223,8 +223,8 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
         if N < shaft::ACROSS {
             return displacement_m;
         }
-        let radial_m = [0, 1].map(|b| [displacement_m[2 * b], displacement_m[2 * b + 1]]);
-        shaft::through(displacement_m[N - 1], [0, 1].map(|b| at_m(&self.config.bearings[b])), radial_m)
+        let radial_m = array::from_fn(|b| [displacement_m[2 * b], displacement_m[2 * b + 1]]);
+        shaft::through(displacement_m[N - 1], array::from_fn(|b| at_m(&self.config.bearings[b])), radial_m)
     }
 
     /// The force at each bearing for a generalised force, in N: (F_y, F_z), or (F_x, 0) in an axial one.
@@ -232,7 +232,7 @@ impl<const N: usize, const K: usize, const B: usize> Rotor<N, K, B> {
     fn shared(&self, force: [f64; N]) -> [[f64; 2]; B] {
         let mut shared = [[force[0], 0.0]; B];
         if N >= shaft::ACROSS {
-            let at_m = [0, 1].map(|b| self.config.bearings[b].position_m);
+            let at_m = array::from_fn(|b| self.config.bearings[b].position_m);
             [shared[0], shared[1]] = shaft::shared(at_m, force);
         } else if N == 2 {
             shared[0][1] = force[1];

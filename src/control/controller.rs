@@ -190,7 +190,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             group: array::from_fn(|k| Rotor::<N, K, B>::MACHINE.group(k)),
             f0_n: array::from_fn(|g| law.f0_n[groups[g].0]),
             bias_a: array::from_fn(|g| law.bias_a[groups[g].0]),
-            floor_m: rotor.geometry().gap_m.map(|gap_m| SMALLEST_GAP * gap_m),
+            floor_m: array::map(rotor.geometry().gap_m, |gap_m| SMALLEST_GAP * gap_m),
             observer: PerturbationObserver::new(law.observer_rad_s, law.step_s),
             gains: tracking_gains(law.tracking_rad_s, law.step_s),
             ramp_gains: ramp_gains(law.tracking_rad_s, law.step_s),
@@ -245,7 +245,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     }
 
     fn at_magnets(&self, reference: [RefPoint; N]) -> [f64; N] {
-        self.rotor.config().at_magnets(reference.map(|[x, ..]| x))
+        self.rotor.config().at_magnets(array::map(reference, |[x, ..]| x))
     }
 
     /// Processes the sample that is due.
@@ -264,11 +264,11 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let coordinates = rotor.coordinates(input.position_m);
         self.reference.sample(&mut next.reference, input.omega_rad_s, coordinates, input.reference_m);
         let step_s = self.config.law.step_s;
-        let preview = [0.0, 1.0, 2.0].map(|samples| self.reference.ahead(&next.reference, samples * step_s));
+        let preview = array::from_fn(|k| self.reference.ahead(&next.reference, k as f64 * step_s));
         // The tracking error refers to the reference itself, not to the estimate of an observer.
         let reference = match self.reference.is_external() {
             true => input.reference_m,
-            false => preview[0].map(|[x, ..]| x),
+            false => array::map(preview[0], |[x, ..]| x),
         };
         let tracking_error_m = rotor.config().at_magnets(array::from_fn(|a| coordinates[a] - reference[a]));
         if !tracking_error_m.iter().all(|error| error.is_finite()) {

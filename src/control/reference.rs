@@ -346,7 +346,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
             let at = |n: usize| if machine.tilts() && n < 4 { config.paths[n / 2].waves()[part][n % 2] } else { 0.0 };
             rotor.through(array::from_fn(at), |bearing| bearing.position_m)
         };
-        Self { waves: [0, 1].map(wave), config, step_s, observer }
+        Self { waves: array::from_fn(wave), config, step_s, observer }
     }
 
     /// Whether the reference is external.
@@ -379,7 +379,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
     /// An external reference is extrapolated with the derivatives estimated by its observer.
     pub fn ahead(&self, state: &ReferenceState<N>, ahead_s: f64) -> [RefPoint; N] {
         if self.is_external() {
-            return state.signal.map(|signal| {
+            return array::map(state.signal, |signal| {
                 let [x, v, a, _] = ahead(signal, ahead_s);
                 [x, v, a]
             });
@@ -422,7 +422,7 @@ impl<const B: usize> ReferenceConfig<B> {
     pub fn point(&self, theta_rad: f64, omega_rad_s: f64) -> [RefPoint; 2] {
         if self.shape == Shape::Fourier {
             let curve = self.contour.at(theta_rad);
-            return curve.map(|[x, x_1, x_2]| [x, omega_rad_s * x_1, omega_rad_s * omega_rad_s * x_2]);
+            return array::map(curve, |[x, x_1, x_2]| [x, omega_rad_s * x_1, omega_rad_s * omega_rad_s * x_2]);
         }
         let (sin, cos) = libm::sincos(theta_rad);
         let (a, n) = match self.shape {

@@ -281,7 +281,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             }
         });
         let voltage = self.config.law.coil.drive == Drive::Voltage;
-        let gap_m = self.limited(self.rotor.geometry().gaps(estimate.map(|[x, ..]| x)));
+        let gap_m = self.limited(self.rotor.geometry().gaps(array::map(estimate, |[x, ..]| x)));
         if voltage {
             state.in_effect_n = magnet::forces(state.lambda_nm2_a2, measured.current_a, gap_m);
         }

@@ -279,7 +279,7 @@ where
         let slopes = slopes.each_ref().map(|slopes| slopes.input.clone());
         let line = point.in_time(&slopes);
         let (output, at_bearings) = Self::derivatives_of(&line, order);
-        let position_m = line.motion.position_m.map(|series| series.derivative(order));
+        let position_m = array::map(line.motion.position_m, |series| series.derivative(order));
         Values { position_m, output, at_bearings, ..Values::default() }
     }
 }
@@ -292,7 +292,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let (Conditions { contact, .. }, omega_rad_s) = (line.conditions, line.input.omega_rad_s);
         let output = equations.outputs(&line.motion, &line.input, line.conditions);
         let at_bearings = equations.at_bearings(&line.motion, omega_rad_s, contact, output.force_n);
-        (output.map(of), at_bearings.map(|at| at.map(of)))
+        (output.map(of), array::map(at_bearings, |at| at.map(of)))
     }
 
     /// The derivatives of the first sample, `(1 + gain error) x + offset + σ n` with the first draw n. A rounded reading is

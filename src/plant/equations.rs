@@ -215,7 +215,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             return (forces(self.config.lambda_nm2_a2, flowing(open, input.current_a), gap_m), None);
         }
         let coils = self.coils(open, linkage_wb, input, gap_m);
-        (coils.map(|coil| coil.force_n), Some(coils))
+        (array::map(coils, |coil| coil.force_n), Some(coils))
     }
 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
@@ -296,14 +296,14 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
     ) -> PlantOutput<T, N, K> {
         let gap_m = self.geometry.gaps(x.position_m);
         let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);
-        let force_n = coils.map(|coil| coil.force_n);
+        let force_n = array::map(coils, |coil| coil.force_n);
         let resultant_n = self.geometry.resultant(force_n);
         let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
         let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
         PlantOutput {
             gap_m,
-            current_a: coils.map(|coil| coil.current_a),
-            linkage_wb: coils.map(|coil| coil.linkage_wb),
+            current_a: array::map(coils, |coil| coil.current_a),
+            linkage_wb: array::map(coils, |coil| coil.linkage_wb),
             induced_v: self.induced_v(conditions.open, &coils, input),
             force_n,
             resultant_n,

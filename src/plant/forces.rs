@@ -58,7 +58,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         if !contact[b] {
             return [T::constant(0.0); 2];
         }
-        let [at, speed] = [motion.position_m, motion.velocity_m_s].map(|q| self.at_magnets(b, q));
+        let [at, speed] = array::map([motion.position_m, motion.velocity_m_s], |q| self.at_magnets(b, q));
         self.touchdown[b].force_n(at, speed, omega_rad_s)
     }
 
@@ -82,7 +82,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantConfigOf<f64, N, K, B>
     #[inline]
     pub(super) fn touches(&self, position_m: &[f64; N], velocity_m_s: &[f64; N]) -> [bool; B] {
         let touches = |b: usize| {
-            let [at, speed] = [position_m, velocity_m_s].map(|q| self.at_magnets(b, *q));
+            let [at, speed] = array::map([position_m, velocity_m_s], |q| self.at_magnets(b, *q));
             self.touchdown[b].touches(at, speed)
         };
         array::from_fn(touches)

@@ -79,9 +79,9 @@ operators! {
     Add add |x, y: Self| Self(array::from_fn(|j| x.0[j] + y.0[j]));
     Add add |x, y: f64| Self(array::from_fn(|j| if j == 0 { x.0[j] + y } else { x.0[j] }));
     Sub sub |x, y: Self| Self(array::from_fn(|j| x.0[j] - y.0[j]));
-    Neg neg |x| Self(x.0.map(|c| -c));
+    Neg neg |x| Self(array::map(x.0, |c| -c));
     Mul mul |x, y: Self| Self(array::from_fn(|j| (0..=j).map(|i| x.0[i] * y.0[j - i]).sum()));
-    Mul mul |x, factor: f64| Self(x.0.map(|c| c * factor));
+    Mul mul |x, factor: f64| Self(array::map(x.0, |c| c * factor));
     // From x = q y.
     Div div |x, y: Self| {
         let mut quotient = Self::constant(0.0);

@@ -62,7 +62,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let now =
             to_acceleration(geometry.resultant(state.in_effect_n), gyroscopic(array::from_fn(|a| estimate[a][1])));
         let next: [Estimate; N] = array::from_fn(|a| self.observer.predict(estimate[a], now[a]));
-        let next_gap_m = self.limited(geometry.gaps(next.map(|[x, ..]| x)));
+        let next_gap_m = self.limited(geometry.gaps(array::map(next, |[x, ..]| x)));
         // ψ' = u − R i with the mean of the currents at the ends of the interval.
         let half = 0.5 * step_s * resistance_ohm;
         let next_a: [f64; K] = array::from_fn(|k| {
@@ -71,7 +71,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         });
         let next = to_acceleration(
             geometry.resultant(magnet::forces(lambda, next_a, next_gap_m)),
-            gyroscopic(next.map(|[_, v, _]| v)),
+            gyroscopic(array::map(next, |[_, v, _]| v)),
         );
 
         let [k_0, k_1, k_2] = self.ramp_gains;
@@ -87,16 +87,16 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             let [_, _, d] = state.expected[a];
             self.observer.predict_ramp(state.expected[a], next[a], acceleration[a] - d)
         });
-        let moment = gyroscopic(last.map(|[_, v, _]| v));
+        let moment = gyroscopic(array::map(last, |[_, v, _]| v));
         let planned_a = state.planned_a;
-        let (command, last_gap_m) = self.command_at(state, acceleration, moment, level, last.map(|[x, ..]| x));
+        let (command, last_gap_m) = self.command_at(state, acceleration, moment, level, array::map(last, |[x, ..]| x));
         state.planned_a = command.current_a;
         let wanted_v: [f64; K] = array::from_fn(|k| {
             let last_a = (command.current_a[k] + self.decay * (next_a[k] - planned_a[k])).max(0.0);
             let change = inductance(k, last_gap_m[k]) * last_a - inductance(k, next_gap_m[k]) * next_a[k];
             change / step_s + 0.5 * resistance_ohm * (last_a + next_a[k])
         });
-        let voltage_v = wanted_v.map(|u| u.clamp(-limit_v, limit_v));
+        let voltage_v = array::map(wanted_v, |u| u.clamp(-limit_v, limit_v));
         state.voltage_v = voltage_v;
         ControllerOutput { voltage_v, limited: voltage_v != wanted_v, ..command }
     }

@@ -141,7 +141,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         let variance = case.position_noise * case.position_noise;
         let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(MIN_GAP), 2.0 * exponent);
         let mut variances =
-            if exponent == 0.0 { [variance; N] } else { self.state[row][0].map(|at| variance * grown(at)) };
+            if exponent == 0.0 { [variance; N] } else { array::map(self.state[row][0], |at| variance * grown(at)) };
         for (variance, error_m) in variances.iter_mut().zip(&case.position_error) {
             *variance += f64::from(error_m[row]).powi(2);
         }
@@ -168,7 +168,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     pub fn scales(&self, row: usize, levels: &Levels) -> ByMagnet {
         let (case, mut factors) = (self.input.case, levels.currents);
         for (k, factor) in factors.iter_mut().enumerate().take(case.square_error.len()) {
-            let [error_a2, of_level] = [1.0, levels.restored].map(|of| case.error_a2(row, k, of * case.restored));
+            let [error_a2, of_level] =
+                array::map([1.0, levels.restored], |of| case.error_a2(row, k, of * case.restored));
             if error_a2 > 0.0 {
                 *factor = of_level / error_a2;
             }
@@ -179,7 +180,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// Squared currents in the interval that ends at `row`, A².
     pub fn squares(&self, row: usize) -> Squares<K> {
         let Input { case, rotor, .. } = self.input;
-        let read = |row: usize| self.current.map(|current| current[row]);
+        let read = |row: usize| array::map(self.current, |current| current[row]);
         let mut squares = match (&rotor.lag, case.recording.hold) {
             (None, Hold::Linear) => rotor.squares(read(row), Some(read(row - 1))),
             (None, _) => rotor.squares(read(case.commanded(row)), None),
@@ -195,8 +196,8 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     /// a point, and the column of the lag; none without one.
     pub fn by_lag(&self, row: usize, at: &[f64; N]) -> Option<(usize, [f64; N])> {
         let Input { case, rotor, .. } = self.input;
-        let ([_, more, less], command) = (rotor.lag.as_ref()?, self.current.map(|of| of[case.commanded(row)]));
-        let [more, less] = [more, less].map(|lag| rotor.lagged_squares::<K>(lag, command, row).middle);
+        let ([_, more, less], command) = (rotor.lag.as_ref()?, array::map(self.current, |of| of[case.commanded(row)]));
+        let [more, less] = array::map([more, less], |lag| rotor.lagged_squares::<K>(lag, command, row).middle);
         let by_lag: [f64; K] = array::from_fn(|k| lag::derivative(more[k], less[k]));
         let mut column = [0.0; N];
         rotor.add_pulls(&mut column, rotor.gaps(at), by_lag);

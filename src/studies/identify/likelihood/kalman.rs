@@ -83,7 +83,7 @@ impl<const N: usize> Transition<N> {
     #[inline(always)]
     pub fn of(h: f64, k: &[[f64; N]; N], g: &[[f64; N]; N]) -> Self {
         let (h_2, h_3) = (0.5 * h * h, h * h * h / 6.0);
-        let mut blocks = [h_2, h_3, h, h_2].map(|factor| k.map(|row| row.map(|k| factor * k)));
+        let mut blocks = array::map([h_2, h_3, h, h_2], |factor| array::map(*k, |row| array::map(row, |k| factor * k)));
         for n in 0..N {
             blocks[1][n][n] += h;
         }
@@ -151,7 +151,7 @@ impl<const N: usize> Transition<N> {
         }
         let mut w = [[0.0; N]; N];
         for (g, scale) in noise.iter().zip(scales) {
-            let g = g.map(|g| g * scale);
+            let g = array::map(*g, |g| g * scale);
             for i in 0..N {
                 for l in 0..N {
                     w[i][l] += g[i] * g[l];

@@ -112,10 +112,10 @@ impl Description {
             of.magnets[k] = row(k);
         }
         for p in 0..planes {
-            of.unbalance[p] = [0, 1].map(|axis| row(K + 2 * p + axis));
+            of.unbalance[p] = array::from_fn(|axis| row(K + 2 * p + axis));
         }
         for p in 0..(U - N - machine.backward) / 2 {
-            of.backward[p] = [0, 1].map(|axis| row(machine.backward + 2 * p + axis));
+            of.backward[p] = array::from_fn(|axis| row(machine.backward + 2 * p + axis));
         }
         for n in 0..N {
             of.loads[n] = row(U - N + n);
@@ -370,7 +370,7 @@ impl Rotor {
         let mut squares = self.squares(command, None);
         for k in 0..K {
             let [offset, gain] = self.current[k];
-            let [command, start] = [command[k], lag.start_a(row, k)].map(|read| (read - offset) / gain);
+            let [command, start] = array::map([command[k], lag.start_a(row, k)], |read| (read - offset) / gain);
             let [mean, early] = lag.squares(command, start);
             let noise = self.noise * self.noise / (gain * gain);
             squares.start[k] = 6.0 * early - 2.0 * mean - noise;
@@ -401,8 +401,8 @@ impl Rotor {
         for p in 0..self.machine.planes {
             let at = self.layout.magnets + 2 * p;
             let (u_c, u_s) = (self.theta[at], self.theta[at + 1]);
-            synchronous[0][p] = [0, 1].map(|a| u_c * by_cos[a] + u_s * by_sin[a]);
-            let [b_c, b_s] = self.places.backward.map(|first| self.bench(first + p));
+            synchronous[0][p] = array::from_fn(|a| u_c * by_cos[a] + u_s * by_sin[a]);
+            let [b_c, b_s] = array::map(self.places.backward, |first| self.bench(first + p));
             synchronous[1][p] = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
         }
         synchronous
@@ -523,7 +523,7 @@ impl Rotor {
             d.put(layout.magnets + 2 * p, combined(&machine.unbalance[p], by_cos));
             d.put(layout.magnets + 2 * p + 1, combined(&machine.unbalance[p], by_sin));
             if bench {
-                let [cos, sin] = places.backward.map(|first| layout.base + first + p);
+                let [cos, sin] = array::map(places.backward, |first| layout.base + first + p);
                 d.put(cos, combined(&machine.backward[p], [shaft.cos, -shaft.sin]));
                 d.put(sin, combined(&machine.backward[p], [shaft.sin, shaft.cos]));
             }
@@ -557,7 +557,7 @@ impl Rotor {
         let mut sensed: [f64; N] =
             array::from_fn(|a| at[a] - self.delay * (rate[a] - 0.5 * self.delay * acceleration[a]));
         for (sensed, places) in sensed.chunks_exact_mut(2).zip(&self.places.pairs) {
-            let r = places.runout.map(|at| self.bench(at));
+            let r = array::map(places.runout, |at| self.bench(at));
             sensed[0] += (r[0] + r[2]) * c + (r[3] - r[1]) * s + r[4] * c_2 + r[5] * s_2;
             sensed[1] += (r[0] - r[2]) * s + (r[1] + r[3]) * c + r[6] * c_2 + r[7] * s_2;
         }
@@ -603,7 +603,8 @@ impl Rotor {
             put(places.gain_difference, rotated[0], -rotated[1]);
             let (common, different) = (1.0 + self.bench(places.gain), self.bench(places.gain_difference));
             put(places.rotation, -(common + different) * rotated[1], (common - different) * rotated[0]);
-            let m = [0, 1].map(|row| [self.sensor[first + row][first], self.sensor[first + row][first + 1]]);
+            let m: [[f64; 2]; 2] =
+                array::from_fn(|row| [self.sensor[first + row][first], self.sensor[first + row][first + 1]]);
             let runouts = [[c, s], [-s, c], [c, -s], [s, c], [c_2, 0.0], [s_2, 0.0], [0.0, c_2], [0.0, s_2]];
             for (part, [y, z]) in runouts.into_iter().enumerate() {
                 put(places.runout[part], m[0][0] * y + m[0][1] * z, m[1][0] * y + m[1][1] * z);
