@@ -15,8 +15,8 @@ use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
 use crate::plant::sensor::Channels;
 use crate::plant::{
-    self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput,
-    PlantState,
+    self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Instant, Motion, Plant, PlantConfigOf, PlantInput,
+    PlantOutput, PlantState,
 };
 use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
 use crate::variables::{Saved, Variables};
@@ -289,9 +289,9 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     fn derivatives_of(line: &Point<Taylor<3>, N, K, B>, order: usize) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
         let of = |series: Taylor<3>| series.derivative(order);
         let equations = Equations::new(line.config.clone());
-        let (Conditions { contact, .. }, omega_rad_s) = (line.conditions, line.input.omega_rad_s);
-        let output = equations.outputs(&line.motion, &line.input, line.conditions);
-        let at_bearings = equations.at_bearings(&line.motion, omega_rad_s, contact, output.force_n);
+        let Point { motion, input, conditions, .. } = line;
+        let output = equations.outputs(&Instant { motion, input, conditions: *conditions });
+        let at_bearings = equations.at_bearings(motion, input.omega_rad_s, conditions.contact, output.force_n);
         (output.map(of), array::map(at_bearings, |at| at.map(of)))
     }
 

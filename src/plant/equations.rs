@@ -84,6 +84,17 @@ impl<T: Scalar, const K: usize, const B: usize> Default for Conditions<T, K, B> 
     }
 }
 
+/// State, inputs and conditions at an instant.
+#[derive(Clone, Copy, Debug)]
+pub struct Instant<'a, T = f64, const N: usize = 2, const K: usize = 3, const B: usize = 1> {
+    /// State.
+    pub motion: &'a Motion<T, N, K>,
+    /// Inputs.
+    pub input: &'a PlantInput<T, N, K>,
+    /// Time, angle of the rotor, and discrete conditions.
+    pub conditions: Conditions<T, K, B>,
+}
+
 /// The outputs of the plant at an instant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
 #[variables(T = f64, context = Machine, default)]
@@ -174,14 +185,9 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
     }
 
-    /// The coils at the gaps in m, computed from `linkage_wb` with voltage drive, otherwise from the input currents.
-    pub(super) fn coils(
-        &self,
-        open: [bool; K],
-        linkage_wb: [T; K],
-        input: &PlantInput<T, N, K>,
-        gap_m: [T; K],
-    ) -> [CoilPoint<T>; K] {
+    /// The coils at the gaps in m, computed from the flux linkages with voltage drive, otherwise from the input currents.
+    pub(super) fn coils(&self, at: &Instant<'_, T, N, K, B>, gap_m: [T; K]) -> [CoilPoint<T>; K] {
+        let (open, input) = (at.conditions.open, at.input);
         if self.is_plain() {
             // P(4) literally, in the order of operations with the fewest roundings.
             let current_a = flowing(open, input.current_a);
@@ -199,50 +205,38 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         array::from_fn(|k| match self.config.coil.drive {
             _ if open[k] => CoilPoint::idle(),
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
-            Drive::Voltage => self.coil(k).at_linkage(linkage_wb[k], gap_m[k]),
+            Drive::Voltage => self.coil(k).at_linkage(at.motion.linkage_wb[k], gap_m[k]),
         })
     }
 
     /// The forces of the magnets, in N, and [`Equations::coils`] if the forces need more than P(4).
-    pub(super) fn forces(
-        &self,
-        open: [bool; K],
-        linkage_wb: [T; K],
-        input: &PlantInput<T, N, K>,
-        gap_m: [T; K],
-    ) -> ([T; K], Option<[CoilPoint<T>; K]>) {
+    pub(super) fn forces(&self, at: &Instant<'_, T, N, K, B>, gap_m: [T; K]) -> ([T; K], Option<[CoilPoint<T>; K]>) {
         if self.is_plain() {
-            return (forces(self.config.lambda_nm2_a2, flowing(open, input.current_a), gap_m), None);
+            let current_a = flowing(at.conditions.open, at.input.current_a);
+            return (forces(self.config.lambda_nm2_a2, current_a, gap_m), None);
         }
-        let coils = self.coils(open, linkage_wb, input, gap_m);
+        let coils = self.coils(at, gap_m);
         (array::map(coils, |coil| coil.force_n), Some(coils))
     }
 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
-    fn induced_v(&self, open: [bool; K], coils: &[CoilPoint<T>; K], input: &PlantInput<T, N, K>) -> [T; K] {
+    fn induced_v(&self, at: &Instant<'_, T, N, K, B>, coils: &[CoilPoint<T>; K]) -> [T; K] {
         let coil = &self.config.coil;
         array::from_fn(|k| {
-            if coil.drive == Drive::Current || open[k] {
+            if coil.drive == Drive::Current || at.conditions.open[k] {
                 return T::constant(0.0);
             }
-            coil.limited(input.voltage_v[k]) - coil.resistance_ohm * coils[k].current_a
+            coil.limited(at.input.voltage_v[k]) - coil.resistance_ohm * coils[k].current_a
         })
     }
 
-    /// `(F + p − Ω G q̇ + c)/M`, per coordinate, in m/s², for angles in rad/s².
+    /// `(F + p − Ω G q̇ + c)/M`, per coordinate, in m/s², for angles in rad/s²; the forces are F, p and c.
     #[inline]
-    fn acceleration(
-        &self,
-        x: &Motion<T, N, K>,
-        input: &PlantInput<T, N, K>,
-        resultant_n: [T; N],
-        perturbation_n: [T; N],
-        contact_n: [T; N],
-    ) -> [T; N] {
+    fn acceleration(&self, at: &Instant<'_, T, N, K, B>, [magnets_n, others_n, contact_n]: [[T; N]; 3]) -> [T; N] {
         let inertia: [T; N] = self.config.rotor.shaft.inertia();
-        let gyroscopic = self.config.rotor.shaft.gyroscopic(input.omega_rad_s, x.velocity_m_s);
+        let gyroscopic = self.config.rotor.shaft.gyroscopic(at.input.omega_rad_s, at.motion.velocity_m_s);
         array::from_fn(|a| {
-            let force_n = resultant_n[a] + perturbation_n[a];
+            let force_n = magnets_n[a] + others_n[a];
             let force_n = gyroscopic.map_or(force_n, |moment| force_n + moment[a]);
             // Without contact the sum keeps its bits, including the sign of a zero.
             let force_n = if contact_n[a].is_zero() { force_n } else { force_n + contact_n[a] };
@@ -253,49 +247,34 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
     /// The right-hand side of the equations of motion, d/dt of [`Motion`].
     ///
     /// NaN outside the gap, where P(4) has no meaning. With current drive the derivatives of the fluxes are 0.
-    pub fn derivative(
-        &self,
-        x: &Motion<T, N, K>,
-        input: &PlantInput<T, N, K>,
-        conditions: Conditions<T, K, B>,
-    ) -> Motion<T, N, K> {
-        let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
-        self.derivative_under(x, input, conditions, perturbation_n)
+    pub fn derivative(&self, at: &Instant<'_, T, N, K, B>) -> Motion<T, N, K> {
+        self.derivative_under(at, self.config.perturbation(at.input, at.conditions.time_s, at.conditions.theta_rad))
     }
 
     /// [`Equations::derivative`] for a given perturbation, in N.
-    pub(super) fn derivative_under(
-        &self,
-        x: &Motion<T, N, K>,
-        input: &PlantInput<T, N, K>,
-        conditions: Conditions<T, K, B>,
-        perturbation_n: [T; N],
-    ) -> Motion<T, N, K> {
+    pub(super) fn derivative_under(&self, at: &Instant<'_, T, N, K, B>, perturbation_n: [T; N]) -> Motion<T, N, K> {
+        let Instant { motion: x, input, conditions } = *at;
         let gap_m = self.geometry.gaps(x.position_m);
         if !gap_m.iter().all(|gap| gap.value() > 0.0) {
             let nan = T::constant(f64::NAN);
             return Motion { position_m: [nan; N], velocity_m_s: [nan; N], linkage_wb: [nan; K] };
         }
-        let (force_n, coils) = self.forces(conditions.open, x.linkage_wb, input, gap_m);
-        let induced_v = coils.map_or([T::constant(0.0); K], |coils| self.induced_v(conditions.open, &coils, input));
+        let (force_n, coils) = self.forces(at, gap_m);
+        let induced_v = coils.map_or([T::constant(0.0); K], |coils| self.induced_v(at, &coils));
         let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
         let resultant_n = self.geometry.resultant(force_n);
         Motion {
             position_m: x.velocity_m_s,
-            velocity_m_s: self.acceleration(x, input, resultant_n, perturbation_n, contact_n),
+            velocity_m_s: self.acceleration(at, [resultant_n, perturbation_n, contact_n]),
             linkage_wb: induced_v,
         }
     }
 
-    /// All outputs for state, input and conditions at one instant.
-    pub fn outputs(
-        &self,
-        x: &Motion<T, N, K>,
-        input: &PlantInput<T, N, K>,
-        conditions: Conditions<T, K, B>,
-    ) -> PlantOutput<T, N, K> {
+    /// All outputs at an instant.
+    pub fn outputs(&self, at: &Instant<'_, T, N, K, B>) -> PlantOutput<T, N, K> {
+        let Instant { motion: x, input, conditions } = *at;
         let gap_m = self.geometry.gaps(x.position_m);
-        let coils = self.coils(conditions.open, x.linkage_wb, input, gap_m);
+        let coils = self.coils(at, gap_m);
         let force_n = array::map(coils, |coil| coil.force_n);
         let resultant_n = self.geometry.resultant(force_n);
         let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
@@ -304,12 +283,12 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             gap_m,
             current_a: array::map(coils, |coil| coil.current_a),
             linkage_wb: array::map(coils, |coil| coil.linkage_wb),
-            induced_v: self.induced_v(conditions.open, &coils, input),
+            induced_v: self.induced_v(at, &coils),
             force_n,
             resultant_n,
             perturbation_n,
             contact_n,
-            acceleration_m_s2: self.acceleration(x, input, resultant_n, perturbation_n, contact_n),
+            acceleration_m_s2: self.acceleration(at, [resultant_n, perturbation_n, contact_n]),
         }
     }
 }

@@ -11,7 +11,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::bearing::{Scalar, array, joined};
-use crate::plant::{Conditions, Equations, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
+use crate::plant::{Conditions, Equations, Instant, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -145,7 +145,7 @@ impl<const N: usize, const K: usize, const B: usize> Point<f64, N, K, B> {
         }
         // Each iteration yields one more coefficient of the states: x_j+1 = ẋ_j / (j + 1).
         for j in 0..ORDERS.saturating_sub(1) {
-            let rate = equations.derivative(motion, input, *conditions);
+            let rate = equations.derivative(&Instant { motion, input, conditions: *conditions });
             let over = 1.0 / (j + 1) as f64;
             *motion = motion.with(&rate, |mut state, rate| {
                 state.0[j + 1] = rate.0[j] * over;
@@ -171,6 +171,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Point<T, N, K, B
 
     /// The outputs at this point.
     pub fn outputs(&self) -> PlantOutput<T, N, K> {
-        Equations::new(self.config.clone()).outputs(&self.motion, &self.input, self.conditions)
+        let Self { config, motion, input, conditions } = self;
+        Equations::new(config.clone()).outputs(&Instant { motion, input, conditions: *conditions })
     }
 }

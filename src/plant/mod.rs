@@ -52,14 +52,14 @@ mod trajectory;
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::{Drive, Rotor};
+use crate::bearing::{Drive, Rotor, array};
 use crate::invalid::{Checks, Invalid, are_finite};
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};
 use crate::variables::Saved;
 
 pub use config::{Harmonic, PLANES, PlantConfig, PlantConfigOf};
-pub use equations::{Conditions, Equations, Motion, PlantInput, PlantOutput};
+pub use equations::{Conditions, Equations, Instant, Motion, PlantInput, PlantOutput};
 pub use error::StepError;
 pub use forces::AtBearing;
 pub use substeps::{MOST_SUBSTEPS, SAFETY};
@@ -136,6 +136,11 @@ impl<const N: usize, const K: usize, const B: usize> PlantState<N, K, B> {
     /// Conditions of the equations at the time `t_s` in s.
     pub fn conditions(&self, t_s: f64) -> Conditions<f64, K, B> {
         Conditions { time_s: t_s, theta_rad: self.theta_rad, contact: self.contact, open: self.open }
+    }
+
+    /// The state with these inputs at the time `t_s` in s.
+    fn at<'a>(&'a self, input: &'a PlantInput<f64, N, K>, t_s: f64) -> Instant<'a, f64, N, K, B> {
+        Instant { motion: &self.motion, input, conditions: self.conditions(t_s) }
     }
 }
 
@@ -298,7 +303,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         input: &PlantInput<f64, N, K>,
         t_s: f64,
     ) -> PlantOutput<f64, N, K> {
-        self.equations.outputs(&state.motion, input, state.conditions(t_s))
+        self.equations.outputs(&state.at(input, t_s))
     }
 
     /// The sample of ideal sensors for a state and an input.
@@ -307,7 +312,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
             Drive::Current => equations::flowing(state.open, input.current_a),
             Drive::Voltage => {
                 let gap_m = self.equations.geometry().gaps(state.motion.position_m);
-                self.equations.coils(state.open, state.motion.linkage_wb, input, gap_m).map(|coil| coil.current_a)
+                array::map(self.equations.coils(&state.at(input, state.time_s), gap_m), |coil| coil.current_a)
             }
         };
         Sample { position_m: self.config().rotor.readings(state.motion.position_m), current_a }

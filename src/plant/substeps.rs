@@ -3,8 +3,8 @@
 use std::cell::Cell;
 
 use super::{
-    Conditions, InputTrajectory, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S, StepError,
-    UniformRotation,
+    Conditions, InputTrajectory, Instant, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S,
+    StepError, UniformRotation,
 };
 use crate::bearing::Rotor;
 use crate::invalid::are_finite;
@@ -101,14 +101,15 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
                     let theta_rad = theta_rad(rotation, t);
                     let conditions = Conditions { time_s: t, theta_rad, contact: state.contact, open: state.open };
                     if !held {
-                        return self.equations.derivative(x, &inputs.at(t), conditions);
+                        return self.equations.derivative(&Instant { motion: x, input: &inputs.at(t), conditions });
                     }
                     let perturbation_n = match cached.get() {
                         Some((at, angle, force)) if at == t && angle == theta_rad => force,
                         _ => self.equations.config.perturbation(&inputs.input, t, theta_rad),
                     };
                     cached.set(Some((t, theta_rad, perturbation_n)));
-                    self.equations.derivative_under(x, &inputs.input, conditions, perturbation_n)
+                    let at = Instant { motion: x, input: &inputs.input, conditions };
+                    self.equations.derivative_under(&at, perturbation_n)
                 };
                 rk4(x, now_s, h_s, slope)
             };
@@ -152,7 +153,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
     fn longest_step_s(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> f64 {
         let gap_m = self.equations.geometry().gaps(state.motion.position_m);
-        let (force_n, coils) = self.equations.forces(state.open, state.motion.linkage_wb, input, gap_m);
+        let (force_n, coils) = self.equations.forces(&state.at(input, state.time_s), gap_m);
         let of_coils = coils.iter().flatten().map(|coil| self.config().coil.resistance_ohm * coil.current_by_linkage);
         let rate = self.config().rate(state, force_n, gap_m);
         (SAFETY / of_coils.fold(rate, f64::max)).max(SHORTEST_STEP_S)

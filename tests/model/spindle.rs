@@ -50,8 +50,11 @@ fn on_springs(config: &SpindleConfig, omega_rad_s: f64, stiffness_n_m: f64, damp
             load[4] += xi * force.re;
         }
         let input = SpindleInput { perturbation_n: load, omega_rad_s, ..SpindleInput::default() };
-        let Motion { position_m: v, velocity_m_s: a, .. } =
-            plant.equations().derivative(&motion, &input, Conditions::default());
+        let Motion { position_m: v, velocity_m_s: a, .. } = plant.equations().derivative(&Instant {
+            motion: &motion,
+            input: &input,
+            conditions: Conditions::default(),
+        });
         let complex = |q: [f64; 5]| [Complex::new(q[1], q[2]), Complex::new(q[4], -q[3])];
         let ([v_u, v_psi], [a_u, a_psi]) = (complex(v), complex(a));
         Vector4::new(v_u, v_psi, a_u, a_psi)
