@@ -145,8 +145,8 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         values.output = self.outputs(state, &values.input, time_s);
         values.contact = state.contact;
         if Rotor::<N, K, B>::MACHINE.tilts() {
-            let (equations, force_n) = (self.equations(), values.output.force_n);
-            values.at_bearings = equations.at_bearings(&state.motion, values.omega_rad_s, state.contact, force_n);
+            let at = state.at(&values.input, time_s);
+            values.at_bearings = self.equations().at_bearings(&at, values.output.force_n);
         }
     }
 
@@ -290,8 +290,9 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let of = |series: Taylor<3>| series.derivative(order);
         let equations = Equations::new(line.config.clone());
         let Point { motion, input, conditions, .. } = line;
-        let output = equations.outputs(&Instant { motion, input, conditions: *conditions });
-        let at_bearings = equations.at_bearings(motion, input.omega_rad_s, conditions.contact, output.force_n);
+        let at = Instant { motion, input, conditions: *conditions };
+        let output = equations.outputs(&at);
+        let at_bearings = equations.at_bearings(&at, output.force_n);
         (output.map(of), array::map(at_bearings, |at| at.map(of)))
     }
 

@@ -253,7 +253,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
 
     /// [`Equations::derivative`] for a given perturbation, in N.
     pub(super) fn derivative_under(&self, at: &Instant<'_, T, N, K, B>, perturbation_n: [T; N]) -> Motion<T, N, K> {
-        let Instant { motion: x, input, conditions } = *at;
+        let x = at.motion;
         let gap_m = self.geometry.gaps(x.position_m);
         if !gap_m.iter().all(|gap| gap.value() > 0.0) {
             let nan = T::constant(f64::NAN);
@@ -261,7 +261,7 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         }
         let (force_n, coils) = self.forces(at, gap_m);
         let induced_v = coils.map_or([T::constant(0.0); K], |coils| self.induced_v(at, &coils));
-        let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
+        let contact_n = self.config.contact_n(at);
         let resultant_n = self.geometry.resultant(force_n);
         Motion {
             position_m: x.velocity_m_s,
@@ -272,13 +272,13 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
 
     /// All outputs at an instant.
     pub fn outputs(&self, at: &Instant<'_, T, N, K, B>) -> PlantOutput<T, N, K> {
-        let Instant { motion: x, input, conditions } = *at;
-        let gap_m = self.geometry.gaps(x.position_m);
+        let Instant { motion, input, conditions } = *at;
+        let gap_m = self.geometry.gaps(motion.position_m);
         let coils = self.coils(at, gap_m);
         let force_n = array::map(coils, |coil| coil.force_n);
         let resultant_n = self.geometry.resultant(force_n);
         let perturbation_n = self.config.perturbation(input, conditions.time_s, conditions.theta_rad);
-        let contact_n = self.config.contact_n(x, input.omega_rad_s, conditions.contact);
+        let contact_n = self.config.contact_n(at);
         PlantOutput {
             gap_m,
             current_a: array::map(coils, |coil| coil.current_a),

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PlantState;
 use super::config::{Harmonic, PlantConfigOf};
-use super::equations::{Equations, Motion, PlantInput};
+use super::equations::{Equations, Instant, Motion, PlantInput};
 use crate::bearing::{Rotor, Scalar, Shaft, array, joined, shaft};
 use crate::machine::{Bearing, Machine};
 use crate::variables::Variables;
@@ -53,20 +53,21 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
         }
     }
 
-    /// Force of the backup bearing at bearing b, in N, along the same axes; `omega_rad_s` is the speed of the rotor.
-    fn touchdown_n(&self, b: usize, motion: &Motion<T, N, K>, omega_rad_s: T, contact: [bool; B]) -> [T; 2] {
-        if !contact[b] {
+    /// Force of the backup bearing at bearing b, in N, along the same axes.
+    fn touchdown_n(&self, b: usize, at: &Instant<'_, T, N, K, B>) -> [T; 2] {
+        if !at.conditions.contact[b] {
             return [T::constant(0.0); 2];
         }
-        let [at, speed] = array::map([motion.position_m, motion.velocity_m_s], |q| self.at_magnets(b, q));
-        self.touchdown[b].force_n(at, speed, omega_rad_s)
+        let Motion { position_m, velocity_m_s, .. } = *at.motion;
+        let [position_m, velocity_m_s] = array::map([position_m, velocity_m_s], |q| self.at_magnets(b, q));
+        self.touchdown[b].force_n(position_m, velocity_m_s, at.input.omega_rad_s)
     }
 
-    /// Generalised force of the backup bearings in contact; `omega_rad_s` is the speed of the rotor.
-    pub(super) fn contact_n(&self, motion: &Motion<T, N, K>, omega_rad_s: T, contact: [bool; B]) -> [T; N] {
+    /// Generalised force of the backup bearings in contact.
+    pub(super) fn contact_n(&self, at: &Instant<'_, T, N, K, B>) -> [T; N] {
         let mut sum = [T::constant(0.0); N];
-        for b in (0..B).filter(|b| contact[*b]) {
-            let [y, z] = self.touchdown_n(b, motion, omega_rad_s, contact);
+        for b in (0..B).filter(|b| at.conditions.contact[*b]) {
+            let [y, z] = self.touchdown_n(b, at);
             let part: [T; N] = match Self::MACHINE.bearings[b].is_radial {
                 true => shaft::generalised(self.rotor.bearings[b].position_m, [y, z]),
                 false => shaft::along(y),
@@ -151,13 +152,7 @@ impl<T: Copy> AtBearing<T> {
 
 impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, K, B> {
     /// The outputs at the bearings, for magnet forces in N.
-    pub fn at_bearings(
-        &self,
-        motion: &Motion<T, N, K>,
-        omega_rad_s: T,
-        contact: [bool; B],
-        force_n: [T; K],
-    ) -> [AtBearing<T>; B] {
+    pub fn at_bearings(&self, at: &Instant<'_, T, N, K, B>, force_n: [T; K]) -> [AtBearing<T>; B] {
         let machine = Rotor::<N, K, B>::MACHINE;
         array::from_fn(|b| {
             let first = if machine.bearings[b].is_radial { usize::from(shaft::has_x::<N>()) } else { 0 };
@@ -166,8 +161,8 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
                 let direction = |k: usize| self.geometry().directions[k][(first + a).min(N - 1)];
                 machine.magnets_of(b).fold(T::constant(0.0), |sum, k| sum + force_n[k] * direction(k))
             };
-            let [y_m, z_m] = self.config.at_magnets(b, motion.position_m);
-            let [touchdown_y_n, touchdown_z_n] = self.config.touchdown_n(b, motion, omega_rad_s, contact);
+            let [y_m, z_m] = self.config.at_magnets(b, at.motion.position_m);
+            let [touchdown_y_n, touchdown_z_n] = self.config.touchdown_n(b, at);
             AtBearing { y_m, z_m, y_n: along(0), z_n: along(1), touchdown_y_n, touchdown_z_n }
         })
     }

@@ -139,7 +139,7 @@ impl<const N: usize, const K: usize, const B: usize> PlantState<N, K, B> {
     }
 
     /// The state with these inputs at the time `t_s` in s.
-    fn at<'a>(&'a self, input: &'a PlantInput<f64, N, K>, t_s: f64) -> Instant<'a, f64, N, K, B> {
+    pub fn at<'a>(&'a self, input: &'a PlantInput<f64, N, K>, t_s: f64) -> Instant<'a, f64, N, K, B> {
         Instant { motion: &self.motion, input, conditions: self.conditions(t_s) }
     }
 }

@@ -166,12 +166,13 @@ fn gaps_readings_and_moments_are_those_of_the_points_of_the_axis() {
     // Magnet 1 of B pulls down, which turns the rotor about +y; magnet 2 of X pulls towards −x.
     let mut input = SpindleInput::default();
     (input.current_a[3], input.current_a[7]) = (2.0, 1.0);
-    let output = plant.outputs(&plant.start(0.0), &input, 0.0);
+    let start = plant.start(0.0);
+    let output = plant.outputs(&start, &input, 0.0);
     let [b_1, x_2] = [2.4e-6 * 4.0 / 25e-8, 2.6e-6 / 36e-8];
     for (found, wanted) in output.resultant_n.into_iter().zip([-x_2, 0.0, -b_1, 0.15 * b_1, 0.0]) {
         below("generalised force, N", (found - wanted).abs(), 1e-12);
     }
-    let [a, b, x] = plant.equations().at_bearings(&plant.start(0.0).motion, 0.0, [false; 3], output.force_n);
+    let [a, b, x] = plant.equations().at_bearings(&start.at(&input, 0.0), output.force_n);
     below("force at B, N", (b.z_n + b_1).abs() + a.z_n.abs(), 1e-12);
     below("axial force, N", (x.y_n + x_2).abs(), 1e-12);
 }
@@ -188,7 +189,7 @@ fn backup_bearings_carry_the_rotor() {
             plant.advance(&mut state, &InputTrajectory::held(&input), f64::from(k) * STEP_S, STEP_S).expect("a step");
         }
         let output = plant.outputs(&state, &input, state.time_s);
-        let [a, b, x] = plant.equations().at_bearings(&state.motion, 0.0, state.contact, output.force_n);
+        let [a, b, x] = plant.equations().at_bearings(&state.at(&input, state.time_s), output.force_n);
         if gravity_m_s2[0] == 0.0 {
             assert_eq!(state.contact, [true, true, false]);
             // The weight shared by the lever arms of the bearings, 0.12 and 0.15 m.

@@ -29,12 +29,7 @@ const CURRENT_NOISE: f64 = 0.15;
 const RATIO: f64 = 10.0;
 
 /// Why estimates cannot describe a magnetic bearing, if they cannot.
-pub(in crate::studies::identify) fn implausible(
-    found: &Identification,
-    recording: &Recording,
-    machine: &Machine,
-    parts: &[Part],
-) -> Option<String> {
+pub fn implausible(found: &Identification, recording: &Recording, machine: &Machine, parts: &[Part]) -> Option<String> {
     for (_, magnets) in machine.magnets_of_bearings() {
         let own = || found.lambda[magnets.clone()].iter().map(|lambda| lambda.value);
         let (least, greatest) = (own().fold(f64::INFINITY, f64::min), own().fold(f64::NEG_INFINITY, f64::max));
