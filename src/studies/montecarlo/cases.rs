@@ -288,29 +288,24 @@ pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &s
     }
 }
 
-/// Adds a force in N that rotates backward at the speed of the rotor, from an angle in rad and for a duration in s.
-pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, length_s: f64) {
-    turning(scenario, -1.0, force_n, -phase, length_s);
+/// Adds a force in N that rotates backward at the speed of the rotor, from an angle in rad until an instant in s.
+pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, end_s: f64) {
+    turning(scenario, -1.0, force_n, -phase, end_s);
 }
 
-/// Adds a force in N that rotates at `order` times the speed of the rotor, from an angle in rad and for a duration in s.
-pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, length_s: f64) {
+/// Adds a force in N that rotates at `order` times the speed of the rotor, from an angle in rad until an instant in s.
+pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, end_s: f64) {
     let omega = order * scenario.number("plant", "omega");
-    push(scenario, &["pY", "pZ"], length_s, |time_s| {
+    push(scenario, &["pY", "pZ"], end_s, |time_s| {
         let (sin, cos) = libm::sincos(omega * time_s + phase);
         [force_n * cos, force_n * sin]
     });
 }
 
-/// Adds forces over time, in the units of these inputs of the plant, for a duration in s.
-pub fn push<const N: usize>(
-    scenario: &mut Scenario,
-    inputs: &[&str; N],
-    length_s: f64,
-    force: impl Fn(f64) -> [f64; N],
-) {
+/// Adds forces over time, in the units of these inputs of the plant, until an instant in s.
+pub fn push<const N: usize>(scenario: &mut Scenario, inputs: &[&str; N], end_s: f64, force: impl Fn(f64) -> [f64; N]) {
     let step_s = scenario.step_s;
-    let time_s: Vec<f64> = (0..(length_s / step_s).round() as usize).map(|step| step as f64 * step_s).collect();
+    let time_s: Vec<f64> = (0..(end_s / step_s).round() as usize).map(|step| step as f64 * step_s).collect();
     let forces: Vec<_> = time_s.iter().map(|time_s| force(time_s + 0.5 * step_s)).collect();
     add(scenario, inputs, &time_s, &forces);
 }
