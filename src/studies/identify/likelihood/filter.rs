@@ -216,12 +216,12 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
         }
         if *bench {
             // At the position predicted by the filter, as for the force.
-            let at: State<N> = match expected(row) {
+            let [at, rate]: State<N> = match expected(row) {
                 Some((_, state)) => state,
                 None => array::from_fn(|d| array::from_fn(|a| pass.state[row][d][a] + kalman.x[N * d + a])),
             };
             let acceleration = interval.map_or([0.0; N], |(interval, _)| interval.end);
-            rotor.sensor_columns(&at, &acceleration, to, &mut sensor);
+            rotor.sensor_columns(&[at, rate, acceleration], to, &mut sensor);
         }
         let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
         let counts = row >= piece.counted.start;
@@ -326,7 +326,8 @@ fn each_row<const N: usize, const K: usize>(
             (interval, transition)
         });
         let acceleration = interval.as_ref().map_or([0.0; N], |(interval, _)| interval.end);
-        let read = rotor.reading(&pass.state[row], &acceleration, &to);
+        let [at, rate] = pass.state[row];
+        let read = rotor.reading(&[at, rate, acceleration], &to);
         let residual = array::from_fn(|a| pass.position[a][row] - read[a]);
         each(row, &to, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
         from = to;

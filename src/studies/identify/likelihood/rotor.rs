@@ -22,6 +22,9 @@ pub(super) type ByMagnet<T = f64> = [T; 8];
 /// Coordinates in m and their rates in m/s.
 pub(super) type State<const N: usize> = [[f64; N]; 2];
 
+/// Coordinates, their rates and accelerations, m, m/s and m/s².
+pub(super) type Moving<const N: usize> = [[f64; N]; 3];
+
 /// Indices of the parameters of one recording: λ, U cos φ and U sin φ of each plane, loads, then the bench.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
@@ -438,13 +441,12 @@ impl Rotor {
     #[inline(always)]
     fn acceleration<const N: usize, const K: usize>(
         &self,
-        gaps: [f64; K],
+        at: &State<N>,
         squares: [f64; K],
         shaft: &Shaft,
-        rate: &[f64; N],
     ) -> [f64; N] {
-        let mut sum = self.external(&self.machine, &self.synchronous_forces(shaft), shaft, rate);
-        self.add_pulls(&mut sum, gaps, squares);
+        let mut sum = self.external(&self.machine, &self.synchronous_forces(shaft), shaft, &at[1]);
+        self.add_pulls(&mut sum, self.gaps(&at[0]), squares);
         sum
     }
 
@@ -465,9 +467,9 @@ impl Rotor {
             array::from_fn(|a| 1.5 / h * (to[0][a] - from[0][a]) - 0.25 * (from[1][a] + to[1][a])),
         ];
         let gaps = self.gaps(&middle[0]);
-        let a_0 = self.acceleration(self.gaps(&from[0]), squares.start, &at_start, &from[1]);
-        let a_m = self.acceleration(gaps, squares.middle, &at_middle, &middle[1]);
-        let a_1 = self.acceleration(self.gaps(&to[0]), squares.end, &at_end, &to[1]);
+        let a_0 = self.acceleration(from, squares.start, &at_start);
+        let a_m = self.acceleration(&middle, squares.middle, &at_middle);
+        let a_1 = self.acceleration(to, squares.end, &at_end);
         let offset = [
             array::from_fn(|a| from[0][a] + h * from[1][a] + h * h / 6.0 * (a_0[a] + 2.0 * a_m[a]) - to[0][a]),
             array::from_fn(|a| from[1][a] + h / 6.0 * (a_0[a] + 4.0 * a_m[a] + a_1[a]) - to[1][a]),
@@ -551,7 +553,7 @@ impl Rotor {
 
     /// Position at the sensors with their run-out, before gains and rotation.
     #[inline(always)]
-    fn sensed<const N: usize>(&self, [at, rate]: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
+    fn sensed<const N: usize>(&self, [at, rate, acceleration]: &Moving<N>, shaft: &Shaft) -> [f64; N] {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let mut sensed: [f64; N] =
@@ -566,24 +568,18 @@ impl Rotor {
 
     /// Readings of the position sensors at a point of the trajectory, m.
     #[inline(always)]
-    pub fn reading<const N: usize>(&self, at: &State<N>, acceleration: &[f64; N], shaft: &Shaft) -> [f64; N] {
-        let sensed = self.sensed(at, acceleration, shaft);
+    pub fn reading<const N: usize>(&self, at: &Moving<N>, shaft: &Shaft) -> [f64; N] {
+        let sensed = self.sensed(at, shaft);
         array::from_fn(|a| dot(&self.sensor[a], &sensed) + self.offset[a])
     }
 
     /// `∂reading/∂θ` at a fixed trajectory; columns of force parameters stay unchanged.
-    pub fn sensor_columns<const N: usize>(
-        &self,
-        at: &State<N>,
-        acceleration: &[f64; N],
-        shaft: &Shaft,
-        d: &mut ColumnValues<N>,
-    ) {
+    pub fn sensor_columns<const N: usize>(&self, at: &Moving<N>, shaft: &Shaft, d: &mut ColumnValues<N>) {
         let (c, s) = (shaft.cos, shaft.sin);
         let (c_2, s_2) = (c * c - s * s, 2.0 * c * s);
         let base = self.layout.base;
-        let sensed = self.sensed(at, acceleration, shaft);
-        let by_delay: [f64; N] = array::from_fn(|a| self.delay * acceleration[a] - at[1][a]);
+        let sensed = self.sensed(at, shaft);
+        let by_delay: [f64; N] = array::from_fn(|a| self.delay * at[2][a] - at[1][a]);
         d.put(base + self.places.delay, array::from_fn(|n| dot(&self.sensor[n], &by_delay)));
         if let Some([offset, gain]) = self.places.single {
             d.set(0, base + offset, 1.0);
