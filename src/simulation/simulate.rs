@@ -45,6 +45,9 @@ const MOST_BYTES: f64 = 8e9;
 /// A variable: index of its element, and its own index.
 pub type Place = (usize, usize);
 
+/// Gets the time in s, and may change the values sent to the inputs.
+pub type Alter<'a> = &'a mut dyn FnMut(f64, &mut [Value]);
+
 struct Messages<'a> {
     name: &'a str,
     lines: &'a mut Vec<String>,
@@ -68,14 +71,14 @@ impl Log for Messages<'_> {
 pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
     let progress = Progress::new("simulating", steps(scenario) as u64);
     let mut step = 0;
-    let tell = |_: f64, _: &mut [Value]| {
+    let mut tell = |_: f64, _: &mut [Value]| {
         // Reading the clock may cost more than a step.
         if step % 1024 == 0 {
             progress.tell(step);
         }
         step += 1;
     };
-    run_altered(scenario, |_| true, tell)
+    run_altered(scenario, &|_| true, &mut tell)
 }
 
 /// As [`run`], without a progress bar, recording only the outputs whose paths are `wanted`.
@@ -83,7 +86,7 @@ pub fn run(scenario: &Scenario) -> Result<Run, Refused> {
 /// # Errors
 /// As for [`run`].
 pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool) -> Result<Run, Refused> {
-    run_altered(scenario, wanted, |_, _| ())
+    run_altered(scenario, &wanted, &mut |_, _| ())
 }
 
 /// As [`run_for`]; at each communication point `alter` gets the time in s and may change the values sent to the inputs, in the order
@@ -91,11 +94,7 @@ pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool) -> Result<Run
 ///
 /// # Errors
 /// As for [`run`].
-pub fn run_altered(
-    scenario: &Scenario,
-    wanted: impl Fn(&str) -> bool,
-    mut alter: impl FnMut(f64, &mut [Value]),
-) -> Result<Run, Refused> {
+pub fn run_altered(scenario: &Scenario, wanted: &dyn Fn(&str) -> bool, alter: Alter<'_>) -> Result<Run, Refused> {
     let mut instances = instances(scenario)?;
     let wires = wires(scenario);
     let mut run = Run::default();
@@ -285,7 +284,7 @@ pub fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
 }
 
 /// Adds a column for every wanted output and returns their variables.
-fn outputs(scenario: &Scenario, wanted: impl Fn(&str) -> bool, recording: &mut Recording) -> Vec<Place> {
+fn outputs(scenario: &Scenario, wanted: &dyn Fn(&str) -> bool, recording: &mut Recording) -> Vec<Place> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         for (index, variable) in element.model_type.variables().iter().enumerate() {

@@ -128,7 +128,7 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
     let mut settling_m: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
     let mut read_m: Vec<Vec<f64>> = vec![Vec::new(); 2 * places.len()];
     let mut sample = 0;
-    let alter = |_: f64, carried: &mut [Value]| {
+    let mut alter = |_: f64, carried: &mut [Value]| {
         let elapsed = sample.max(settling) - settling;
         let (pulse, since) = ((elapsed / window).min(2 * places.len() - 1), elapsed % window);
         if sample < settling {
@@ -148,7 +148,7 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
         }
         sample += 1;
     };
-    let run = simulate::run_altered(&scenario, |_| false, alter).map_err(|refused| refused.0.join("; "))?;
+    let run = simulate::run_altered(&scenario, &|_| false, &mut alter).map_err(|refused| refused.0.join("; "))?;
     if let Some(error) = run.error {
         return Err(unsettled(error));
     }

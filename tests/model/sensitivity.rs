@@ -47,7 +47,7 @@ fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f6
     let place = scenario.connections().iter().position(|connection| connection.to == to).expect("the reading is used");
     let samples = (scenario.duration_s / scenario.step_s).round() as usize;
     let (mut sample, mut sum) = (0, Complex::new(0.0, 0.0));
-    let alter = |time_s: f64, carried: &mut [Value]| {
+    let mut alter = |time_s: f64, carried: &mut [Value]| {
         let phase = omega_rad_s * time_s;
         let read = carried[place].clone().as_f64() + AMPLITUDE_M * phase.sin();
         carried[place] = Value::Real(read);
@@ -56,7 +56,7 @@ fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f6
         }
         sample += 1;
     };
-    let run = simulate::run_altered(scenario, |_| false, alter).expect("a good scenario");
+    let run = simulate::run_altered(scenario, &|_| false, &mut alter).expect("a good scenario");
     assert_eq!(run.error, None);
     // For a sin(ωt), this sum over N samples is −j a N/2.
     sum * Complex::new(0.0, 2.0 / ((samples / 2) as f64 * AMPLITUDE_M))

@@ -66,7 +66,7 @@ impl Checks<'_> {
 
     /// The finding for an implausible value of a signal: units that would explain it, and options to try. The unit of each suspect enters
     /// the value to a power; `fits` tests a factor of the value.
-    fn misread(&self, at: usize, value: &str, suspects: &[(usize, i32)], fits: impl Fn(f64) -> bool) -> String {
+    fn misread(&self, at: usize, value: &str, suspects: &[(usize, i32)], fits: &dyn Fn(f64) -> bool) -> String {
         let (mut likely, mut remedies) = (Vec::new(), Vec::new());
         for (suspect, power) in suspects {
             let Some(taken) = self.samples.units[*suspect] else { continue };
@@ -112,7 +112,7 @@ impl Checks<'_> {
         let [least, most] = STEP_S.map(time);
         let value = format!("a sample every {}, where {least} to {most} is usual", rounded_time(step_s, 4));
         let count = if step_s == 1.0 { "; if these are numbers of samples, --rate=…" } else { "" };
-        (!fits(1.0)).then(|| self.misread(TIME_AT, &value, &[(TIME_AT, 1)], fits) + count)
+        (!fits(1.0)).then(|| self.misread(TIME_AT, &value, &[(TIME_AT, 1)], &fits) + count)
     }
 
     /// Findings about the positions at a bearing.
@@ -134,7 +134,7 @@ impl Checks<'_> {
                 return None;
             };
             let fits = |scale: f64| scale * furthest < gap_m && scale * span > STILL_M;
-            Some(self.misread(at(n), &value, &[(at(n), 1)], fits))
+            Some(self.misread(at(n), &value, &[(at(n), 1)], &fits))
         };
         let mut findings: Vec<String> = (0..axes.len()).filter_map(finding).collect();
         // If the axes are in different units, both may be within the limits above.
@@ -146,7 +146,7 @@ impl Checks<'_> {
             if is_hidden && self.other_units(at(small)).any(|(_, scale)| fits(scale)) {
                 let [own, other] = [least, most].map(|span| significant(span * 1e6, 3));
                 let value = format!("it moves by {own} µm, the other axis by {other} µm");
-                findings.push(self.misread(at(small), &value, &[(at(small), 1)], fits));
+                findings.push(self.misread(at(small), &value, &[(at(small), 1)], &fits));
             }
         }
         findings
@@ -169,7 +169,7 @@ impl Checks<'_> {
             let is_odd = most > 300.0 * strongest && noise(&currents[k]) < 2e-5;
             let is_misread = strongest > CURRENT_A[1] || strongest > 0.0 && (is_weak || is_odd);
             let fits = |scale: f64| (CURRENT_A[0]..=CURRENT_A[1]).contains(&(scale * strongest));
-            is_misread.then(|| self.misread(at, &format!("up to {} A", significant(strongest, 4)), &[(at, 1)], fits))
+            is_misread.then(|| self.misread(at, &format!("up to {} A", significant(strongest, 4)), &[(at, 1)], &fits))
         };
         (0..currents.len()).filter_map(finding).collect()
     }
@@ -183,7 +183,7 @@ impl Checks<'_> {
         };
         let value = format!("it wraps every {} rad, a turn is {} rad", significant(wrap, 5), significant(TAU, 5));
         let theta = self.signals.theta;
-        (!fits(1.0)).then(|| self.misread(theta, &value, &[(theta, 1)], fits))
+        (!fits(1.0)).then(|| self.misread(theta, &value, &[(theta, 1)], &fits))
     }
 
     /// If both are recorded, the slope of the angle must agree with the speed, by least squares, except at rest.
@@ -211,7 +211,7 @@ impl Checks<'_> {
         Some(if agrees(-1.0) {
             format!("theta: {value}: they have opposite directions")
         } else {
-            self.misread(theta, &value, &[(theta, 1), (omega, -1), (TIME_AT, -1)], agrees)
+            self.misread(theta, &value, &[(theta, 1), (omega, -1), (TIME_AT, -1)], &agrees)
         })
     }
 
@@ -233,7 +233,7 @@ impl Checks<'_> {
         let value = format!("{}, {} samples a turn", rpm(speed), significant(TAU / speed / step_s, 3));
         // A rotor that hardly turns is not a better explanation.
         let fits = |scale: f64| fits(scale * speed) && scale * speed > REST_RAD_S;
-        Some(self.misread(self.speed_source(), &value, &[(self.speed_source(), 1)], fits))
+        Some(self.misread(self.speed_source(), &value, &[(self.speed_source(), 1)], &fits))
     }
 
     /// A rotor moves in step with its rotation; if it moves in step with another one, angle, speed or time are misread.
@@ -257,7 +257,7 @@ impl Checks<'_> {
         // A speed in Hz or rad/s may have been stated as rpm.
         let stated = (samples.rotation == Rotation::Stated).then_some([60.0, 30.0 / PI]);
         let scale = others.chain(stated.into_iter().flatten()).find(|scale| explains(*scale))?;
-        Some(self.misread(self.speed_source(), &value(scale), suspects, explains))
+        Some(self.misread(self.speed_source(), &value(scale), suspects, &explains))
     }
 }
 

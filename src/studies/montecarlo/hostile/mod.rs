@@ -112,12 +112,12 @@ impl Case<'_> {
                 let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid"];
                 is_contact(path) || quantities.iter().any(|quantity| path.contains(quantity))
             };
-            let altered = |time_s: f64, values: &mut [Value]| {
+            let mut altered = |time_s: f64, values: &mut [Value]| {
                 if let Some(alter) = &mut alter {
                     wires.alter(time_s, values, alter);
                 }
             };
-            let run = simulate::run_altered(&scenario, wanted, altered)?;
+            let run = simulate::run_altered(&scenario, &wanted, &mut altered)?;
             let mut trial = judge(&scenario, &run.recording, self.course.rubs);
             if let Some(trial) = trial.as_mut().filter(|_| run.error.is_some()) {
                 trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
