@@ -51,11 +51,11 @@ pub struct Arguments {
     currents: Option<PathBuf>,
     /// Assigns a column: signal as in the interface = name in the header. Also as a table [columns] in the scenario.
     #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
-    column: Pairs,
+    column: Vec<Pair>,
     /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
     /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
     #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
-    unit: Pairs,
+    unit: Vec<Pair>,
     /// Sample rate, as in 10kHz, for recordings without times; if there are times, they must agree.
     #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
     rate: Option<f64>,
@@ -89,7 +89,7 @@ pub struct Arguments {
     /// Changes a parameter of the bearing, as for simulate (can be repeated): s=5.1e-4, m=4.2kg, alpha[1]=178deg; or states a load that is known, as in
     /// pY=-65.7N.
     #[arg(long = "set", value_name = "NAME=VALUE", value_parser = pair)]
-    changes: Pairs,
+    changes: Vec<Pair>,
     /// likelihood (maximum likelihood over the whole recording; the default), or an on-line method to compare with: predictionError, of the machine planar
     /// paperLiteral and paper as well, or all.
     #[arg(long, value_name = "METHOD")]
@@ -98,7 +98,7 @@ pub struct Arguments {
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
     /// the scenario). The parameter is then estimated as well.
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
-    tolerances: Pairs,
+    tolerances: Vec<Pair>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
     /// likelihood says (--set force.slow=0: never); or dynamics, the factor between statics and dynamics, with a load that is known (--set pY=…); or
     /// lag, the time constant with which the currents follow their commands; or noise.exponent, the power of the gap with which the noise of the positions grows.
