@@ -231,7 +231,9 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 self.reset(state);
             }
             state.gap = state.gap.saturating_add(1);
-            state.estimate.verdict = verdict;
+            if self.is_long(state.gap) {
+                state.estimate.verdict = verdict;
+            }
             return verdict;
         }
         let missing = std::mem::take(&mut state.gap);
@@ -254,6 +256,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.estimate.verdict
     }
 
+    /// Whether λ may have changed during this many missing samples.
+    fn is_long(&self, missing: u32) -> bool {
+        f64::from(missing) * self.filter.step_s > REVOLUTION_AT_REST_S
+    }
+
     fn filter(&self, state: &mut PredictionErrorState<N, K, U, T>, noise: &Noise, sample: Sample<N, K>) -> Verdict {
         let [position_variance, current_variance] = noise.variances;
         if sample.missing > MAX_BRIDGED {
@@ -261,8 +268,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         state.since_gap = if sample.missing > 0 { 0 } else { state.since_gap.saturating_add(1) };
         state.advance(&sample, self.filter.step_s);
-        if f64::from(sample.missing) * self.filter.step_s > REVOLUTION_AT_REST_S {
-            // λ may have changed meanwhile.
+        if self.is_long(sample.missing) {
             state.valid_from = state.valid_from.max(state.samples + (2.0 * state.per_revolution()) as u64);
         }
         let Some(filter) = &mut state.filter else {
@@ -359,7 +365,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
 
     /// Restarts from the initial state, keeping the estimate and the times from which it may be valid again.
     fn reset(&self, state: &mut PredictionErrorState<N, K, U, T>) {
-        let estimate = Estimate { condition: CONDITION_CAP, ..state.estimate.clone() };
+        let estimate = Estimate { condition: CONDITION_CAP, verdict: Verdict::Collecting, ..state.estimate.clone() };
         let from = |at: u64| at.saturating_sub(state.samples);
         let (valid_from, revalid_from) = (from(state.valid_from), state.revalid_from.map(from));
         *state = PredictionErrorState { estimate, valid_from, revalid_from, ..self.start() };
