@@ -75,6 +75,22 @@ fn a_changed_lambda_after_a_long_gap_is_no_surprise() {
     }
 }
 
+/// Six pauses of 2 ms within a second: the estimate is valid whenever the estimator is enabled, and `valid` does not count as newly reached.
+#[test]
+fn short_pauses_leave_the_verdict_as_it_was() {
+    for stop in [|input: &mut EstimatorInput| input.enable = false, |input: &mut EstimatorInput| input.contact = true] {
+        let rotor = noisy(5, 7001);
+        let mut inputs = rotor.inputs(Hold::HeldBefore);
+        let paused = |j: usize| j >= 1000 && j % 1000 < 20;
+        inputs.iter_mut().enumerate().filter(|(j, _)| paused(*j)).for_each(|(_, input)| stop(input));
+        let outputs = run(&estimator(config(&rotor)), &inputs).0;
+        assert_never_wrong("pauses", &rotor, &outputs);
+        for (j, output) in outputs.iter().enumerate().skip(1000) {
+            assert_eq!(output.valid, !paused(j), "sample {j}");
+        }
+    }
+}
+
 /// The outputs after a change to the inputs, with unknown noise; no valid one is wrong.
 fn after(what: &str, rotor: &Rotor, change: impl Fn(&mut [EstimatorInput])) -> Vec<EstimatorOutput> {
     let mut inputs = rotor.inputs(Hold::HeldBefore);
