@@ -13,8 +13,8 @@ use fmu_export::variable::Value;
 use serde_json::json;
 
 use super::{
-    DEVIATION, Failure, NOT_VALID, Result, SPEED, TIME, above_0, claim, finite, from_0, pair, print, refused, say,
-    write, write_json, write_page, write_table,
+    DEVIATION, DIFFERS, Failure, NOT_VALID, Result, SPEED, TIME, above_0, claim, finite, from_0, pair, print, refused,
+    say, write, write_json, write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
 use crate::machine::{AXIAL, MACHINES, Machine};
@@ -74,7 +74,7 @@ pub struct Arguments {
     #[arg(long, value_name = "Xm=VALUE", value_parser = pair)]
     at: Option<Pair>,
     /// Another recording of the same bench, judged with the estimate: whether its own agrees, and prediction errors of both, one sample and
-    /// 20 ms ahead.
+    /// 20 ms ahead. If it does not agree, or cannot be compared, the exit code is 4.
     #[arg(long, value_name = "FILE")]
     check: Option<PathBuf>,
     /// Writes the twin of the bench as a scenario for simulate and identify: plant, controller and estimator with the estimate.
@@ -152,7 +152,13 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let twin = twin.map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
         arguments.write_twin(twin, arguments.columns(&scenario), binaries.as_ref())?;
     }
-    Ok(())
+    match &arguments.check {
+        Some(path) if results.document["check"]["agrees"] != true => {
+            let why = results.document["check"]["verdict"].as_str().unwrap_or_default();
+            Err(Failure { code: DIFFERS, why: format!("{}: {why}", path.display()) }.into())
+        }
+        _ => Ok(()),
+    }
 }
 
 impl Arguments {
@@ -183,8 +189,7 @@ impl Arguments {
         }
         let reading = self.reading(&bearing, None);
         let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
-        let recordings = self.read_all(&reading, &gap_m)?;
-        let checked = self.check.as_ref().map(|path| self.read(path, &reading, &gap_m)).transpose()?;
+        let (recordings, checked) = self.read_all(&reading, &gap_m)?;
         let samples = &recordings[0];
         let mut estimator = bearing.estimator().clone();
         self.complete(&mut estimator, samples);
@@ -313,41 +318,64 @@ impl Arguments {
         }
     }
 
-    /// Reads all recordings; readings that occur twice would count twice.
-    fn read_all(&self, reading: &Reading, gap_m: &[f64]) -> Result<Vec<Samples>> {
+    /// Reads all recordings, and the one to check. The errors of all are reported together.
+    fn read_all(&self, reading: &Reading, gap_m: &[f64]) -> Result<(Vec<Samples>, Option<Samples>)> {
         let mut all: Vec<Samples> = Vec::new();
+        let mut unusable = Vec::new();
         for path in &self.recordings {
-            let samples = self.read(path, reading, gap_m)?;
-            if let Some(other) = all.iter().position(|other| other.has_readings_of(&samples)) {
+            // Readings that occur twice would count twice.
+            let read = self.read(path, reading, gap_m).and_then(|samples| {
+                let Some(other) = all.iter().position(|other| other.has_readings_of(&samples)) else {
+                    return Ok(samples);
+                };
                 let why = "this recording is given twice: its readings are those of";
-                return Err(self.refused(path, vec![format!("{why} {}", self.recordings[other].display())]));
+                Err(vec![format!("{why} {}", self.recordings[other].display())])
+            });
+            match read {
+                Ok(samples) => all.push(samples),
+                Err(findings) => unusable.push((path.as_path(), findings)),
             }
-            all.push(samples);
         }
-        Ok(all)
+        let checked = self.check.as_ref().map(|path| (path, self.read(path, reading, gap_m)));
+        let checked = match checked {
+            Some((path, Err(findings))) => {
+                unusable.push((path.as_path(), findings));
+                None
+            }
+            checked => checked.and_then(|(_, read)| read.ok()),
+        };
+        if unusable.is_empty() { Ok((all, checked)) } else { Err(self.refused(unusable)) }
     }
 
-    /// Reads a recording of bearings with these gaps, and refuses it at signs of misread units.
-    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> Result<Samples> {
+    /// Reads a recording of bearings with these gaps.
+    ///
+    /// # Errors
+    /// All reasons why it cannot be used, signs of misread units among them.
+    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> std::result::Result<Samples, Vec<String>> {
+        let open = |path: &Path| open(path).map_err(|error| vec![error.to_string()]);
         let samples = match &self.currents {
             None => Samples::read(open(path)?, reading),
             Some(apart) => Samples::read_apart(open(path)?, open(apart)?, reading),
         };
-        let samples = samples.map_err(|unusable| self.refused(path, unusable.0))?;
+        let samples = samples.map_err(|unusable| unusable.0)?;
         let findings = samples.implausible(gap_m);
-        if findings.is_empty() { Ok(samples) } else { Err(self.refused(path, findings)) }
+        if findings.is_empty() { Ok(samples) } else { Err(findings) }
     }
 
-    /// The error for an unusable recording; written as JSON as well if that goes to the standard output.
-    fn refused(&self, path: &Path, findings: Vec<String>) -> Box<dyn std::error::Error> {
+    /// The error for unusable recordings; written as JSON as well if that goes to the standard output.
+    fn refused(&self, unusable: Vec<(&Path, Vec<String>)>) -> Box<dyn std::error::Error> {
         if let Some(json) = self.json.as_deref().filter(|json| output::is_standard(json)) {
-            let verdict = format!("{}: the recording cannot be used", path.display());
+            let paths = unusable.iter().map(|(path, _)| path.display().to_string()).collect::<Vec<_>>().join(", ");
+            let which = if unusable.len() > 1 { "recordings" } else { "recording" };
+            let verdict = format!("{paths}: the {which} cannot be used");
+            let findings: Vec<_> = unusable.iter().flat_map(|(_, findings)| findings).collect();
             let document = json!({"valid": false, "verdict": verdict, "findings": findings});
             if let Err(error) = write_json(json, &document) {
                 return error;
             }
         }
-        refused(format!("{}: {}", path.display(), identify::Unusable(findings)))
+        let words = |(path, findings): (&Path, _)| format!("{}: {}", path.display(), identify::Unusable(findings));
+        refused(unusable.into_iter().map(words).collect::<Vec<_>>().join("\n"))
     }
 
     /// Writes the requested files.

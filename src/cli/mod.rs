@@ -44,6 +44,7 @@ const EXIT_CODES: &str = "Exit codes:
     1  a run ended early, a case failed, a peak of the sensitivity cannot be computed, or a file cannot be written
     2  arguments or input cannot be used: an unknown name, a value that is refused, a recording that cannot be read
     3  an identification is not valid
+    4  identify --check: the other recording does not agree, or cannot be compared
   130  a sweep was interrupted";
 
 /// On-line parameter estimation of a magnetic bearing, as co-simulation FMUs of FMI 2.0 and FMI 3.0.
@@ -95,7 +96,8 @@ enum Command {
     /// element (plant.Ym), or assigned by --column. Units are in the header, `Ym [µm]`, in a row below it, or given by --unit.
     /// Times are numbers, Unix times or ISO 8601 stamps; the sample time is the slope of the straight line through them.
     ///
-    /// The exit code is 2 if the recording cannot be used, and 3 if its answer is not valid; the reasons go to the standard error.
+    /// The exit code is 2 if a recording cannot be used, 3 if the answer is not valid, and 4 if the recording of --check does not agree; the
+    /// reasons go to the standard error.
     Identify(identify::Arguments),
     /// Compares excitations: how precisely λ is known after which time, with the reference trajectory alone and with F0
     /// modulated.
@@ -343,9 +345,10 @@ fn run(command: Option<Command>) -> Result<()> {
     }
 }
 
-/// Exit codes for unusable arguments or input, and for an identification that is not valid.
+/// Exit codes for unusable arguments or input, for an identification that is not valid, and for one that another recording contradicts.
 const REFUSED: u8 = 2;
 const NOT_VALID: u8 = 3;
+const DIFFERS: u8 = 4;
 
 /// An error with its own exit code.
 #[derive(Debug, thiserror::Error)]

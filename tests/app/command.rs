@@ -273,6 +273,47 @@ fn unusable_recordings_exit_with_2() {
     }
 }
 
+/// The errors of all files are reported, and none hides those of another.
+#[test]
+fn the_errors_of_all_recordings_are_reported_at_once() {
+    let folder = folder("command/several");
+    let text = bench(&folder);
+    write(&folder, "a.csv", text.replacen("plant.Ym [m]", "plant.Ym [furlong]", 1));
+    write(&folder, "b.csv", text.replacen("plant.im[2]", "plant.coil", 1));
+    write(&folder, "c.csv", text.replacen("time [s]", "time [ms]", 1));
+    let arguments = words("identify a.csv bench.csv none.csv b.csv --check c.csv");
+    let wanted = ["a.csv: ", "furlong", "none.csv: ", "b.csv: ", "im[2]: no column", "c.csv: ", "--unit time=s"];
+    refuses(&folder, &arguments, &wanted);
+    let (out, _) = exits(2, &folder, &[&arguments[..], &["--json", "-"]].concat());
+    let refusal: serde_json::Value = serde_json::from_str(&out).expect("one document");
+    assert_contains(&refusal["findings"].to_string(), &["furlong", "im[2]: no column", "--unit time=s"]);
+}
+
+/// A file that is being read keeps its content: it is replaced, not rewritten. Links and permissions stay.
+#[cfg(unix)]
+#[test]
+fn results_replace_files_at_once() {
+    use std::os::unix::fs::{PermissionsExt as _, symlink};
+    let folder = folder("command/replaced");
+    write(&folder, "short.toml", SHORT);
+    write(&folder, "a.json", "{}");
+    fs::set_permissions(folder.join("a.json"), fs::Permissions::from_mode(0o604)).expect("permissions");
+    symlink("a.json", folder.join("link.json")).expect("a link");
+    let mut reader = fs::File::open(folder.join("a.json")).expect("a file");
+    exits(0, &folder, &["simulate", "short.toml", "--json", "link.json"]);
+    let mut before = String::new();
+    std::io::Read::read_to_string(&mut reader, &mut before).expect("text");
+    assert_eq!(before, "{}");
+    assert!(read(&folder, "a.json").len() > 10 && folder.join("link.json").is_symlink());
+    let mode = fs::metadata(folder.join("a.json")).expect("a file").permissions().mode();
+    assert_eq!(mode & 0o777, 0o604);
+    let left = fs::read_dir(&folder)
+        .expect("a folder")
+        .flatten()
+        .filter(|of| of.file_name().to_string_lossy().contains("part"));
+    assert_eq!(left.count(), 0);
+}
+
 #[test]
 fn json_on_standard_output_is_a_single_document() {
     let folder = folder("command/json");

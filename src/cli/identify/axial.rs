@@ -111,9 +111,9 @@ fn parameter(name: &str) -> std::result::Result<usize, String> {
 fn results(arguments: &Arguments, mut axis: Axis, scenario: &Scenario) -> Result<Results> {
     let reading = arguments.reading(scenario, Some(axis.used.clone()));
     let gap_m = [axis.gap_m()];
-    let recordings = arguments.read_all(&reading, &gap_m)?;
+    let (recordings, checked) = arguments.read_all(&reading, &gap_m)?;
     let answer = |axis: &Axis, path: &Path, samples: &Samples| {
-        axial::answer(axis, samples).map_err(|why| arguments.refused(path, vec![why]))
+        axial::answer(axis, samples).map_err(|why| arguments.refused(vec![(path, vec![why])]))
     };
     let mut axes = Vec::new();
     for (path, samples) in arguments.recordings.iter().zip(&recordings) {
@@ -132,8 +132,8 @@ fn results(arguments: &Arguments, mut axis: Axis, scenario: &Scenario) -> Result
         summary.push(differ.unwrap_or_else(|| "The recordings agree.".into()));
     }
     let mut results = Results { recordings, axes, statements, summary, document, not_valid, ..Results::default() };
-    if let Some(path) = &arguments.check {
-        let own = answer(&axis, path, &arguments.read(path, &reading, &gap_m)?)?;
+    if let (Some(path), Some(samples)) = (&arguments.check, checked) {
+        let own = answer(&axis, path, &samples)?;
         let check = results.axes[0].check(&own);
         arguments.add_check(&mut results, Ok(check));
     }
