@@ -208,8 +208,11 @@ fn jumps_and_currents_below_the_noise_do_not_mislead() {
 }
 
 #[test]
-fn currents_in_another_unit_are_refused() {
+fn readings_in_another_unit_are_refused() {
     let mut samples = recording(RUNS[0]);
+    let mut in_mm = samples.clone();
+    in_mm.position_m[0].iter_mut().for_each(|x_m| *x_m *= 1e3);
+    assert_contains(&in_mm.implausible(&[f64::INFINITY]).join("\n"), &["beyond any gap", "--unit Xm=mm"]);
     assert_eq!(samples.implausible(&[f64::INFINITY]), [""; 0]);
     samples.current_a[1].iter_mut().for_each(|current| *current *= 1e3);
     assert_contains(&samples.implausible(&[f64::INFINITY]).join("\n"), &["im[2]", "--unit im[2]=mA"]);
@@ -254,6 +257,13 @@ fn faults_are_left_out_and_named() {
         let (_, notes) = ONE.right_answer(what, &spoilt);
         assert!(notes.join(" ").contains(note), "{what}: {notes:?}");
     }
+    // Where the current repeats as well, the whole row is left out first; the position is stuck all the same.
+    let coarse = |current: f64| 0.02 * (current / 0.02).round();
+    let stuck = |(at, [t, x, a, b]): (usize, &[f64; 4])| {
+        [*t, if (3000..3400).contains(&at) { held } else { *x }, *a, coarse(*b)]
+    };
+    let (_, notes) = ONE.answer(&rows.iter().enumerate().map(stuck).collect::<Vec<_>>());
+    assert_contains(&notes.join(" "), &["Xm: stuck at", "from 3 s to 3.39"]);
 }
 
 /// A disagreement between the λ of two recordings is reported.

@@ -457,6 +457,20 @@ fn every_misread_unit_is_detected() {
     }
 }
 
+/// A path whose speed is 0.42 of that of the rotor, which is four times as much as in rpm read as rad/s, is no misread speed.
+#[test]
+fn a_path_with_a_speed_of_its_own_is_no_misread_unit() {
+    let mut values = Bench { rows: 6000, ..BENCH }.values();
+    for row in &mut values {
+        let theta = row[6];
+        row[1] = 0.3 * row[1] + 60e-6 * (0.42 * theta).cos();
+        row[2] = 0.3 * row[2] + 60e-6 * (0.42 * theta).sin();
+    }
+    let text = table(&[0, 1, 2, 3, 4, 5, 7], SI, [1.0; 8], &values);
+    let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
+    assert_eq!(samples.implausible(&[5e-4]), [""; 0]);
+}
+
 /// Misread units do not hide each other.
 #[test]
 fn several_misread_units_are_detected() {

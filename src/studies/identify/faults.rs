@@ -108,21 +108,19 @@ fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
 }
 
 /// Runs of equal readings that are too long for chance: if a fraction p of the readings equals the one before, a run of n occurs in N
-/// rows with a probability of at most N pⁿ.
+/// rows with a probability of at most N pⁿ. Readings that are missing or left out do not interrupt a run.
 fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
-    let equal = values.windows(2).filter(|pair| pair[0] == pair[1]).count();
-    let share = equal as f64 / values.len().max(1) as f64;
-    let longest = libm::log(values.len() as f64 / CHANCE) / -libm::log(share);
+    let known: Vec<usize> = (0..values.len()).filter(|row| values[*row].is_finite()).collect();
+    let is_equal = |row: &usize, next: &usize| values[*row] == values[*next];
+    let equal = known.windows(2).filter(|pair| is_equal(&pair[0], &pair[1])).count();
+    let share = equal as f64 / known.len().max(1) as f64;
+    let longest = libm::log(known.len() as f64 / CHANCE) / -libm::log(share);
     if equal == 0 || !longest.is_finite() {
         return Vec::new();
     }
     let least = (longest.ceil() as usize).max(LEAST);
-    let mut end = 0;
-    let runs = values.chunk_by(|value, next| value == next).map(|run| {
-        end += run.len();
-        end - run.len()..end
-    });
-    runs.filter(|run| run.len() > least).collect()
+    let runs = known.chunk_by(is_equal).filter(|run| run.len() > least);
+    runs.map(|run| run[0]..run[run.len() - 1] + 1).collect()
 }
 
 /// Rows over which the noise of a sensor is assumed to be constant.

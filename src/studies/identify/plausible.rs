@@ -19,6 +19,8 @@ const CURRENT_A: [f64; 2] = [20e-3, 200.0];
 const SPEED_RAD_S: f64 = 150_000.0 * PI / 30.0;
 /// Minimum number of samples per turn: with fewer, no controller levitates a rotor.
 const SAMPLES_PER_TURN: f64 = 8.0;
+/// Greatest plausible distance of a levitated body from the origin, in m, where the gap is unknown: beyond it, magnets need hundreds of amperes.
+const TRAVEL_M: f64 = 0.5;
 /// Motion of less than 1 µm peak to peak ...
 const STILL_M: f64 = 1e-6;
 /// ... with less than 5 nm of noise does not come from a position sensor: they have 50 nm to 2 µm.
@@ -81,7 +83,11 @@ impl Checks<'_> {
             [] if self.samples.units[at].is_none() => {
                 format!("{name}: {value}: is the option for it in the right unit?")
             }
-            [] => format!("{name}: {value}: no unit known here explains it"),
+            [] => {
+                format!(
+                    "{name}: {value}: no unit known here explains it; is this the right column (--column {name}=…)?"
+                )
+            }
             likely => format!("{name}: {value}: {}? ({})", likely.join(", or "), remedies.join(" or ")),
         }
     }
@@ -120,20 +126,22 @@ impl Checks<'_> {
         let axes: Vec<usize> = self.samples.machine.readings_of(bearing).collect();
         let ranges: Vec<[f64; 2]> = axes.iter().map(|axis| range(&self.samples.position_m[*axis])).collect();
         let spans: Vec<f64> = ranges.iter().map(|[low, high]| high - low).collect();
+        let limit_m = gap_m.min(TRAVEL_M);
         let is_silent = |n: usize| noise(&self.samples.position_m[axes[n]]) < SILENT_M;
         let is_still = (0..axes.len()).all(|n| spans[n] < STILL_M && is_silent(n));
         let at = |n: usize| self.signals.positions.start + axes[n];
         let finding = |n: usize| {
             let (span, furthest) = (spans[n], ranges[n][0].abs().max(ranges[n][1].abs()));
-            let value = if furthest > gap_m {
-                let [furthest, gap] = [furthest, gap_m].map(|length_m| significant(length_m * 1e3, 4));
-                format!("up to {furthest} mm from the centre, beyond the gap of {gap} mm")
+            let value = if furthest > limit_m {
+                let [furthest, limit] = [furthest, limit_m].map(|length_m| significant(length_m * 1e3, 4));
+                let of = if gap_m > TRAVEL_M { "any gap" } else { "the gap" };
+                format!("up to {furthest} mm from the centre, beyond {of} of {limit} mm")
             } else if is_still && span > 0.0 {
                 format!("it moves by {} nm only, and without noise", significant(span * 1e9, 3))
             } else {
                 return None;
             };
-            let fits = |scale: f64| scale * furthest < gap_m && scale * span > STILL_M;
+            let fits = |scale: f64| scale * furthest < limit_m && scale * span > STILL_M;
             Some(self.misread(at(n), &value, &[(at(n), 1)], &fits))
         };
         let mut findings: Vec<String> = (0..axes.len()).filter_map(finding).collect();
@@ -241,11 +249,14 @@ impl Checks<'_> {
         /// Fraction of the motion below which the angle as read explains nothing, and above which another one is the explanation.
         const NOTHING: f64 = 0.2;
         const MOST: f64 = 0.6;
+        /// Least part of the fundamental: otherwise a path with a speed of its own passes for a harmonic of another rotation.
+        const LEAST: f64 = 0.02;
         let samples = self.samples;
-        if samples.theta_rad.is_empty() || synchronous(samples, 1.0).is_some_and(|part| part > NOTHING) {
+        if samples.theta_rad.is_empty() || synchronous(samples, 1.0, HARMONICS).is_some_and(|part| part > NOTHING) {
             return None;
         }
-        let explains = |scale: f64| synchronous(samples, scale).is_some_and(|part| part > MOST);
+        let part = |scale: f64, harmonics: i32| synchronous(samples, scale, harmonics).unwrap_or(0.0);
+        let explains = |scale: f64| part(scale, HARMONICS) > MOST && part(scale, 1) > LEAST;
         let speed = rpm(median(&samples.omega_rad_s));
         let value = |scale: f64| format!("{speed}, while the motion turns {} times as fast", significant(scale, 3));
         let suspects: &[(usize, i32)] = match samples.rotation {
@@ -261,16 +272,18 @@ impl Checks<'_> {
     }
 }
 
-/// Fraction of the motion that is synchronous with the angle times a factor: its first four harmonics, forwards and backwards.
-fn synchronous(samples: &Samples, factor: f64) -> Option<f64> {
-    const HARMONICS: i32 = 4;
+/// Harmonics of the rotation that count as synchronous with it.
+const HARMONICS: i32 = 4;
+
+/// Fraction of the motion that is synchronous with the angle times a factor: its first harmonics, forwards and backwards.
+fn synchronous(samples: &Samples, factor: f64, harmonics: i32) -> Option<f64> {
     /// Samples that are enough.
     const ENOUGH: usize = 100_000;
     let theta = &samples.theta_rad[..samples.theta_rad.len().min(ENOUGH)];
     let [low, high] = range(theta);
     let turned = factor * (high - low);
     // Less than two turns show little, and fast turns alias with slow ones.
-    if turned < 2.0 * TAU || turned / theta.len() as f64 > PI / f64::from(HARMONICS) {
+    if turned < 2.0 * TAU || turned / theta.len() as f64 > PI / f64::from(harmonics) {
         return None;
     }
     let motion = samples.position_m[0].iter().zip(&samples.position_m[1]).map(|(y, z)| Complex::new(*y, *z));
@@ -285,5 +298,5 @@ fn synchronous(samples: &Samples, factor: f64) -> Option<f64> {
         };
         (rows.iter().map(turned_back).sum::<Complex<f64>>() / count).norm_sqr()
     };
-    (all > 0.0).then(|| (-HARMONICS..=HARMONICS).filter(|n| *n != 0).map(part).sum::<f64>() / all)
+    (all > 0.0).then(|| (-harmonics..=harmonics).filter(|n| *n != 0).map(part).sum::<f64>() / all)
 }

@@ -242,6 +242,12 @@ impl Answer {
     /// First reason why the result is not valid, if any. ki or ks is known within `worst`.
     fn refusal(&self, worst: f64) -> Option<String> {
         let Found { axis, fit, delayed, .. } = &self.found;
+        let kappa = fit.point[DYNAMICS];
+        if !axis.is_known(DYNAMICS) && KAPPA.contains(&kappa) {
+            return Some(format!(
+                "the dynamics are not known: κ is at the limit of its search, {kappa}: are there too few positions, or is the mass or a unit wrong?"
+            ));
+        }
         if !fit.converged {
             return Some("the search did not converge".into());
         }
@@ -250,10 +256,6 @@ impl Answer {
             return Some(format!(
                 "ki or ks is known to {known} % only, the limit is {limit} %: use a longer recording with more positions"
             ));
-        }
-        let kappa = fit.point[DYNAMICS];
-        if !axis.is_known(DYNAMICS) && KAPPA.contains(&kappa) {
-            return Some(format!("the dynamics are not known: κ is at the limit of its search, {kappa}"));
         }
         let moved = delayed.as_ref().map(|delayed| {
             let moved = self.found.operating(&delayed.point);
