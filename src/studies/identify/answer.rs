@@ -113,19 +113,26 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     };
     let equally_likely: Vec<_> = question.equally_likely.iter().map(|hold| (other(*hold), true)).collect();
     let judged = identify_and_judge(&all, &equally_likely, question);
-    let mut answer = worded(with_delay(other, &all, &judged).unwrap_or(judged), &all);
-    for (samples, recording) in recordings.iter().zip(&all) {
-        if let Some(off) = speed_error(samples, recording) {
-            answer.valid = false;
-            let speed = if samples.rotation == Rotation::Stated { "stated" } else { "recorded" };
-            let by = if off > 0.0 { "faster" } else { "slower" };
-            answer.verdict = format!(
-                "Not valid: the motion turns {} % {by} than the {speed} speed: --speed, or a column of the angle.",
-                significant(100.0 * off.abs(), 2)
-            );
+    let judged = with_delay(other, &all, &judged).unwrap_or(judged);
+    let wrong_speed = recordings.iter().zip(&all).rev().find_map(|(samples, recording)| {
+        let off = speed_error(samples, recording)?;
+        let (recording, options) = (recording.clone(), judged.options.clone());
+        let trial = Trial { recording, options, machine: stated.machine, bearing: 0 };
+        if !diagnosis::may_be_faster(&trial, off) {
+            return None;
         }
+        let speed = if samples.rotation == Rotation::Stated { "stated" } else { "recorded" };
+        let by = if off > 0.0 { "faster" } else { "slower" };
+        let percent = significant(100.0 * off.abs(), 2);
+        Some(format!(
+            "Not valid: the motion turns {percent} % {by} than the {speed} speed: --speed, or a column of the angle."
+        ))
+    });
+    let answer = worded(judged, &all, wrong_speed.is_some());
+    match wrong_speed {
+        Some(verdict) => Answer { valid: false, verdict, ..answer },
+        None => answer,
     }
-    answer
 }
 
 /// Relative difference between the speed of the motion and a speed without a recorded angle, if it is smaller than [`OTHER_SPEED`], significant,
@@ -251,8 +258,8 @@ fn refusal(identified: &Identified, all: &[Recording], options: &Options, questi
     Some(Refusal { why, advice, details: Details::Proposals })
 }
 
-/// The answer in words.
-fn worded(judged: Judged, all: &[Recording]) -> Answer {
+/// The answer in words. Once the fault is known, the residuals of the description mean nothing.
+fn worded(judged: Judged, all: &[Recording], is_known: bool) -> Answer {
     let Judged { question, options, found, refusal, notes } = judged;
     let details = refusal.as_ref().map_or(&Details::Findings, |refusal| &refusal.details);
     let mut findings = Vec::new();
@@ -267,7 +274,7 @@ fn worded(judged: Judged, all: &[Recording]) -> Answer {
     // A search that did not converge has neither estimates nor meaningful residuals.
     let found = found.filter(|found| found.converged);
     if let Some(found) = found.as_ref().filter(|_| *details != Details::Nothing) {
-        findings.extend(words::findings(found, all, &question.stated, best.is_some()));
+        findings.extend(words::findings(found, all, &question.stated, is_known || best.is_some()));
         findings.extend(notes);
     }
     let verdict = match (&refusal, &found) {

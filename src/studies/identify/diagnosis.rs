@@ -1,9 +1,9 @@
 //! Alternatives for data that are not as stated, each tried on a stretch of the recording.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
-use self::Concerns::{All, Axial, Each, Radial, Shaft};
+use self::Concerns::{All, Axial, Each, Opposite, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
 use super::likelihood::{Change, Estimate, Identification, Knowledge, LAG, Options, Recording};
@@ -21,6 +21,8 @@ const TURNS: f64 = 5.0;
 /// The meaning of the currents decides several per cent of λ: it is judged on this many stretches. On one, a slow force made a held current look
 /// continuous (`scripts/faults.py --only "slow force" --seed 7001`).
 const HOLD_STRETCHES: usize = 4;
+/// Rows on each side over which the slope of a position is taken.
+const BESIDE: usize = 8;
 /// A gap, or a gain of a position sensor, that differs from the stated one by less, relative, is the same: a careful assembly is that accurate.
 const SAME: f64 = 0.01;
 /// Probability of a proposal for data that are as stated.
@@ -66,6 +68,8 @@ enum Concerns {
     Axial,
     /// The two radial bearings of a shaft.
     Shaft,
+    /// The magnets with this number, from 0, of the two radial bearings of a shaft.
+    Opposite(usize),
     /// Each radial bearing of a shaft.
     Each,
 }
@@ -112,6 +116,12 @@ fn exchange_currents(trial: &mut Trial) {
     reorder(trial, |order| order[..2 * magnets].rotate_left(magnets));
 }
 
+/// Exchanges the currents of two magnets with the same number at the radial bearings of a shaft.
+fn exchange_opposite(trial: &mut Trial, k: usize) {
+    let magnets = trial.machine.bearings[0].magnets;
+    reorder(trial, |order| order.swap(k, magnets + k));
+}
+
 fn exchange_bearings(trial: &mut Trial) {
     exchange_positions(trial, &[0, 1]);
     exchange_currents(trial);
@@ -135,6 +145,21 @@ fn shift_positions(trial: &mut Trial, is_later: bool) {
     trial.recording.position_error_m.get_mut(own).into_iter().for_each(|of| shift(of, is_later));
 }
 
+/// Moves the positions of the bearing to a fraction of a row later along their slopes, by least squares over [`BESIDE`] rows on both sides.
+/// The noise of such a slope is a twentieth of that of a reading, so that the likelihoods stay comparable.
+fn advance(trial: &mut Trial, fraction: f64) {
+    let squares: f64 = (1..=BESIDE).map(|n| 2.0 * (n * n) as f64).sum();
+    for position_m in &mut trial.recording.position_m[2 * trial.bearing..][..2] {
+        let Some(last) = position_m.len().checked_sub(2 * BESIDE + 1).map(|rows| BESIDE + rows) else { continue };
+        let read_m = position_m.clone();
+        for (row, position_m) in position_m.iter_mut().enumerate() {
+            let at = row.clamp(BESIDE, last);
+            let moment: f64 = (1..=BESIDE).map(|n| n as f64 * (read_m[at + n] - read_m[at - n])).sum();
+            *position_m += if moment.is_finite() { fraction * moment / squares } else { 0.0 };
+        }
+    }
+}
+
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
 const GAP: &str = "--estimate s";
@@ -145,6 +170,7 @@ const BEFORE: &str = "--hold heldBefore";
 const AFTER: &str = "--hold heldAfter";
 const ROW: &str = "shift the currents by one row";
 const ROW_OR_DELAY: &str = "shift the currents by one row, or --estimate delay";
+const TOGETHER: &str = "read all sensors at the same instant, or correct its positions for the delay";
 const REVERSE: &str = "reverse the signs of theta and omega, or that of --speed";
 const SPEED: &str = "--speed, or a column of the angle";
 
@@ -172,6 +198,16 @@ const ALTERNATIVES: &[Alternative] = &[
     (Shaft, "z of the radial bearings is exchanged", |t| exchange_positions(t, &[1]), COLUMNS),
     (Shaft, "the currents of the radial bearings are exchanged", exchange_currents, COLUMNS),
     (Shaft, "the radial bearings are exchanged", exchange_bearings, COLUMNS),
+    (Opposite(0), "magnets 1 of the radial bearings are exchanged", |t| exchange_opposite(t, 0), COLUMNS),
+    (Opposite(1), "magnets 2 of the radial bearings are exchanged", |t| exchange_opposite(t, 1), COLUMNS),
+    (Opposite(2), "magnets 3 of the radial bearings are exchanged", |t| exchange_opposite(t, 2), COLUMNS),
+    (Opposite(3), "magnets 4 of the radial bearings are exchanged", |t| exchange_opposite(t, 3), COLUMNS),
+    (Each, "the positions come a quarter of a sample late", |t| advance(t, 0.25), TOGETHER),
+    (Each, "the positions come half a sample late", |t| advance(t, 0.5), TOGETHER),
+    (Each, "the positions come three quarters of a sample late", |t| advance(t, 0.75), TOGETHER),
+    (Each, "the positions come a quarter of a sample early", |t| advance(t, -0.25), TOGETHER),
+    (Each, "the positions come half a sample early", |t| advance(t, -0.5), TOGETHER),
+    (Each, "the positions come three quarters of a sample early", |t| advance(t, -0.75), TOGETHER),
     (Each, "the positions come a sample late", |t| shift_positions(t, false), "shift its positions by one row"),
     (Each, "the positions come a sample early", |t| shift_positions(t, true), "shift its positions by one row"),
     (All, "the currents are those before the sample (measured)", |t| t.recording.hold = HeldBefore, BEFORE),
@@ -182,6 +218,8 @@ const ALTERNATIVES: &[Alternative] = &[
     (All, "the angle counts against the rotation", |t| rotate(t, -1.0), REVERSE),
     (All, "the speed is twice as high", |t| rotate(t, 2.0), "double theta and omega, or --speed"),
     (All, "the speed is half as high", |t| rotate(t, 0.5), "halve theta and omega, or --speed"),
+    (All, "the speed was recorded in rpm", |t| rotate(t, PI / 30.0), "--unit omega=rpm"),
+    (All, "the speed was recorded in Hz", |t| rotate(t, TAU), "--unit omega=Hz"),
     (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
     (All, "the gap differs", |t| free(t, &["s"]), GAP),
     (All, "the gains of the position sensors differ", |t| free(t, &["sensor.gain", "sensor.gainDifference"]), GAINS),
@@ -226,6 +264,19 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let variance = power / (count - 2.0) / square * (1.0 + correlation) / (1.0 - correlation);
     let off = slope / TAU.copysign(last - first);
     (phases.len() >= 4).then(|| [off, variance.sqrt() / TAU, off * (last - first).abs()])
+}
+
+/// Whether the data are at least as likely at a speed that differs by this part. A path with a speed of its own may look like a drift.
+pub(super) fn may_be_faster(trial: &Trial, off: f64) -> bool {
+    let mut stated = stretch(trial, HOLD_STRETCHES);
+    stated.options.excludes_rows = false;
+    let mut other = stated.clone();
+    rotate(&mut other, 1.0 + off);
+    let likelihood = |of: &Trial| {
+        let found = identified(of).filter(|found| found.converged);
+        found.map_or(f64::NEG_INFINITY, |found| found.log_likelihood)
+    };
+    likelihood(&other) >= likelihood(&stated)
 }
 
 /// Multiplies angle and speed by a factor.
@@ -333,6 +384,7 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
             Radial(magnets) => of.is_radial && of.magnets >= magnets,
             Axial => !of.is_radial && is_shaft,
             Shaft => *at == 0 && is_shaft,
+            Opposite(k) => *at == 0 && is_shaft && of.magnets > k,
             Each => of.is_radial && is_shaft,
         });
         concerned.map(|(at, of)| (alternative, at, of.name())).collect::<Vec<_>>()
@@ -371,5 +423,8 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
     let mut fits: Vec<(f64, String)> = tried.into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
     let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
-    fits.into_iter().filter(|(likelihood, _)| *likelihood > best - AS_GOOD).map(|(_, words)| words).collect()
+    fits.retain(|(likelihood, _)| *likelihood > best - AS_GOOD);
+    // Of the parts of a sample only the best: its neighbours fit almost as well.
+    let words = fits.into_iter().map(|(_, words)| words).enumerate();
+    words.filter(|(rank, words)| *rank == 0 || !words.contains(TOGETHER)).map(|(_, words)| words).collect()
 }

@@ -368,6 +368,8 @@ pub enum Change {
     Load {
         /// χ² of the change, with one degree of freedom per load.
         chi_square: f64,
+        /// Whether a change of λ explains it about as well.
+        or_lambda: bool,
     },
 }
 

@@ -53,6 +53,8 @@ fn what_is_wrong_is_told_in_words() {
             let best = best.split("; or if ").next().unwrap_or(best).trim_end_matches('.');
             assert!(answer.verdict.ends_with(&format!("; the data fit better if {best}.")), "{}", answer.verdict);
             assert!(!answer.verdict.contains("longer recording"), "{}", answer.verdict);
+            // Parts that contradict a wrong description mean nothing.
+            assert!(!answer.findings.join(" ").contains("; left out"), "{:?}", answer.findings);
         }
         let json = answer.statement().json;
         assert!(json["valid"] == false && json["lambdaHat"].is_null() && json["findings"].is_array(), "{json}");
@@ -222,6 +224,8 @@ fn an_unknown_or_wrong_speed_is_reported() {
     // No estimate assumes standstill.
     assert!(answer.found.is_none() && answer.findings.join(" ").contains("is not known"), "{:?}", answer.findings);
     is_right("3000 rpm", &at_speed(Some(100.0 * std::f64::consts::PI)));
-    is_refused(&at_speed(Some(100.4 * std::f64::consts::PI)), "turns 0.46 % slower than the stated speed");
+    let slower = at_speed(Some(100.4 * std::f64::consts::PI));
+    is_refused(&slower, "turns 0.46 % slower than the stated speed");
+    assert!(!slower.findings.join(" ").contains("; left out"), "{:?}", slower.findings);
     is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns 0.19 % faster than the stated speed");
 }

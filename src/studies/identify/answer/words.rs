@@ -23,9 +23,10 @@ pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     format!("Valid: the force constants are known within {} %{on}.", significant(100.0 * worst, 2))
 }
 
-/// Findings besides the estimates. If another description explains the data, the residuals of this one mean nothing.
+/// Findings besides the estimates. If another description explains the data, the residuals of this one mean nothing, and neither do the parts
+/// that contradict the rest.
 pub(super) fn findings(found: &Identification, all: &[Recording], stated: &Stated, is_explained: bool) -> Vec<String> {
-    let mut words = contradictions(found, all);
+    let mut words = if is_explained { Vec::new() } else { contradictions(found, all) };
     let held: Vec<&str> = found.held().collect();
     if !held.is_empty() {
         words.push(format!(
@@ -97,7 +98,8 @@ fn merged(found: &[Contradiction]) -> Vec<Contradiction> {
             && (last.recording, last.part) == (next.recording, next.part)
             && next.rows.start <= last.rows.end
             && let (Change::Disturbed { ratio: most }, Change::Disturbed { ratio: own })
-            | (Change::Load { chi_square: most }, Change::Load { chi_square: own }) = (&mut last.what, &next.what)
+            | (Change::Load { chi_square: most, .. }, Change::Load { chi_square: own, .. }) =
+                (&mut last.what, &next.what)
         {
             (last.rows.end, *most) = (last.rows.end.max(next.rows.end), most.max(*own));
             return merged;
@@ -124,8 +126,9 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
                 let lambda = lambda.iter().map(each).collect::<Vec<_>>().join(", ");
                 format!("From {rows} the force constants differ, {lambda} · 10⁻⁶ N·m²/A²; left out.")
             }
-            Change::Load { chi_square } => {
-                format!("From {rows} the load differs (χ² {}); left out.", significant(*chi_square, 3))
+            Change::Load { chi_square, or_lambda } => {
+                let what = if *or_lambda { "the load or the force constants differ" } else { "the load differs" };
+                format!("From {rows} {what} (χ² {}); left out.", significant(*chi_square, 3))
             }
         }
     };

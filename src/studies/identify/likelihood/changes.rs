@@ -15,6 +15,8 @@ use crate::studies::statistics::median;
 const THRESHOLD_STD: f64 = 4.5;
 /// Smaller relative changes of λ are model errors, not changes of the bearing.
 const MIN_RELATIVE_CHANGE: f64 = 0.01;
+/// A change of λ explains a change of the load as well if its χ² is at least this part of that of the load.
+const ALIKE: f64 = 0.9;
 /// A block is left out if its normalised innovation squared exceeds this multiple of the median of all blocks, and by at least this many standard
 /// deviations.
 const DISTURBED_RATIO: f64 = 2.0;
@@ -27,6 +29,8 @@ pub(super) struct Detected {
     pub row: usize,
     pub lambda: bool,
     pub chi_square: f64,
+    /// χ² of a change of λ at the same place, whose effect may be that of a load.
+    pub of_lambda: f64,
     /// Amount by which χ² exceeds the threshold.
     pub excess: f64,
 }
@@ -56,6 +60,7 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
             if end - block.rows.end < SHORTEST_BLOCK {
                 continue;
             }
+            let mut of_lambda = 0.0;
             for (lambda, unknowns) in [(true, &(0..layout.magnets).collect()), (false, &loads)] {
                 if unknowns.is_empty() {
                     continue;
@@ -66,11 +71,12 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
                 let Some(gain) = inverse(&covariance) else { continue };
                 let step = &gain * &g;
                 let chi_square = step.dot(&g) / dispersion;
+                of_lambda = if lambda { chi_square } else { of_lambda };
                 let relative = (0..layout.magnets).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
                 let is_large = !lambda || relative.fold(0.0, f64::max) > MIN_RELATIVE_CHANGE;
                 let excess = chi_square - chi_square_limit(unknowns.len() as f64, THRESHOLD_STD);
                 if excess > found.as_ref().map_or(0.0, |found| found.excess) && is_large {
-                    found = Some(Detected { recording: r, row: block.rows.end, lambda, chi_square, excess });
+                    found = Some(Detected { recording: r, row: block.rows.end, lambda, chi_square, of_lambda, excess });
                 }
             }
         }
@@ -104,7 +110,8 @@ pub(super) fn leave_out(
         let lambda = |k: usize| fitted.as_ref().map_or(unknown, |fitted| fitted.estimate(k));
         Change::Lambda((0..search.model.layout.magnets).map(lambda).collect())
     } else {
-        Change::Load { chi_square: change.chi_square }
+        let or_lambda = change.of_lambda > ALIKE * change.chi_square;
+        Change::Load { chi_square: change.chi_square, or_lambda }
     };
     Some(Contradiction { recording, part: 0, rows, what })
 }
