@@ -344,6 +344,17 @@ fn a_change_of_an_almost_constant_force_may_be_one_of_the_load() {
     finds(&document, &[1.52574e-6, 2.27309e-6, 1.60247e-6]);
 }
 
+/// The phases of a path with a speed of its own drift like those of a wrong speed, by 3.5 %; the likelihood shows that the recorded one is right.
+#[test]
+fn a_path_with_a_speed_of_its_own_is_no_wrong_speed() {
+    let folder = folder("machines-identified/own-speed");
+    let alpha = [2.573296626, 4.1238751014, 5.73103091399, 7.27328933851];
+    let alpha: String = (1..).zip(alpha).map(|(k, alpha)| format!(" --set alpha[{k}]={alpha}")).collect();
+    let machine = "--machine planar4 --set m=5.33323860118 --set s=0.464901523966mm";
+    let document = identified(&folder, &words(&format!("{} {machine}{alpha}", foreign("own_speed"))));
+    finds(&document, &[2.1051e-6, 2.4758e-6, 2.44164e-6, 2.46885e-6]);
+}
+
 /// The controller reacts to its readings, so the currents reveal a missing row, and λ is known to 1 %.
 #[test]
 fn rows_missing_at_random_cost_little() {
