@@ -576,6 +576,7 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
     };
     if let Some(name) = &arguments.scenario {
         let (scenario, noise) = (Scenario::open(name)?, [position_noise, current_noise]);
+        simulate::check_rates(&scenario)?;
         return run_and_print(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
     }
     let studies = montecarlo::studies(runs);

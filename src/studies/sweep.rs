@@ -199,8 +199,8 @@ impl Sweep {
         let seed = seed.map_or(String::new(), |seed| seed.as_f64().to_string());
         let wanted = |name: &str| self.results.iter().any(|result| result.source == name);
         let outcome = scenario.and_then(|scenario| {
-            let run = catch_unwind(AssertUnwindSafe(|| simulate::run_for(&scenario, wanted)));
-            match run {
+            let run = || simulate::check_rates(&scenario).and_then(|()| simulate::run_for(&scenario, wanted));
+            match catch_unwind(AssertUnwindSafe(run)) {
                 Ok(Ok(run)) => Ok((scenario, run)),
                 Ok(Err(refused)) => Err(refused.0.join("; ")),
                 Err(_) => Err("a defect of this program, please report it".into()),

@@ -142,6 +142,11 @@ fn help_completions_and_version() {
 fn invalid_arguments_exit_with_2() {
     let folder = folder("command/arguments");
     bench(&folder);
+    write(
+        &folder,
+        "slow.toml",
+        "title = \"Slow sensors\"\nduration = 0.1\nstep = \"50 µs\"\n\n[all]\nTs = \"50 µs\"\n",
+    );
     for (arguments, words) in [
         ("--nonsense", &["error: ", "--help"][..]),
         ("nonsense", &["error: ", "--help"]),
@@ -168,6 +173,7 @@ fn invalid_arguments_exit_with_2() {
         ("simulate paper --set step=1e-12", &["the limit is 8 GB, which is a duration of", "e-6 s"]),
         ("package spindel", &["spindel is not a machine", "did you mean spindle?"]),
         ("montecarlo --only nosuch", &["--only \"nosuch\"", "no study has this", "Drawn bearings, noise known"]),
+        ("montecarlo slow.toml --runs 1", &["plant.sensor.Ts = 0.0001 s: expected at most Ts = 0.00005 s"]),
         ("montecarlo --runs 0", &["--runs", "'0'", "expected a whole number above 0"]),
         ("montecarlo --runs many", &["--runs", "'many'", "expected a whole number above 0"]),
         ("identify none.csv", &["none.csv"]),
