@@ -2,7 +2,6 @@
 
 use crate::prelude::*;
 
-use crate::program;
 use crate::support::runge_kutta;
 use magnetic_bearing::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
 

@@ -19,9 +19,7 @@ fn planar() -> Rotor {
         // problem well conditioned.
         inertia: DVector::from_element(2, 9.0),
         gyroscopic: DMatrix::zeros(2, 2),
-        directions: DMatrix::from_columns(
-            &[0.1, 2.0, 4.4].map(|alpha: f64| DVector::from(vec![alpha.sin(), alpha.cos()])),
-        ),
+        directions: DMatrix::from_columns(&[0.1, 2.0, 4.4].map(|a: f64| DVector::from(vec![a.sin(), a.cos()]))),
         gap_m: vec![6e-4; 3],
         lambda_nm2_a2: vec![1.5e-6, 2e-6, 2.6e-6],
         planes: vec![[DVector::from(vec![1.0, 0.0]), DVector::from(vec![0.0, 1.0])]],

@@ -3,7 +3,6 @@
 mod faults;
 
 use crate::prelude::*;
-use crate::program;
 use crate::support::library;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::report::identification::{self, Results};

@@ -29,11 +29,7 @@ const RULES: &[(Words, Words, &str)] = &[
     (&["src/fmu", "fmu-export/src"], &["super::super"], "name the crate instead"),
     (&["src/fmu"], PROGRAM, "the FMUs know nothing of the program"),
     (&["src/fmu"], &["fmu_export::package"], "the library of the FMUs needs no packager"),
-    (
-        &["src/simulation"],
-        &["crate::studies", "crate::report", "crate::cli"],
-        "a simulation knows no studies and reports",
-    ),
+    (&["src/simulation"], &["crate::studies", "crate::report", "crate::cli"], "simulation knows no studies or reports"),
     (&["src/studies"], &["crate::report", "crate::cli"], "studies know nothing of reports"),
     (&["src/report"], &["crate::cli"], "reports know nothing of commands"),
     (&["src/fmu"], PRINTING, "models write messages to their log"),

@@ -237,8 +237,8 @@ fn another_recording_is_checked_with_the_estimate() {
             record_with(&folder, machine, &values);
             let arguments = format!("first.csv --machine {} --check run.csv", machine.name);
             // The recording contradicts the estimate: a pipeline must be able to tell.
-            let code = if is_same { 0 } else { 4 };
-            let (out, err) = exits(code, &folder, &words(&format!("identify {arguments} --json -")));
+            let (out, err) =
+                exits(if is_same { 0 } else { 4 }, &folder, &words(&format!("identify {arguments} --json -")));
             let document: Json = serde_json::from_str(&out).expect("one document");
             let check = &document["check"];
             assert_eq!(err.contains("error: run.csv: The recordings differ"), !is_same, "{err}");

@@ -23,7 +23,7 @@ mod montecarlo;
 mod package;
 mod platforms;
 mod prelude;
-mod program;
+pub mod program;
 mod recordings;
 mod report;
 mod scenario;

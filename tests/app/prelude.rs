@@ -9,7 +9,7 @@ pub use std::process::Command;
 pub use serde_json::Value as Json;
 
 pub use crate::bench::{Bench, Errors};
-pub use crate::program::*;
+pub use crate::program::{self, *};
 pub use crate::support::{MODELS, Random, assert_contains, below, between};
 pub use magnetic_bearing::machine::*;
 pub use magnetic_bearing::report::experiment;

@@ -6,7 +6,6 @@
 
 use crate::prelude::*;
 
-use crate::program;
 use magnetic_bearing::estimation::Method;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
 use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, Worst};

@@ -15,10 +15,9 @@ fn a_failing_case_is_a_row_with_its_message() {
     opened("cases.csv", None).run(&folder.join("rows.csv")).expect("the sweep runs");
     let rows = rows(&read(&folder, "rows.csv"));
     assert_eq!(rows.len(), 6);
-    for (n, (row, words)) in rows.iter().zip(["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"]).enumerate()
-    {
+    for (n, (row, word)) in rows.iter().zip(["ok", "ok", "lambda[1]", "controller.update.mode", "", "ok"]).enumerate() {
         assert_eq!(row["case"], (n + 1).to_string());
-        assert_contains(&row["status"], &[words]);
+        assert_contains(&row["status"], &[word]);
     }
     assert_ne!(rows[4]["status"], "ok", "a load of 100 kN pushes the rotor through the backup bearing into a magnet");
     assert_eq!(rows[3]["lambdaHat[1] [N.m2/A2]"], "");

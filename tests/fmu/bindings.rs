@@ -8,7 +8,6 @@ use core::ffi::c_void;
 use core::mem::{align_of, offset_of, size_of};
 
 use fmu_export::fmi3::bindings::{fmi3Boolean, fmi3Clock, fmi3Status};
-use sha2::{Digest, Sha256};
 
 const BINDINGS3: &str = include_str!("../../fmu-export/src/fmi3/bindings.rs");
 

@@ -5,7 +5,6 @@
 use crate::prelude::*;
 use std::collections::{HashMap, HashSet};
 use std::fs;
-use std::path::Path;
 
 use fmu_export::{Standard, description};
 use magnetic_bearing::fmu;

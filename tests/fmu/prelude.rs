@@ -1,5 +1,6 @@
 //! What most tests of the FMUs use.
 
+pub use std::path::Path;
 pub use std::ptr::{null, null_mut};
 
 pub use crate::support::ffi::{Expect, Fmu, Request};
@@ -8,6 +9,7 @@ pub use crate::support::{MODELS, Random, assert_contains, below, is_plant};
 pub use crate::{drive, inputs};
 pub use fmu_export::fmi2::bindings::*;
 pub use fmu_export::variable::*;
+pub use sha2::{Digest, Sha256};
 
 /// The sample time, s.
 pub const TS: f64 = 1e-4;

@@ -1,10 +1,7 @@
 //! Snapshots: restored across instances and processes, and refused if damaged.
 
 use crate::prelude::*;
-use std::path::Path;
 use std::process::Command;
-
-use sha2::{Digest, Sha256};
 
 /// Settings that make every part of a state change: noise, delay, voltage drive, unbalance, a short window.
 fn active_settings(model: &str) -> Vec<(&'static str, f64)> {

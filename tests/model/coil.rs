@@ -1,7 +1,6 @@
 //! The coil: one energy for current and force, saturation, and the plant driven by voltage.
 
 use crate::prelude::*;
-use magnetic_bearing::bearing::scalar::Scalar;
 
 const GAP_M: f64 = 5e-4;
 

@@ -2,8 +2,6 @@
 
 use crate::prelude::*;
 
-use magnetic_bearing::bearing::scalar::Scalar;
-
 /// Error of a fourth-order difference quotient, relative to the largest value of its kind.
 const QUOTIENT: f64 = 1e-7;
 

@@ -3,7 +3,6 @@
 use crate::prelude::*;
 
 use magnetic_bearing::bearing::magnet::{Geometry, Magnets, SMALLEST_SINE, currents, forces};
-use magnetic_bearing::plant::noise::Noise;
 
 const GAP_M: f64 = 5e-4;
 const ALPHA_RAD: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];

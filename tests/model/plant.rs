@@ -3,7 +3,6 @@
 use crate::prelude::*;
 
 use magnetic_bearing::plant::integration::substeps;
-use magnetic_bearing::plant::noise::Noise;
 
 const OMEGA_RAD_S: f64 = TAU * 50.0;
 

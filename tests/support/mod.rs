@@ -78,16 +78,11 @@ pub fn assert_contains(message: &str, words: &[&str]) {
 }
 
 /// One step of the fourth-order Runge–Kutta method.
-pub fn runge_kutta<const N: usize>(
-    x: &[f64; N],
-    t: f64,
-    h: f64,
-    rate: impl Fn(f64, &[f64; N]) -> [f64; N],
-) -> [f64; N] {
+pub fn runge_kutta<const N: usize>(x: &[f64; N], t: f64, h: f64, of: impl Fn(f64, &[f64; N]) -> [f64; N]) -> [f64; N] {
     let plus = |d: &[f64; N], h: f64| -> [f64; N] { std::array::from_fn(|n| x[n] + h * d[n]) };
-    let k1 = rate(t, x);
-    let k2 = rate(t + h / 2.0, &plus(&k1, h / 2.0));
-    let k3 = rate(t + h / 2.0, &plus(&k2, h / 2.0));
-    let k4 = rate(t + h, &plus(&k3, h));
+    let k1 = of(t, x);
+    let k2 = of(t + h / 2.0, &plus(&k1, h / 2.0));
+    let k3 = of(t + h / 2.0, &plus(&k2, h / 2.0));
+    let k4 = of(t + h, &plus(&k3, h));
     std::array::from_fn(|n| x[n] + h / 6.0 * (k1[n] + 2.0 * k2[n] + 2.0 * k3[n] + k4[n]))
 }
