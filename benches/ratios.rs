@@ -24,8 +24,7 @@ use magnetic_bearing::estimation::{
 };
 use magnetic_bearing::package;
 use magnetic_bearing::plant::{InputTrajectory, Plant, PlantConfigOf, PlantInput};
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::simulation::{Scenario, simulate};
 
 const ROUNDS: usize = 101;
 

@@ -138,7 +138,8 @@ impl Format {
     /// # Errors
     /// As for [`Self::create`].
     pub fn write(self, path: &Path, content: &[u8]) -> io::Result<()> {
-        if !is_standard(path) && !path.exists() || path.is_file() {
+        // Devices are not replaced.
+        if !is_standard(path) && (path.is_file() || !path.exists()) {
             self.replaceable(path)?;
             match replace(path, content) {
                 // The folder takes no other file.
@@ -155,12 +156,16 @@ impl Format {
 /// Writes a file beside the destination, which is then renamed: with the permissions of the file that it replaces, and behind links.
 fn replace(path: &Path, content: &[u8]) -> io::Result<()> {
     let path = &path.canonicalize().unwrap_or_else(|_| path.into());
+    // A file that may not be written stays.
+    let before = match File::options().write(true).open(path) {
+        Ok(file) => Some(file.metadata()?.permissions()),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) => return Err(error),
+    };
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     let part = path.with_file_name(format!(".{name}.{}.part", std::process::id()));
-    let written = fs::write(&part, content).and_then(|()| match fs::metadata(path) {
-        Ok(before) => fs::set_permissions(&part, before.permissions()),
-        Err(_) => Ok(()),
-    });
+    let permit = |permissions| fs::set_permissions(&part, permissions);
+    let written = fs::write(&part, content).and_then(|()| before.map_or(Ok(()), permit));
     let renamed = written.and_then(|()| fs::rename(&part, path));
     if renamed.is_err() {
         let _ = fs::remove_file(&part);

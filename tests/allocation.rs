@@ -7,8 +7,7 @@ use std::path::Path;
 use fmu_export::Instance;
 use fmu_export::Step;
 use fmu_export::log::Silent;
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::simulation::{Scenario, simulate};
 use support::named::Named;
 
 mod support;

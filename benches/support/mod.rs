@@ -5,8 +5,7 @@
 use std::path::Path;
 
 use magnetic_bearing::estimation::EstimatorInput;
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::simulation::{Scenario, simulate};
 
 /// Samples in a record: ten revolutions.
 pub const RECORD: usize = 2000;

@@ -152,13 +152,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
         let twin = twin.map_err(|why| refused(format!("the twin cannot be run:\n  {}", why.join("\n  "))))?;
         arguments.write_twin(twin, arguments.columns(&scenario), binaries.as_ref())?;
     }
-    match &arguments.check {
-        Some(path) if results.document["check"]["agrees"] != true => {
-            let why = results.document["check"]["verdict"].as_str().unwrap_or_default();
-            Err(Failure { code: DIFFERS, why: format!("{}: {why}", path.display()) }.into())
-        }
-        _ => Ok(()),
-    }
+    results.differs.map_or(Ok(()), |why| Err(Failure { code: DIFFERS, why }.into()))
 }
 
 impl Arguments {
@@ -231,11 +225,15 @@ impl Arguments {
     /// Adds the comparison with another recording.
     fn add_check(&self, results: &mut Results, check: std::result::Result<Check, String>) {
         let path = self.check.as_deref().unwrap_or(Path::new("")).display();
-        let (verdict, json) = match check {
-            Ok(check) => (check.verdict.clone(), check.json()),
-            Err(why) => (format!("Not compared: {why}."), json!({"agrees": null, "verdict": why, "predictions": []})),
+        let (agrees, verdict, json) = match check {
+            Ok(check) => (check.agrees, format!("{path}: {}", check.verdict), check.json()),
+            Err(why) => {
+                let json = json!({"agrees": null, "verdict": why, "predictions": []});
+                (false, format!("{path}: Not compared: {why}."), json)
+            }
         };
-        results.summary.push(format!("{path}: {verdict}"));
+        results.differs = (!agrees).then(|| verdict.clone());
+        results.summary.push(verdict);
         results.document["check"] = json;
     }
 
@@ -320,30 +318,21 @@ impl Arguments {
 
     /// Reads all recordings, and the one to check. The errors of all are reported together.
     fn read_all(&self, reading: &Reading, gap_m: &[f64]) -> Result<(Vec<Samples>, Option<Samples>)> {
-        let mut all: Vec<Samples> = Vec::new();
         let mut unusable = Vec::new();
-        for path in &self.recordings {
-            // Readings that occur twice would count twice.
-            let read = self.read(path, reading, gap_m).and_then(|samples| {
-                let Some(other) = all.iter().position(|other| other.has_readings_of(&samples)) else {
-                    return Ok(samples);
-                };
-                let why = "this recording is given twice: its readings are those of";
-                Err(vec![format!("{why} {}", self.recordings[other].display())])
-            });
-            match read {
-                Ok(samples) => all.push(samples),
-                Err(findings) => unusable.push((path.as_path(), findings)),
+        let mut read = |path| {
+            let read = self.read(path, reading, gap_m);
+            read.map_err(|findings| unusable.push((path, findings))).ok()
+        };
+        let all: Vec<_> = self.recordings.iter().filter_map(|path| Some((path.as_path(), read(path)?))).collect();
+        let checked = self.check.as_deref().and_then(read);
+        // Readings that occur twice would count twice.
+        for (at, (path, samples)) in all.iter().enumerate() {
+            if let Some((other, _)) = all[..at].iter().find(|(_, other)| other.has_readings_of(samples)) {
+                let why = format!("this recording is given twice: its readings are those of {}", other.display());
+                unusable.push((path, vec![why]));
             }
         }
-        let checked = self.check.as_ref().map(|path| (path, self.read(path, reading, gap_m)));
-        let checked = match checked {
-            Some((path, Err(findings))) => {
-                unusable.push((path.as_path(), findings));
-                None
-            }
-            checked => checked.and_then(|(_, read)| read.ok()),
-        };
+        let all = all.into_iter().map(|(_, samples)| samples).collect();
         if unusable.is_empty() { Ok((all, checked)) } else { Err(self.refused(unusable)) }
     }
 

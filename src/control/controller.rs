@@ -9,7 +9,7 @@ pub use crate::control::tracking::{
 
 use serde::{Deserialize, Serialize};
 
-pub use crate::bearing::magnet::Used;
+pub use crate::bearing::Used;
 use crate::bearing::shaft::has_x;
 use crate::bearing::{Drive, Rotor, RotorConfig, array};
 use crate::control::observer::{PerturbationObserver, pole};

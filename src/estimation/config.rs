@@ -7,9 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::innovations::{Machine, Tolerances, WhiteningFilter};
 use super::models::prior;
 use super::prediction_error::PredictionError;
-use crate::bearing::array;
-use crate::bearing::magnet::Used;
-use crate::bearing::rotor::RotorConfig;
+use crate::bearing::{RotorConfig, Used, array};
 use crate::machine::Machine as Names;
 use crate::plant::PLANES;
 use crate::variables::unit::{

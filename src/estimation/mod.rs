@@ -37,7 +37,7 @@ pub use self::prediction_error::STD_LIMIT;
 pub use self::readings::STUCK_SAMPLES;
 use self::readings::{Readings, SampleStatus};
 pub use self::validation::chi_square;
-use crate::bearing::rotor::RotorConfig;
+use crate::bearing::RotorConfig;
 use crate::invalid::Invalid;
 use crate::machine::Machine as Names;
 use crate::variables::{Saved, is_finite};

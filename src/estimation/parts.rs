@@ -11,8 +11,7 @@ use super::prediction_error::{PredictionError, PredictionErrorState};
 use super::{
     Body, CheckedSample, Estimation, EstimatorConfigOf, EstimatorOutputOf, Method, Names, Sample, SampleStatus, Verdict,
 };
-use crate::bearing::array;
-use crate::bearing::rotor::RotorConfig;
+use crate::bearing::{RotorConfig, array};
 use crate::invalid::{Checks, Invalid};
 use crate::variables::Saved;
 

@@ -39,6 +39,8 @@ pub struct Results {
     pub document: Json,
     /// Why an answer is not valid.
     pub not_valid: Option<String>,
+    /// How the recording to check differs, or why it cannot be compared.
+    pub differs: Option<String>,
 }
 
 impl Results {

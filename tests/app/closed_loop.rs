@@ -1,8 +1,7 @@
 //! The closed loop: two independent implementations agree bit for bit and reproduce the figures of the method.
 
 use crate::prelude::*;
-use magnetic_bearing::bearing::magnet::Used;
-use magnetic_bearing::bearing::rotor::RotorConfig;
+use magnetic_bearing::bearing::{RotorConfig, Used};
 use magnetic_bearing::control::controller::{Controller, ControllerConfig, ControllerInput};
 use magnetic_bearing::control::reference::{PathConfig, ReferenceConfig};
 use magnetic_bearing::control::tracking::TrackingConfig;

@@ -289,6 +289,8 @@ fn the_errors_of_all_recordings_are_reported_at_once() {
     let (out, _) = exits(2, &folder, &[&arguments[..], &["--json", "-"]].concat());
     let refusal: serde_json::Value = serde_json::from_str(&out).expect("one document");
     assert_contains(&refusal["findings"].to_string(), &["furlong", "im[2]: no column", "--unit time=s"]);
+    let twice = ["./bench.csv: the recording cannot be used", "its readings are those of bench.csv"];
+    refuses(&folder, &words("identify a.csv bench.csv ./bench.csv"), &twice);
 }
 
 /// A file that is being read keeps its content: it is replaced, not rewritten. Links and permissions stay.
@@ -308,6 +310,9 @@ fn results_replace_files_at_once() {
     let mode = fs::metadata(folder.join("a.json")).expect("a file").permissions().mode();
     assert_eq!(mode & 0o777, 0o604);
     assert_eq!(fs::read_dir(&folder).expect("a folder").count(), 3, "nothing is left beside them");
+    write(&folder, "-", "{}");
+    assert!(exits(0, &folder, &["simulate", "short.toml", "--json", "-"]).0.len() > 10);
+    assert_eq!(read(&folder, "-"), "{}", "`-` is the standard output");
 }
 
 #[test]

@@ -321,13 +321,19 @@ fn an_iron_path_is_named() {
     finds(&document, &[2.4608e-6, 2.3173e-6, 1.7012e-6, 1.9751e-6]);
 }
 
+/// The answer for a recording of a foreign bench: machine, mass and gap, angles of the magnets in rad.
+fn of_bench(name: &str, machine: &str, parameters: &str, alpha: &[f64]) -> Json {
+    let alpha: String = (1..).zip(alpha).map(|(k, alpha)| format!(" alpha[{k}]={alpha}")).collect();
+    let set = format!("{parameters}{alpha}").replace(' ', " --set ");
+    let arguments = format!("{} --machine {machine} --set {set}", foreign(name));
+    identified(&folder(&format!("machines-identified/{name}")), &words(&arguments))
+}
+
 /// λ2 grows by 5 % in the middle. Fails if a change is sought only where the search over all rows converges: here it does not.
 #[test]
 fn a_change_that_prevents_convergence_is_found() {
-    let folder = folder("machines-identified/change");
-    let alpha = "--set alpha[1]=1.61792726 --set alpha[2]=3.65484245 --set alpha[3]=5.67819631";
-    let bearing = format!("--set m=10.9894680891 --set s=0.455791368mm {alpha}");
-    let document = identified(&folder, &words(&format!("{} {bearing}", foreign("change"))));
+    let document =
+        of_bench("change", "planar", "m=10.9894680891 s=0.455791368mm", &[1.61792726, 3.65484245, 5.67819631]);
     assert_contains(&document["findings"].to_string(), &["to 240 ms of recording 1 the force constants differ"]);
     finds(&document, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
 }
@@ -335,10 +341,8 @@ fn a_change_that_prevents_convergence_is_found() {
 /// λ2 grows by 5 % in the middle, but the force of its magnet is almost constant: the load would explain the change as well, and both are named.
 #[test]
 fn a_change_of_an_almost_constant_force_may_be_one_of_the_load() {
-    let folder = folder("machines-identified/constant-force");
-    let alpha = "--set alpha[1]=1.20187037553 --set alpha[2]=3.4824793876 --set alpha[3]=5.4183730521";
-    let bearing = format!("--set m=3.32065086556 --set s=0.55746886472mm {alpha}");
-    let document = identified(&folder, &words(&format!("{} {bearing}", foreign("constant_force"))));
+    let alpha = [1.20187037553, 3.4824793876, 5.4183730521];
+    let document = of_bench("constant_force", "planar", "m=3.32065086556 s=0.55746886472mm", &alpha);
     let finding = "From 70.4 ms to 140 ms of recording 1 the load or the force constants differ";
     assert_contains(&document["findings"].to_string(), &[finding]);
     finds(&document, &[1.52574e-6, 2.27309e-6, 1.60247e-6]);
@@ -347,11 +351,8 @@ fn a_change_of_an_almost_constant_force_may_be_one_of_the_load() {
 /// The phases of a path with a speed of its own drift like those of a wrong speed, by 3.5 %; the likelihood shows that the recorded one is right.
 #[test]
 fn a_path_with_a_speed_of_its_own_is_no_wrong_speed() {
-    let folder = folder("machines-identified/own-speed");
     let alpha = [2.573296626, 4.1238751014, 5.73103091399, 7.27328933851];
-    let alpha: String = (1..).zip(alpha).map(|(k, alpha)| format!(" --set alpha[{k}]={alpha}")).collect();
-    let machine = "--machine planar4 --set m=5.33323860118 --set s=0.464901523966mm";
-    let document = identified(&folder, &words(&format!("{} {machine}{alpha}", foreign("own_speed"))));
+    let document = of_bench("own_speed", "planar4", "m=5.33323860118 s=0.464901523966mm", &alpha);
     finds(&document, &[2.1051e-6, 2.4758e-6, 2.44164e-6, 2.46885e-6]);
 }
 

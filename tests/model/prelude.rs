@@ -4,8 +4,7 @@ pub use std::f64::consts::{PI, TAU};
 
 pub use crate::support::{Random, SpindleConfig, assert_contains, below, between, poles_are_at};
 pub use magnetic_bearing::bearing::coil::{Coil, CoilConfig, Drive};
-pub use magnetic_bearing::bearing::rotor::{Rotor, RotorConfig};
-pub use magnetic_bearing::bearing::scalar::Scalar;
+pub use magnetic_bearing::bearing::{Rotor, RotorConfig, Scalar};
 pub use magnetic_bearing::control::controller::*;
 pub use magnetic_bearing::control::reference::*;
 pub use magnetic_bearing::estimation::*;

@@ -5,8 +5,7 @@ use std::path::Path;
 
 use fmu_export::variable::Value;
 use magnetic_bearing::machine::MACHINES;
-use magnetic_bearing::simulation::scenario::Scenario;
-use magnetic_bearing::simulation::simulate;
+use magnetic_bearing::simulation::{Scenario, simulate};
 use magnetic_bearing::studies::sensitivity::{Sensitivity, peak, table, zone};
 use nalgebra::{Complex, ComplexField};
 

@@ -3,7 +3,7 @@
 use crate::prelude::*;
 use crate::support::whirl::{DAMPING_NS_M, STIFFNESS_N_M, TABLE};
 
-use magnetic_bearing::bearing::shaft::Shaft;
+use magnetic_bearing::bearing::Shaft;
 use nalgebra::{Complex, ComplexField, SMatrix, SVector};
 
 type SpindlePlant = Plant<5, 8, 3>;

@@ -417,14 +417,15 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
         }
-        Some((found.log_likelihood, words))
+        Some((found.log_likelihood, *proposal, words))
     };
     let tried = in_order_shown("trying alternatives", alternatives.len(), &words);
-    let mut fits: Vec<(f64, String)> = tried.into_iter().flatten().collect();
+    let mut fits: Vec<(f64, &str, String)> = tried.into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let Some(best) = fits.first().map(|(likelihood, _)| *likelihood) else { return Vec::new() };
-    fits.retain(|(likelihood, _)| *likelihood > best - AS_GOOD);
-    // Of the parts of a sample only the best: its neighbours fit almost as well.
-    let words = fits.into_iter().map(|(_, words)| words).enumerate();
-    words.filter(|(rank, words)| *rank == 0 || !words.contains(TOGETHER)).map(|(_, words)| words).collect()
+    let Some(best) = fits.first().map(|(likelihood, ..)| *likelihood) else { return Vec::new() };
+    // Parts of a sample only if one is the best: its neighbours fit almost as well.
+    let is_shown = |(rank, (likelihood, proposal, _)): &(usize, (f64, &str, String))| {
+        *likelihood > best - AS_GOOD && (*rank == 0 || *proposal != TOGETHER)
+    };
+    fits.into_iter().enumerate().filter(is_shown).map(|(_, (.., words))| words).collect()
 }
