@@ -1,6 +1,6 @@
 //! Sampled signals: the result of a run.
 
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 
 /// One signal over the samples of a [`Recording`].
 #[derive(Clone, Debug, PartialEq)]
@@ -38,7 +38,8 @@ impl Recording {
     ///
     /// # Errors
     /// Errors of the writer.
-    pub fn write_csv(&self, mut to: impl Write) -> io::Result<()> {
+    pub fn write_csv(&self, to: impl Write) -> io::Result<()> {
+        let mut to = BufWriter::new(to);
         // Neither names nor numbers need quotes.
         write!(to, "time [s]")?;
         for column in &self.columns {
