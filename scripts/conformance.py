@@ -449,7 +449,8 @@ def main():
         called = set(INDIRECT)
         with tempfile.TemporaryDirectory() as place:
             model = Model.open(archive, Path(place))
-            findings.expect(validate_fmu(str(archive)) == [], f"{name}: {validate_fmu(str(archive))}")
+            problems = validate_fmu(str(archive))
+            findings.expect(not problems, f"{name}: {problems}")
             findings.expect(len(supported_platforms(str(archive))) > 0, f"{name}: no binary")
             states(model, called, findings)
             questions(model, called, findings)

@@ -1,6 +1,7 @@
 //! The built program: its files, its messages, its exit codes, and closed pipes.
 
 use crate::prelude::*;
+use std::io::{self, Write};
 use std::process::Stdio;
 
 #[test]
@@ -106,6 +107,24 @@ fn files_that_cannot_be_written_are_named() {
     ] {
         assert_contains(&exits(1, &folder, arguments).1, &["error: ", arguments[arguments.len() - 1]]);
     }
+}
+
+/// Each piece costs a system call.
+#[test]
+fn tables_are_written_in_large_pieces() {
+    struct Pieces(usize);
+    impl Write for Pieces {
+        fn write(&mut self, piece: &[u8]) -> io::Result<usize> {
+            self.0 += 1;
+            Ok(piece.len())
+        }
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+    let (mut pieces, recording) = (Pieces(0), scenario_and_run("paper", &[("duration", "20 ms")]).1.recording);
+    recording.write_csv(&mut pieces).expect("a count takes everything");
+    assert!(pieces.0 < recording.time_s.len(), "{} pieces for {} rows", pieces.0, recording.time_s.len());
 }
 
 #[test]
@@ -305,7 +324,7 @@ fn results_replace_files_at_once() {
     symlink("a.json", folder.join("link.json")).expect("a link");
     let reader = fs::File::open(folder.join("a.json")).expect("a file");
     exits(0, &folder, &["simulate", "short.toml", "--json", "link.json"]);
-    assert_eq!(std::io::read_to_string(reader).expect("text"), "{}");
+    assert_eq!(io::read_to_string(reader).expect("text"), "{}");
     assert!(read(&folder, "a.json").len() > 10 && folder.join("link.json").is_symlink());
     let mode = fs::metadata(folder.join("a.json")).expect("a file").permissions().mode();
     assert_eq!(mode & 0o777, 0o604);
@@ -343,7 +362,6 @@ fn a_bearing_is_given_to_identify_as_to_simulate() {
 
 /// Runs the program, which must succeed, with a text on its standard input; standard output and standard error.
 fn run_with_input(folder: &Path, arguments: &[&str], text: &str) -> (String, String) {
-    use std::io::Write;
     let mut command = program(folder, arguments);
     command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().expect("the program runs");
@@ -485,7 +503,7 @@ fn the_sensitivity_of_a_loop_is_a_table() {
 
 /// A pipe whose reader has gone.
 fn closed() -> Stdio {
-    let (reader, writer) = std::io::pipe().expect("a pipe");
+    let (reader, writer) = io::pipe().expect("a pipe");
     drop(reader);
     writer.into()
 }
