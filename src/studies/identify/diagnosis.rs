@@ -266,7 +266,8 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     (phases.len() >= 4).then(|| [off, variance.sqrt() / TAU, off * (last - first).abs()])
 }
 
-/// Whether the data are at least as likely at a speed that differs by this part. A path with a speed of its own may look like a drift.
+/// Whether a speed that differs by this part is not clearly refuted. A path with a speed of its own may look like a drift, but without a notable unbalance
+/// the data do not tell the two apart.
 pub(super) fn may_be_faster(trial: &Trial, off: f64) -> bool {
     let mut stated = stretch(trial, HOLD_STRETCHES);
     stated.options.excludes_rows = false;
@@ -276,7 +277,7 @@ pub(super) fn may_be_faster(trial: &Trial, off: f64) -> bool {
         let found = identified(of).filter(|found| found.converged);
         found.map_or(f64::NEG_INFINITY, |found| found.log_likelihood)
     };
-    likelihood(&other) >= likelihood(&stated)
+    likelihood(&other) >= likelihood(&stated) - VERY_STRONG
 }
 
 /// Multiplies angle and speed by a factor.

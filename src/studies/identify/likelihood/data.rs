@@ -164,14 +164,16 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         rotor.interval(states, &self.squares(row), expected, [*from, between, *to])
     }
 
-    /// Factors on the noise of the currents in the interval that ends at a row, or on the errors of those that were not recorded.
+    /// Factors on the noise of the currents in the interval that ends at a row, together with the errors of those that were not recorded.
     pub fn scales(&self, row: usize, levels: &Levels) -> ByMagnet {
         let (case, mut factors) = (self.input.case, levels.currents);
         for (k, factor) in factors.iter_mut().enumerate().take(case.square_error.len()) {
             let [error_a2, of_level] =
                 array::map([1.0, levels.restored], |of| case.error_a2(row, k, of * case.restored));
             if error_a2 > 0.0 {
-                *factor = of_level / error_a2;
+                let total = self.squares(row).std[k];
+                let noise = (total * total - error_a2 * error_a2).max(0.0).sqrt();
+                *factor = libm::hypot(*factor * noise, of_level) / total;
             }
         }
         factors
