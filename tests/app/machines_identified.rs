@@ -321,12 +321,17 @@ fn an_iron_path_is_named() {
     finds(&document, &[2.4608e-6, 2.3173e-6, 1.7012e-6, 1.9751e-6]);
 }
 
-/// The answer for a recording of a foreign bench: machine, mass and gap, angles of the magnets in rad.
-fn of_bench(name: &str, machine: &str, parameters: &str, alpha: &[f64]) -> Json {
+/// Arguments for a recording of a foreign bench: machine, mass and gap, angles of the magnets in rad.
+fn bench(name: &str, machine: &str, parameters: &str, alpha: &[f64]) -> String {
     let alpha: String = (1..).zip(alpha).map(|(k, alpha)| format!(" alpha[{k}]={alpha}")).collect();
     let set = format!("{parameters}{alpha}").replace(' ', " --set ");
-    let arguments = format!("{} --machine {machine} --set {set}", foreign(name));
-    identified(&folder(&format!("machines-identified/{name}")), &words(&arguments))
+    format!("{} --machine {machine} --set {set}", foreign(name))
+}
+
+/// The answer for it.
+fn of_bench(name: &str, machine: &str, parameters: &str, alpha: &[f64]) -> Json {
+    let folder = folder(&format!("machines-identified/{name}"));
+    identified(&folder, &words(&bench(name, machine, parameters, alpha)))
 }
 
 /// λ2 grows by 5 % in the middle. Fails if a change is sought only where the search over all rows converges: here it does not.
@@ -359,10 +364,9 @@ fn a_path_with_a_speed_of_its_own_is_no_wrong_speed() {
 /// Stated 0.4 % too fast, and the unbalance is too small to show it: the path may have a speed of its own, but then λ is 5 deviations off.
 #[test]
 fn a_wrong_speed_is_refused_without_a_notable_unbalance() {
-    let set =
-        "m=9.45485141975 s=0.58494315786mm alpha[1]=-1.48737395426 alpha[2]=0.787594778318 alpha[3]=2.63353162585";
-    let arguments =
-        format!("identify {} --speed 4852.44 --set {}", foreign("wrong_speed"), set.replace(' ', " --set "));
+    let alpha = [-1.48737395426, 0.787594778318, 2.63353162585];
+    let bench = bench("wrong_speed", "planar", "m=9.45485141975 s=0.58494315786mm", &alpha);
+    let arguments = format!("identify {bench} --speed 4852.44");
     let (out, _) = exits(3, &folder("machines-identified/wrong-speed"), &words(&arguments));
     assert_contains(&out, &["Not valid: the motion turns 0.39 % slower than the stated speed"]);
 }

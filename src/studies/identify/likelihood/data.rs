@@ -171,23 +171,27 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
             let [error_a2, of_level] =
                 array::map([1.0, levels.restored], |of| case.error_a2(row, k, of * case.restored));
             if error_a2 > 0.0 {
-                let total = self.squares(row).std[k];
-                let noise = (total * total - error_a2 * error_a2).max(0.0).sqrt();
-                *factor = libm::hypot(*factor * noise, of_level) / total;
+                let noise_a2 = self.read_squares(row).std[k];
+                *factor = libm::hypot(*factor * noise_a2, of_level) / libm::hypot(noise_a2, error_a2);
             }
         }
         factors
     }
 
-    /// Squared currents in the interval that ends at `row`, A².
-    pub fn squares(&self, row: usize) -> Squares<K> {
+    /// Squared currents in the interval that ends at `row`, A², with the noise of their readings alone.
+    fn read_squares(&self, row: usize) -> Squares<K> {
         let Input { case, rotor, .. } = self.input;
         let read = |row: usize| array::map(self.current, |current| current[row]);
-        let mut squares = match (&rotor.lag, case.recording.hold) {
+        match (&rotor.lag, case.recording.hold) {
             (None, Hold::Linear) => rotor.squares(read(row), Some(read(row - 1))),
             (None, _) => rotor.squares(read(case.commanded(row)), None),
             (Some([lag, ..]), _) => rotor.lagged_squares(lag, read(case.commanded(row)), row),
-        };
+        }
+    }
+
+    /// Squared currents in the interval that ends at `row`, A², with the errors of those that were not recorded.
+    pub fn squares(&self, row: usize) -> Squares<K> {
+        let (case, mut squares) = (self.input.case, self.read_squares(row));
         for k in 0..case.square_error.len() {
             squares.std[k] = libm::hypot(squares.std[k], case.error_a2(row, k, case.restored));
         }
