@@ -231,12 +231,20 @@ impl Sweep {
         if file.try_lock().is_err() {
             return Err(refusal(path, "another sweep is using it"));
         }
-        let done = self.resume(path, &mut file)?;
+        let outcome = self.append(path, &mut file);
+        // A process that another thread is starting holds a copy of the file, and thereby the lock, until it has replaced itself.
+        file.unlock().map_err(fail)?;
+        outcome
+    }
+
+    /// Appends the rows that are missing.
+    fn append(&self, path: &Path, file: &mut File) -> Result<Outcome, ScenarioError> {
+        let done = self.resume(path, file)?;
         let write = |rows: &[Vec<String>]| {
             file.write_all(&lines(rows)?)?;
             file.sync_data()
         };
-        let outcome = self.work(done.before, write).map_err(fail)?;
+        let outcome = self.work(done.before, write).map_err(|error| refusal(path, error))?;
         Ok(Outcome { failed: done.failed + outcome.failed, ..outcome })
     }
 

@@ -61,6 +61,25 @@ fn an_interrupted_sweep_resumes_without_repeating_or_losing_a_row() {
 }
 
 #[test]
+fn processes_that_other_threads_start_do_not_keep_a_sweep_locked() {
+    let design = opened("cases.csv", None);
+    let out = folder("sweep/locked").join("rows.csv");
+    design.run(&out).expect("the sweep runs");
+    let (send, stop) = std::sync::mpsc::channel::<()>();
+    std::thread::scope(|scope| {
+        scope.spawn(move || {
+            while stop.try_recv() == Err(std::sync::mpsc::TryRecvError::Empty) {
+                Command::new("true").status().expect("a program that does nothing");
+            }
+        });
+        for _ in 0..3000 {
+            assert_eq!(design.run(&out).expect("nobody else uses it").before, 6);
+        }
+        drop(send);
+    });
+}
+
+#[test]
 fn rows_of_different_designs_or_scenarios_are_not_mixed() {
     let folder = folder("sweep/foreign");
     let out = folder.join("rows.csv");
