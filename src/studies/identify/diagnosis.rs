@@ -3,6 +3,8 @@
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
+use nalgebra::Complex;
+
 use self::Concerns::{All, Axial, Each, Opposite, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
@@ -89,10 +91,9 @@ fn sensors(trial: &mut Trial, change: impl Fn([f64; 2]) -> [f64; 2]) {
 fn reorder(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
     let mut order: Vec<usize> = (0..trial.recording.current_a.len()).collect();
     change(&mut order);
-    trial.recording.current_a = order.iter().map(|k| trial.recording.current_a[*k].clone()).collect();
-    if !trial.recording.square_error_a2.is_empty() {
-        trial.recording.square_error_a2 = order.iter().map(|k| trial.recording.square_error_a2[*k].clone()).collect();
-    }
+    let Recording { current_a, square_error_a2, .. } = &mut trial.recording;
+    *current_a = order.iter().map(|k| current_a[*k].clone()).collect();
+    *square_error_a2 = order.iter().filter_map(|k| square_error_a2.get(*k).cloned()).collect();
 }
 
 /// Reorders the currents of the bearing.
@@ -162,7 +163,6 @@ fn advance(trial: &mut Trial, fraction: f64) {
 
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
-const GAP: &str = "--estimate s";
 const GAINS: &str = "--estimate sensor.gain --estimate sensor.gainDifference";
 const COLUMNS: &str = "exchange their columns (--column)";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
@@ -221,7 +221,7 @@ const ALTERNATIVES: &[Alternative] = &[
     (All, "the speed was recorded in rpm", |t| rotate(t, PI / 30.0), "--unit omega=rpm"),
     (All, "the speed was recorded in Hz", |t| rotate(t, TAU), "--unit omega=Hz"),
     (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
-    (All, "the gap differs", |t| free(t, &["s"]), GAP),
+    (All, "the gap differs", |t| free(t, &["s"]), "--estimate s"),
     (All, "the gains of the position sensors differ", |t| free(t, &["sensor.gain", "sensor.gainDifference"]), GAINS),
 ];
 
@@ -231,23 +231,19 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let Recording { theta_rad, position_m, .. } = recording;
     let (first, last) = (theta_rad[recording.used().next()?], theta_rad[recording.used().last()?]);
     let mean = [0, 1].map(|a| mean(recording.used().map(|row| position_m[a][row])));
-    let mut turns: Vec<[f64; 2]> = Vec::new();
+    let mut turns: Vec<Complex<f64>> = Vec::new();
     for row in recording.used() {
         let turn = ((theta_rad[row] - first).abs() / TAU) as usize;
-        turns.resize(turns.len().max(turn + 1), [0.0; 2]);
+        turns.resize(turns.len().max(turn + 1), Complex::default());
         let (sin, cos) = libm::sincos(theta_rad[row]);
         let [y, z] = [0, 1].map(|a| position_m[a][row] - mean[a]);
-        turns[turn][0] += y * cos + z * sin;
-        turns[turn][1] += z * cos - y * sin;
+        turns[turn] += Complex::new(y, z) * Complex::new(cos, -sin);
     }
     // The last turn is incomplete.
     turns.pop();
-    let step = |pair: &[[f64; 2]]| {
-        let [[a, b], [c, d]] = [pair[0], pair[1]];
-        libm::atan2(a * d - b * c, a * c + b * d)
-    };
     let phases = turns.windows(2).scan(0.0, |phase, pair| {
-        *phase += step(pair);
+        let step = pair[1] * pair[0].conj();
+        *phase += libm::atan2(step.im, step.re);
         Some(*phase)
     });
     let phases: Vec<f64> = [0.0].into_iter().chain(phases).collect();
@@ -269,8 +265,7 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
 /// Whether a speed that differs by this part is not clearly refuted. A path with a speed of its own may look like a drift, but without a notable unbalance
 /// the data do not tell the two apart.
 pub(super) fn may_be_faster(trial: &Trial, off: f64) -> bool {
-    let mut stated = stretch(trial, HOLD_STRETCHES);
-    stated.options.excludes_rows = false;
+    let stated = stretch(trial, HOLD_STRETCHES);
     let mut other = stated.clone();
     rotate(&mut other, 1.0 + off);
     let likelihood = |of: &Trial| {
@@ -296,14 +291,7 @@ fn identified(trial: &Trial) -> Option<Identification> {
     with_slow_force(std::slice::from_ref(&trial.recording), &mut trial.options.clone()).ok()
 }
 
-/// The identification of a trial, and whether its estimates are plausible.
-fn fit(trial: &Trial) -> Option<(Identification, bool)> {
-    let found = identified(trial)?;
-    let sound = found.converged && implausible(&found, &trial.recording, trial.machine, &trial.options.parts).is_none();
-    Some((found, sound))
-}
-
-/// The middle of a recording, as long as this number of stretches.
+/// The middle of a recording, as long as this number of stretches, of which no rows are left out.
 fn stretch(trial: &Trial, stretches: usize) -> Trial {
     let all = &trial.recording;
     let rows = all.usable.len();
@@ -317,7 +305,7 @@ fn stretch(trial: &Trial, stretches: usize) -> Trial {
         recording.usable[end..].iter_mut().take(1).for_each(|usable| *usable = false);
     }
     // Likelihoods are compared at their maximum, from which instruments lead away.
-    let options = Options { corrects_bias: false, ..trial.options.clone() };
+    let options = Options { excludes_rows: false, corrects_bias: false, ..trial.options.clone() };
     Trial { recording, options, ..*trial }
 }
 
@@ -327,7 +315,7 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
     // One whole recording at a time: each may have millions of rows.
     let mut trials: [Trial; N] = std::array::from_fn(|at| {
         let mut trial = stretch(&trial(at), HOLD_STRETCHES);
-        trial.options = trial.options.late();
+        trial.options = Options { excludes_rows: true, ..trial.options.late() };
         // An unknown force is consistent with every meaning.
         for error_a2 in &trial.recording.square_error_a2 {
             let rows = trial.recording.usable.iter_mut().zip(error_a2);
@@ -368,8 +356,7 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
 
 /// Descriptions that explain the data better, with advice, the best first; empty if nothing fits better than the stated values.
 pub(super) fn proposals(trial: &Trial) -> Vec<String> {
-    let mut trial = stretch(trial, 1);
-    trial.options.excludes_rows = false;
+    let trial = stretch(trial, 1);
     let as_stated = identified(&trial);
     // The axial bearing and the radial ones are separate: an alternative for one leaves magnets of the other that push.
     let pushes = |is_radial: bool| {
@@ -400,13 +387,14 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         }
         let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
-        let (found, sound) = fit(&other)?;
+        let found = identified(&other)?;
+        let is_plausible = implausible(&found, &other.recording, other.machine, &other.options.parts).is_none();
         // Parameters that the alternative frees.
         let stated = trial.options.parts.iter().flat_map(|part| &part.parameters);
         let freed = found.bench.iter().zip(stated).filter(|(of, stated)| of.parameter.knowledge != stated.knowledge);
         let off: Vec<(&str, f64)> = freed.map(|(of, _)| (&*of.parameter.name, of.estimate.value)).collect();
         let is_stated = !off.is_empty() && off.iter().all(|(_, off)| off.abs() < SAME);
-        if !sound || found.log_likelihood <= least || is_stated {
+        if !found.converged || !is_plausible || found.log_likelihood <= least || is_stated {
             return None;
         }
         let is_local = matches!(concerns, Radial(_) | Axial | Each) && is_shaft;

@@ -73,10 +73,7 @@ impl Samples {
     /// The currents at every sample; NaN where unavailable.
     pub fn currents(&self, how: Hold) -> Vec<Vec<f64>> {
         match &self.apart {
-            Some(apart) => {
-                let count = |known: &Known| if known.is_empty() { 0 } else { self.len() };
-                apart.iter().map(|known| signals::resampled(known, count(known), how)).collect()
-            }
+            Some(apart) => apart.iter().map(|known| signals::resampled(known, self.len(), how)).collect(),
             None => self.current_a.clone(),
         }
     }
@@ -93,9 +90,7 @@ impl Samples {
 
     /// Sets angle and speed, deriving one from the other or both from the stated speed.
     pub(super) fn set_rotation(&mut self, theta: &Known, omega: &Known, stated_rad_s: Option<f64>) {
-        let count = |known: &Known| if known.is_empty() { 0 } else { self.len() };
-        let [theta, omega] = [theta, omega].map(|known| signals::straight(known, count(known), true));
-        (self.theta_rad, self.omega_rad_s) = (theta, omega);
+        [self.theta_rad, self.omega_rad_s] = [theta, omega].map(|known| signals::straight(known, self.len(), true));
         if self.machine.planes == 0 {
             return;
         }
@@ -125,8 +120,8 @@ impl Samples {
                     angle += omega * self.step_s;
                     angle
                 };
-                self.theta_rad =
-                    [0.0].into_iter().chain(self.omega_rad_s.iter().map(turned)).take(self.len()).collect();
+                let turned = [0.0].into_iter().chain(self.omega_rad_s.iter().map(turned));
+                self.theta_rad = turned.take(self.len()).collect();
                 "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it."
             }
             Rotation::Unknown => "There is neither angle nor speed: the unbalance cannot be identified.",

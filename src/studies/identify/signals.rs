@@ -44,8 +44,9 @@ fn longest(known: &Known) -> f64 {
     (FILLED as f64 + 1.0) * distance(known).max(1.0)
 }
 
-/// Linear interpolation at the samples; NaN in gaps unless these are bridged.
+/// Linear interpolation at the samples; NaN in gaps unless these are bridged. Empty if nothing is known.
 pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
+    let count = if known.is_empty() { 0 } else { count };
     let longest = if bridges { f64::INFINITY } else { longest(known) };
     let at = |sample: usize| {
         let after = known.partition_point(|(place, _)| *place < sample as f64 - ROUNDING);
@@ -66,7 +67,7 @@ const ROUNDING: f64 = 1e-6;
 /// The currents at the samples from currents at other instants: rms over the interval that a sample stands for, or linear interpolation.
 /// NaN in gaps.
 pub(super) fn resampled(known: &Known, count: usize, how: Hold) -> Vec<f64> {
-    if how == Hold::Linear {
+    if how == Hold::Linear || known.is_empty() {
         return straight(known, count, false);
     }
     let longest = longest(known);

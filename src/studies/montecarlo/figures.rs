@@ -55,6 +55,20 @@ pub struct Worst {
     pub std: f64,
 }
 
+impl Worst {
+    /// An estimate with this relative error and standard deviation.
+    pub(super) fn of(time_s: f64, error: f64, std: f64) -> Self {
+        // Zero error agrees with any standard deviation, even with 0.
+        let ratio = if error == 0.0 { 0.0 } else { (error / std).abs() };
+        Self { ratio: if ratio.is_nan() { f64::INFINITY } else { ratio }, time_s, error, std }
+    }
+
+    /// The worse of two.
+    pub(super) fn max(self, other: Self) -> Self {
+        if other.ratio > self.ratio { other } else { self }
+    }
+}
+
 /// Results of one run.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Trial {
@@ -99,15 +113,6 @@ struct Estimate {
     std: Vec<f64>,
     /// Stated standard deviation, with all tolerances.
     total: Vec<f64>,
-}
-
-impl Estimate {
-    /// |error|/standard deviation at a row, tolerances included.
-    fn ratio(&self, row: usize) -> f64 {
-        // Zero error agrees with any standard deviation, even with 0.
-        let ratio = if self.error[row] == 0.0 { 0.0 } else { (self.error[row] / self.total[row]).abs() };
-        if ratio.is_nan() { f64::INFINITY } else { ratio }
-    }
 }
 
 /// The profile of a true λ by its name, if it changes.
@@ -185,18 +190,14 @@ pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: 
     for row in 0..rows {
         let after_s = jump_s.map(|jump_s| time_s[row] - jump_s).filter(|after_s| *after_s > 0.5 * scenario.step_s);
         trial.lost += usize::from(row > 0 && valid[row - 1] == 1.0 && valid[row] != 1.0);
-        let mut worst = Worst::default();
-        for estimate in estimates.iter().filter(|_| valid[row] == 1.0) {
-            let ratio = estimate.ratio(row);
-            if ratio > worst.ratio {
-                worst = Worst { ratio, time_s: time_s[row], error: estimate.error[row], std: estimate.total[row] };
-            }
-        }
+        let all = estimates.iter().filter(|_| valid[row] == 1.0);
+        let all = all.map(|estimate| Worst::of(time_s[row], estimate.error[row], estimate.total[row]));
+        let worst = all.fold(Worst::default(), Worst::max);
         if worst.ratio < 4.0 {
             trial.noticed_s = trial.noticed_s.or(after_s);
         }
-        if worst.ratio > trial.worst.ratio && after_s.is_none_or(|after_s| after_s > detection_s) {
-            trial.worst = worst;
+        if after_s.is_none_or(|after_s| after_s > detection_s) {
+            trial.worst = trial.worst.max(worst);
         }
     }
     let bounds = jump_s.is_none().then(|| bound::bound(scenario, recording, at_s)).flatten();

@@ -73,13 +73,8 @@ impl Offline {
                 }),
                 verdict: (!answer.valid).then(|| summary(&answer.verdict)),
             };
-            for k in (0..3).filter(|_| answer.valid) {
-                let (error, std) = (sample.error[k], sample.total[k]);
-                let ratio = (error / std).abs();
-                if ratio > trial.worst.ratio {
-                    trial.worst = Worst { ratio, time_s: *instant_s, error, std };
-                }
-            }
+            let all = sample.error.iter().zip(&sample.total).filter(|_| answer.valid);
+            trial.worst = all.map(|(error, std)| Worst::of(*instant_s, *error, *std)).fold(trial.worst, Worst::max);
             trial.samples.push(sample);
         }
         Some(trial)

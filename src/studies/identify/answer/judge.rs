@@ -6,6 +6,7 @@ use crate::studies::identify::likelihood::{
     self, BenchParameter, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M, Suspect,
 };
 use crate::studies::identify::{Stated, significant};
+use crate::studies::statistics::range;
 
 // The limits below cause no false alarms in good recordings (seeds 95001 and 101001): 600 of drawn bearings, 0.1 to 5 s, 1300 of the nominal
 // bearing whose bench is off by its tolerances, and 1200 with its bench exactly as stated.
@@ -31,8 +32,7 @@ const RATIO: f64 = 10.0;
 /// Why estimates cannot describe a magnetic bearing, if they cannot.
 pub fn implausible(found: &Identification, recording: &Recording, machine: &Machine, parts: &[Part]) -> Option<String> {
     for (_, magnets) in machine.magnets_of_bearings() {
-        let own = || found.lambda[magnets.clone()].iter().map(|lambda| lambda.value);
-        let (least, greatest) = (own().fold(f64::INFINITY, f64::min), own().fold(f64::NEG_INFINITY, f64::max));
+        let [least, greatest] = range(found.lambda[magnets.clone()].iter().map(|lambda| lambda.value));
         if let Some(k) = magnets.clone().find(|k| found.lambda[*k].value <= 0.0) {
             return Some(format!("{} would be negative: its magnet would push", machine.symbols("λ")[k]));
         }

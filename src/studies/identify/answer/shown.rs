@@ -100,11 +100,10 @@ impl Answer {
         }
         for (r, conditions) in found.conditions.iter().enumerate() {
             let of = if found.conditions.len() > 1 { format!(", {}", r + 1) } else { String::new() };
-            for (name, ki) in stated.machine.symbols("ki").iter().zip(&conditions.ki_n_a) {
-                rows.push(row(format!("{name}{of}"), ki, 1.0, "N/A", None));
-            }
-            for (name, ks) in stated.machine.symbols("ks").iter().zip(&conditions.ks_n_m) {
-                rows.push(row(format!("{name}{of}"), ks, 1e3, "N/mm", None));
+            let (ki, ks) = (&conditions.ki_n_a, &conditions.ks_n_m);
+            for (symbol, all, factor, unit) in [("ki", ki, 1.0, "N/A"), ("ks", ks, 1e3, "N/mm")] {
+                let named = stated.machine.symbols(symbol).into_iter().zip(all);
+                rows.extend(named.map(|(name, own)| row(format!("{name}{of}"), own, factor, unit, None)));
             }
             for (name, load) in stated.loads().iter().zip(&conditions.load_n) {
                 let unit = if name.starts_with('M') { "N·m" } else { "N" };

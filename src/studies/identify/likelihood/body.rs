@@ -168,8 +168,7 @@ impl Part {
         let (parameters, load) = (&self.parameters, magnets + 2 * planes);
         let model = Model {
             part: self,
-            slow_force: options.slow_force,
-            corrects_bias: options.corrects_bias,
+            options,
             describe,
             varied: varied.iter().map(|at| (*at, STEP * parameters[*at].typical)).collect(),
             places: Places::of(&self.body, parameters),
@@ -183,7 +182,7 @@ impl Part {
             },
             passes: passes(coordinates, magnets),
         };
-        search::identify(recordings, &model, options.excludes_rows)
+        search::identify(recordings, &model)
     }
 
     /// Description and the parameters that change it, for N coordinates, K magnets and U unknowns of the on-line estimator. An axis has no angles.

@@ -253,13 +253,9 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     position.max(current * weight(curvature))
 }
 
-/// Updates the level of the slow force from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
-pub(super) fn slow_force_step(case: &mut Case<'_>, sums: &Likelihoods, least: f64) -> f64 {
-    level_step(&mut case.slow_force, sums, f64::INFINITY, least)
-}
-
-/// Updates a level with a log-normal prior about 1 and a smallest value.
-fn level_step(level: &mut f64, sums: &Likelihoods, prior_std: f64, least: f64) -> f64 {
+/// Updates a level with a log-normal prior about 1 and a smallest value from the likelihood at three levels; returns the change of its logarithm,
+/// weighted by its information.
+pub(super) fn level_step(level: &mut f64, sums: &Likelihoods, prior_std: f64, least: f64) -> f64 {
     let (before, (step, curvature)) = (*level, posterior_peak(sums, libm::log(*level), prior_std));
     *level = (before * libm::exp(step)).max(least);
     libm::log(*level / before).abs() * weight(curvature)
@@ -271,12 +267,7 @@ fn weight(curvature: f64) -> f64 {
 }
 
 /// Prior standard deviation of the logarithm of the factor on errors of currents that were not recorded.
-const RESTORED_LOG_STD: f64 = 1.0;
-
-/// Updates that factor from the likelihood at three levels; returns the change of its logarithm, weighted by its information.
-pub(super) fn restored_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
-    level_step(&mut case.restored, sums, RESTORED_LOG_STD, 0.0)
-}
+pub(super) const RESTORED_LOG_STD: f64 = 1.0;
 
 /// Prior standard deviation of the exponent with which position noise grows with the gap.
 const EXPONENT_STD: f64 = 3.0;

@@ -1,6 +1,6 @@
 //! Expected motion and pull: the part that repeats with the shaft angle, and the part explained by past innovations.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector, SVector};
 
 use super::data::Input;
 
@@ -60,26 +60,18 @@ pub(super) fn expected(input: Input<'_>, innovations: &[f64]) -> Vec<f32> {
     let count = all.div_ceil(length);
 
     let mut sums = vec![(DMatrix::<f64>::zeros(TERMS, TERMS), DMatrix::<f64>::zeros(TERMS, count_of)); count];
-    let mut own = vec![0.0; count_of];
+    let mut own = DVector::zeros(count_of);
     for (row, _) in rows() {
         let (gram, right) = &mut sums[row / length];
-        let terms = terms(case.middle[row]);
-        signals(row, &mut own);
-        for i in 0..TERMS {
-            for l in 0..=i {
-                gram[(i, l)] += terms[i] * terms[l];
-            }
-            for (k, signal) in own.iter().enumerate() {
-                right[(i, k)] += terms[i] * signal;
-            }
-        }
+        let terms = SVector::from(terms(case.middle[row]));
+        signals(row, own.as_mut_slice());
+        gram.ger(1.0, &terms, &terms, 1.0);
+        right.ger(1.0, &terms, &own, 1.0);
     }
     let series: Vec<DMatrix<f64>> = (0..count).map(|at| fit_neighbours(&sums, at)).collect();
-    let repeating = |row: usize, to: &mut [f64]| {
+    let repeating = |row: usize| {
         let (terms, series) = (terms(case.middle[row]), &series[row / length]);
-        for (k, to) in to.iter_mut().enumerate() {
-            *to = (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum();
-        }
+        DVector::from_fn(count_of, |k, _| (0..TERMS).map(|i| terms[i] * series[(i, k)]).sum())
     };
 
     // Innovations are white, so each coefficient follows from one of them alone. Sums for each past innovation, the latest first: its square, then its
@@ -87,31 +79,28 @@ pub(super) fn expected(input: Input<'_>, innovations: &[f64]) -> Vec<f32> {
     let past = |row: usize, first: usize| {
         (1..=PAST).take_while(move |lag| first + lag <= row).flat_map(move |lag| &innovations[n * (row - lag)..][..n])
     };
-    let size = 1 + count_of;
-    let mut total = vec![0.0; PAST * n * size];
-    let mut responses = vec![total.clone(); count];
-    let mut residual = vec![0.0; count_of];
+    let mut responses = vec![DMatrix::<f64>::zeros(1 + count_of, PAST * n); count];
     for (row, first) in rows() {
-        signals(row, &mut own);
-        repeating(row, &mut residual);
-        residual.iter_mut().zip(&own).for_each(|(residual, own)| *residual = own - *residual);
-        for (of, w) in responses[row / length].chunks_exact_mut(size).zip(past(row, first)) {
+        signals(row, own.as_mut_slice());
+        let residual = &own - repeating(row);
+        for (mut of, w) in responses[row / length].column_iter_mut().zip(past(row, first)) {
             of[0] += w * w;
-            of[1..].iter_mut().zip(&residual).for_each(|(of, residual)| *of += w * residual);
+            of.rows_mut(1, count_of).axpy(*w, &residual, 1.0);
         }
     }
-    responses.iter().flat_map(|response| response.iter().enumerate()).for_each(|(at, of)| total[at] += of);
+    let total: DMatrix<f64> = responses.iter().sum();
     for response in &mut responses {
-        for (of, all) in response.chunks_exact_mut(size).zip(total.chunks_exact(size)) {
-            let squares = (all[0] - of[0]).max(1.0);
-            of[1..].iter_mut().zip(&all[1..]).for_each(|(of, all)| *of = (all - *of) / squares);
+        *response = &total - &*response;
+        for mut of in response.column_iter_mut() {
+            let squares = of[0].max(1.0);
+            of /= squares;
         }
     }
     let mut values = vec![0.0; count_of * all];
     for (row, first) in all_rows() {
-        repeating(row, &mut own);
-        for (of, w) in responses[row / length].chunks_exact(size).zip(past(row, first)) {
-            own.iter_mut().zip(&of[1..]).for_each(|(signal, of)| *signal += w * of);
+        let mut own = repeating(row);
+        for (of, w) in responses[row / length].column_iter().zip(past(row, first)) {
+            own.axpy(*w, &of.rows(1, count_of), 1.0);
         }
         values[count_of * row..][..count_of].iter_mut().zip(&own).for_each(|(to, of)| *to = *of as f32);
     }

@@ -6,11 +6,11 @@
 
 #![allow(clippy::needless_range_loop, reason = "several arrays go by one index")]
 
-use super::Part;
 use super::bench::Places;
 use super::case::Case;
 use super::filter::{ColumnValues, Passes};
 use super::lag::Lag;
+use super::{Options, Part};
 use crate::bearing::array;
 use crate::estimation::Machine;
 use crate::plant::PLANES;
@@ -145,10 +145,7 @@ impl Description {
 /// Model of a rotor: effects of its bench parameters.
 pub(super) struct Model<'a> {
     pub part: &'a Part,
-    /// Whether a slow force is estimated.
-    pub slow_force: bool,
-    /// Whether the bias of the likelihood is removed where the bench is known exactly.
-    pub corrects_bias: bool,
+    pub options: &'a Options,
     /// Describes the rotor for given values of its bench.
     pub describe: Describe<'a>,
     /// Bench parameters that change the description, with the steps of central differences.

@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector};
 pub(super) use finish::Finished;
 use finish::finish;
 
-use super::case::{Case, NOISE_STEP, exponent_step, noise_step, prepare, restored_step, slow_force_step};
+use super::case::{Case, NOISE_STEP, RESTORED_LOG_STD, exponent_step, level_step, noise_step, prepare};
 use super::changes;
 use super::data::{Input, Piece};
 use super::expected::expected;
@@ -219,7 +219,7 @@ impl Search<'_> {
     }
 
     fn corrects_bias(&self) -> bool {
-        self.model.corrects_bias && self.exact()
+        self.model.options.corrects_bias && self.exact()
     }
 
     /// Relative tolerance of the mass, if it is not searched with the others: it scales λ, unbalance and loads, and the data do not determine it.
@@ -296,12 +296,14 @@ impl Search<'_> {
         }
         if self.cases.iter().any(|case| !case.square_error.is_empty()) {
             let levels = steps.map(|restored| Levels { restored, ..UNCHANGED });
-            change = change.max(self.step_level(levels, restored_step));
+            let step = |case: &mut Case<'_>, sums: &_| level_step(&mut case.restored, sums, RESTORED_LOG_STD, 0.0);
+            change = change.max(self.step_level(levels, step));
         }
-        if self.model.slow_force {
+        if self.model.options.slow_force {
             let least = MIN_SLOW_FORCE * self.weight_n();
             let levels = steps.map(|slow| Levels { slow, ..UNCHANGED });
-            change = change.max(self.step_level(levels, |case, sums| slow_force_step(case, sums, least)));
+            let step = |case: &mut Case<'_>, sums: &_| level_step(&mut case.slow_force, sums, f64::INFINITY, least);
+            change = change.max(self.step_level(levels, step));
         }
         change
     }
@@ -318,7 +320,7 @@ impl Search<'_> {
         let sum = |totals: Vec<Likelihoods>| -> [f64; 3] {
             array::from_fn(|of| totals.iter().map(|sums| -0.5 * (sums[of][0] + sums[of][1])).sum())
         };
-        if self.model.slow_force {
+        if self.model.options.slow_force {
             let [without, with, _] = sum(self.likelihoods([NEGLIGIBLE, 1.0, 1.0].map(slow)));
             return with - without;
         }
@@ -420,7 +422,7 @@ fn start<'a>(
             prepare(of, part, mask).ok_or(Failed::TooShort { recording, wanted: SHORTEST })
         });
     let mut cases: Vec<Case<'_>> = cases.collect::<Result<_, _>>()?;
-    if model.slow_force {
+    if model.options.slow_force {
         cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * body.m_kg() * GRAVITY_M_S2);
     }
     let layout = model.layout;
@@ -547,7 +549,8 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
     Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
 }
 
-pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: bool) -> Identified {
+pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identified {
+    let exclude = model.options.excludes_rows;
     let mut masks = all_rows(recordings);
     let mut held = Vec::new();
     let mut contradictions: Vec<Contradiction> = Vec::new();
@@ -559,7 +562,7 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: boo
         // Tests are meaningful only near a solution.
         let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
             // In a comparison of descriptions, magnets that push decide.
-            let pushes = !model.corrects_bias && found.as_ref().is_ok_and(|found| found.search.converged);
+            let pushes = !model.options.corrects_bias && found.as_ref().is_ok_and(|found| found.search.converged);
             if !std::mem::take(&mut halves_remain) || pushes {
                 break;
             }
@@ -597,7 +600,7 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>, exclude: boo
         found = fit(recordings, &masks, model, &mut held);
     }
     let mut finished = found?;
-    let gain = gain.filter(|_| !model.slow_force);
+    let gain = gain.filter(|_| !model.options.slow_force);
     // A single change of λ looks like a slow force that is absent from the remaining rows.
     let changes = contradictions.iter().map(|of| &of.what).filter(|what| !matches!(what, Change::Disturbed { .. }));
     let is_one_change = matches!(changes.collect::<Vec<_>>()[..], [Change::Lambda(_)]);

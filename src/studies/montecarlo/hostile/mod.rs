@@ -68,9 +68,10 @@ pub struct Case<'a> {
 }
 
 impl Course {
-    /// Whether a run violates the requirement.
-    pub fn is_wrong(&self, trial: &Trial) -> bool {
-        trial.is_beyond() || (self.asked == Requirement::NotValid && trial.valid > 0.0)
+    /// The number of runs that violate the requirement.
+    fn wrong(&self, trials: &[Trial]) -> usize {
+        let is_wrong = |trial: &&Trial| trial.is_beyond() || (self.asked == Requirement::NotValid && trial.valid > 0.0);
+        trials.iter().filter(is_wrong).count()
     }
 }
 
@@ -153,9 +154,7 @@ pub fn wrong(cases: &[Case], found: &[Vec<Trial>], known: bool) -> (usize, usize
         .iter()
         .zip(found)
         .filter(|(case, _)| case.noise_is_known == known && case.course.asked != Requirement::Nothing);
-    counted.fold((0, 0), |(wrong, runs), (case, trials)| {
-        (wrong + trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), runs + trials.len())
-    })
+    counted.fold((0, 0), |(wrong, runs), (case, trials)| (wrong + case.course.wrong(trials), runs + trials.len()))
 }
 
 /// A row for each case.
@@ -182,7 +181,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         let ended = if ended > 0 { format!(" ({ended} ended by contact)") } else { String::new() };
         vec![
             format!("{}, {}{mark}{ended}", case.course.name, noise(case.noise_is_known)),
-            format!("{}/{}", trials.iter().filter(|trial| case.course.is_wrong(trial)).count(), trials.len()),
+            format!("{}/{}", case.course.wrong(trials), trials.len()),
             or_dash(worst.ratio, 1),
             of_worst(or_dash(100.0 * worst.error, 2)),
             of_worst(or_dash(100.0 * worst.std, 2)),
