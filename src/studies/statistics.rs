@@ -13,6 +13,12 @@ pub fn mean(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     sum / count
 }
 
+/// The mean and the variance of the finite values.
+pub fn spread(values: impl Iterator<Item: Borrow<f64>> + Clone) -> [f64; 2] {
+    let middle = mean(values.clone());
+    [middle, mean(values.map(|value| (value.borrow() - middle).powi(2)))]
+}
+
 /// The root mean square; 0 if there are no values.
 pub fn rms(values: impl IntoIterator<Item: Borrow<f64>>) -> f64 {
     let squares = values.into_iter().map(|value| value.borrow() * value.borrow());

@@ -41,7 +41,7 @@ pub fn track(samples: &Samples, estimator: &Element, every: usize) -> Result<Tra
     let (machine, mut estimator) = (samples.machine, estimator.clone());
     estimator.set("Ts", Value::Real(samples.step_s));
     // Without the angle of the rotor, the phase of an unbalance is unknown. The paper's methods use neither this setting nor tolerances.
-    if method(&estimator) == Method::PredictionError {
+    if chosen::<Method>(&estimator, "method") == Method::PredictionError {
         if samples.theta_rad.is_empty() {
             estimator.set("identify.unbalance", Value::Boolean(false));
         }
@@ -117,14 +117,10 @@ pub(super) fn chosen<T: Choice + Default>(estimator: &Element, variable: &str) -
     number.and_then(T::of_number).unwrap_or_default()
 }
 
-fn method(estimator: &Element) -> Method {
-    chosen(estimator, "method")
-}
-
 impl Track {
     /// The method.
     pub fn method(&self) -> Method {
-        method(&self.estimator)
+        chosen(&self.estimator, "method")
     }
 
     /// The name of the method.

@@ -7,6 +7,7 @@ use crate::estimation::Hold;
 use crate::studies::identify::likelihood::{Part, Recording};
 use crate::studies::identify::plausible::REST_RAD_S;
 use crate::studies::identify::{Rotation, Samples, Stated, rms};
+use crate::studies::statistics::spread;
 
 /// The recording of a machine with this meaning of a current sample.
 pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
@@ -135,7 +136,7 @@ impl Recording {
     }
 
     /// The rows that are used.
-    pub(in crate::studies::identify) fn used(&self) -> impl Iterator<Item = usize> + '_ {
+    pub(in crate::studies::identify) fn used(&self) -> impl Iterator<Item = usize> + Clone + '_ {
         (0..self.usable.len()).filter(|j| self.usable[*j])
     }
 
@@ -149,9 +150,7 @@ impl Recording {
 
     /// Mean and variance over the rows that are used.
     pub(super) fn spread(&self, of: &[f64]) -> [f64; 2] {
-        let count = self.used().count().max(1) as f64;
-        let mean = self.used().map(|j| of[j]).sum::<f64>() / count;
-        [mean, self.used().map(|j| (of[j] - mean).powi(2)).sum::<f64>() / count]
+        spread(self.used().map(|j| of[j]))
     }
 
     /// rms of the currents of a part of the motion, and of its positions about their mean.

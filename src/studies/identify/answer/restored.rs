@@ -21,6 +21,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
+use crate::studies::statistics::spread;
+
 /// Numbers of past samples and of factors of the angle: filters of a controller need a longer past.
 const MODELS: [[usize; 2]; 4] = [[4, 1], [4, 3], [8, 1], [8, 3]];
 /// Minimum and maximum number of rows per coefficient; more add little information.
@@ -115,11 +117,9 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
     ) -> Self {
         let of = [pulls, positions].concat();
         let scale = |(signal, of): (usize, &&[f64])| {
-            let known =
-                || (0..of.len()).filter(|row| !is_missing(*row, signal)).map(|row| of[row]).filter(|v| v.is_finite());
-            let count = known().count().max(1) as f64;
-            let mean = known().sum::<f64>() / count;
-            [mean, (known().map(|value| (value - mean).powi(2)).sum::<f64>() / count).sqrt()]
+            let known = (0..of.len()).filter(|row| !is_missing(*row, signal)).map(|row| of[row]);
+            let [mean, variance] = spread(known);
+            [mean, variance.sqrt()]
         };
         let scales = of.iter().enumerate().map(scale).collect();
         Self { of, pulls: pulls.len(), scales, directions, theta_rad, is_missing }

@@ -1,7 +1,7 @@
 //! The pace of a recording: a straight line through its time stamps, which may scatter, be rounded, or lack rows.
 
 use crate::studies::identify::units::{rounded_time, time as shown};
-use crate::studies::statistics::{median, range, rms};
+use crate::studies::statistics::{mean, median, range, rms};
 
 /// Largest rms scatter of the stamps about the line, in sample times: rounding to half a sample time scatters by 0.5/√12 = 0.144.
 const SCATTER: f64 = 0.15;
@@ -71,10 +71,9 @@ struct Point {
 impl Line {
     /// Least squares about the mean, to avoid cancellation.
     fn fit(points: &[Point]) -> Self {
-        let n = points.len() as f64;
         let first = points[0].time_s;
-        let mean_place = points.iter().map(|point| point.place).sum::<f64>() / n;
-        let mean_time = points.iter().map(|point| point.time_s - first).sum::<f64>() / n;
+        let mean_place = mean(points.iter().map(|point| point.place));
+        let mean_time = mean(points.iter().map(|point| point.time_s - first));
         let (up, down) = points.iter().fold((0.0, 0.0), |(up, down), point| {
             let x = point.place - mean_place;
             (up + x * (point.time_s - first - mean_time), down + x * x)
