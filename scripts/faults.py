@@ -214,6 +214,13 @@ def dropouts(recording):
     return rows
 
 
+def drifting(recording):
+    """The offset of one position sensor drifts by 5 µm from the start to the end."""
+    rows, random = recording.rows.copy(), recording.random
+    rows[:, random.integers(1, 3)] += random.choice([-5e-6, 5e-6]) * np.linspace(0.0, 1.0, len(rows))
+    return rows
+
+
 def plain(recording):
     return recording.rows
 
@@ -268,6 +275,7 @@ FAULTS = [
     Fault("speed off by −0.4 %", valid=False, cause="stated speed", options=rpm(0.996), columns=BLIND),
     Fault("no angle and speed", valid=False, cause="neither angle nor speed", columns=BLIND),
     Fault("λ2 of another recording +5 %", valid=False, cause="recordings differ: λ2", world=(("scale", (1.0, 1.05, 1.0)),)),
+    Fault("a position drifts by 5 µm", drifting, False, "sensors drift"),
 ]
 
 

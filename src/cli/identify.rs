@@ -216,7 +216,7 @@ impl Arguments {
         let (document, statements) = (statement.json.clone(), vec![statement]);
         let mut results = Results { recordings, tracks, statements, answer, document, not_valid, ..Results::default() };
         if let (Some(samples), Some(answer)) = (checked, &results.answer) {
-            let check = answer.check(&samples);
+            let check = answer.check(&results.recordings[0], &samples);
             self.add_check(&mut results, check);
         }
         Ok((results, bearing))

@@ -21,6 +21,7 @@ fn recording(bench: &Bench, noise_known: bool) -> Recording {
         usable: vec![true; recorded.theta.len()],
         theta_rad: recorded.theta,
         omega_rad_s: recorded.omega,
+        has_mark: true,
         position_error_m: Vec::new(),
         square_error_a2: Vec::new(),
         hold: Hold::HeldBefore,

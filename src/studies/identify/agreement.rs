@@ -88,7 +88,7 @@ pub(super) fn disagreement(own: &[Own], names: &[String]) -> Option<String> {
     let score = &weight * (&own[at].0 - &of_others);
     let gain = |k: usize| score[k] * score[k] / weight[(k, k)];
     let k = (0..count).max_by(|a, b| gain(*a).total_cmp(&gain(*b)))?;
-    let [by, std] =
-        [score[k] / weight[(k, k)], weight[(k, k)].sqrt().recip()].map(|of| significant(100.0 * of / of_others[k], 2));
+    let [by, std] = [score[k] / weight[(k, k)], weight[(k, k)].sqrt().recip()]
+        .map(|of| significant(100.0 * of / of_others[k].abs(), 2));
     Some(format!("the recordings differ: {} of recording {} by {by} % ± {std} %", names[k], at + 1))
 }

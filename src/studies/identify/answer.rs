@@ -15,7 +15,7 @@ pub(super) use self::words::{constant_currents, dynamics_remark};
 use super::agreement::{Check, Own, disagreement, sentence};
 use super::diagnosis::{self, Trial};
 use super::likelihood::{
-    self, DELAY, Estimate, Failed, Hold, Identification, Identified, Knowledge, Options, Recording,
+    self, Change, DELAY, Estimate, Failed, Hold, Identification, Identified, Knowledge, Options, Recording,
 };
 use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
@@ -274,7 +274,8 @@ fn worded(judged: Judged, all: &[Recording], is_known: bool) -> Answer {
     // A search that did not converge has neither estimates nor meaningful residuals.
     let found = found.filter(|found| found.converged);
     if let Some(found) = found.as_ref().filter(|_| *details != Details::Nothing) {
-        findings.extend(words::findings(found, all, &question.stated, is_known || best.is_some()));
+        let drifts = found.contradictions.iter().any(|of| matches!(of.what, Change::Drift(_)));
+        findings.extend(words::findings(found, all, &question.stated, is_known || drifts || best.is_some()));
         findings.extend(notes);
     }
     let verdict = match (&refusal, &found) {
@@ -320,11 +321,11 @@ pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -
 }
 
 impl Answer {
-    /// Checks the estimate against another recording of the bench.
+    /// Checks the estimate against another recording of the bench; `first` is the first of its own.
     ///
     /// # Errors
     /// Why there is nothing to compare.
-    pub fn check(&self, samples: &Samples) -> Result<Check, String> {
+    pub fn check(&self, first: &Samples, samples: &Samples) -> Result<Check, String> {
         let found = self.found.as_ref().ok_or("the first recording gives no estimate")?;
         if samples.rotation == Rotation::Unknown {
             return Err(NO_ROTATION.into());
@@ -337,6 +338,7 @@ impl Answer {
             return Err(format!("no fit of its own: {}", own.refusal.map_or_else(String::new, |refusal| refusal.why)));
         };
         own.contradictions.iter().for_each(|of| other.usable[of.rows.clone()].fill(false));
+        other.has_mark &= first.rotation.has_mark();
         let foreign = likelihood::identify(&[other], &options).map_err(|failed| failed.to_string())?;
         let rms = |of: &Identification| {
             let parts = || of.parts().zip(&stated.parts).map(|(of, part)| (of, part.body.coordinates() as f64));

@@ -15,6 +15,8 @@ const CLIPPED: usize = 4;
 const FEWEST_CLIPPED: usize = 10;
 /// Rows before and after a clipped reading that are left out with it.
 const BESIDE_CLIPPED: usize = 8;
+/// Steps up to this multiple of the smallest one are those of the quantisation, apart from rounding, and twice as large ones with noise.
+const SAME_STEP: f64 = 2.5;
 /// Number of faults listed per column.
 const LISTED: usize = 3;
 
@@ -74,20 +76,30 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
     notes
 }
 
-/// Values at which a sensor is clipped, with their rows: a negative minimum or positive maximum, [`CLIPPED`] times as frequent as the value
-/// beside it. The peak of a quantised sine is at most 1/(√2 − 1) times as frequent. A value of most readings is not clipped: nothing moves.
+/// Values at which a sensor is clipped, with their rows: a negative minimum or positive maximum, apart from outliers, [`CLIPPED`] times as frequent as
+/// the value beside it. The peak of a quantised sine is at most 1/(√2 − 1) times as frequent. A value of most readings is not clipped: nothing moves.
 fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     let mut sorted: Vec<f64> = values.iter().copied().filter(|value| value.is_finite()).collect();
     sorted.sort_by(f64::total_cmp);
-    let count = |value: f64| sorted.partition_point(|of| *of <= value) - sorted.partition_point(|of| *of < value);
-    let is_end = |end: f64, beside: Option<&f64>| {
-        let is_most = 2 * count(end) > sorted.len();
-        !is_most && beside.is_some_and(|beside| count(end) > CLIPPED * count(*beside) + FEWEST_CLIPPED)
+    let mut runs: Vec<&[f64]> = sorted.chunk_by(|a, b| a == b).collect();
+    let end = |runs: &[&[f64]]| {
+        let mut beyond = 0.0;
+        let is_near = |pair: &&[&[f64]]| {
+            let is_outside = beyond <= MOST * sorted.len() as f64;
+            beyond += pair[0].len() as f64;
+            is_outside
+        };
+        let is_end = |pair: &&[&[f64]]| {
+            let [end, beside] = [pair[0].len(), pair[1].len()];
+            2 * end <= sorted.len() && end > CLIPPED * beside + FEWEST_CLIPPED
+        };
+        runs.windows(2).take_while(is_near).find(is_end).map(|pair| pair[0][0])
     };
+    let low = end(&runs).filter(|end| *end < 0.0);
+    runs.reverse();
+    let high = end(&runs).filter(|end| *end > 0.0);
     let rows = |end: f64| (0..values.len()).filter(|row| values[*row] == end).collect();
-    let low = sorted.first().filter(|end| **end < 0.0 && is_end(**end, sorted.iter().find(|value| value > end)));
-    let high = sorted.last().filter(|end| **end > 0.0 && is_end(**end, sorted.iter().rfind(|value| value < end)));
-    low.into_iter().chain(high).map(|end| (*end, rows(*end))).collect()
+    low.into_iter().chain(high).map(|end| (end, rows(end))).collect()
 }
 
 /// Leaves out rows that repeat the previous row, and the first of a run of zeros; none if most rows repeat, since nothing moves, without noise.
@@ -108,7 +120,8 @@ fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
 }
 
 /// Runs of equal readings that are too long for chance: if a fraction p of the readings equals the one before, a run of n occurs in N
-/// rows with a probability of at most N pⁿ. Readings that are missing or left out do not interrupt a run.
+/// rows with a probability of at most N pⁿ. Readings that are missing or left out do not interrupt a run. A run that ends with a step of the quantisation
+/// is the peak of a quantised signal.
 fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
     let known: Vec<usize> = (0..values.len()).filter(|row| values[*row].is_finite()).collect();
     let is_equal = |row: &usize, next: &usize| values[*row] == values[*next];
@@ -119,8 +132,14 @@ fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
         return Vec::new();
     }
     let least = (longest.ceil() as usize).max(LEAST);
-    let runs = known.chunk_by(is_equal).filter(|run| run.len() > least);
-    runs.map(|run| run[0]..run[run.len() - 1] + 1).collect()
+    let steps = known.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
+    let quantum = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
+    let runs: Vec<&[usize]> = known.chunk_by(is_equal).collect();
+    let is_stuck = |at: &usize| {
+        let step = |next: &[usize]| (values[next[0]] - values[runs[*at][0]]).abs();
+        runs[*at].len() > least && runs.get(at + 1).is_none_or(|next| step(next) > SAME_STEP * quantum)
+    };
+    (0..runs.len()).filter(is_stuck).map(|at| runs[at][0]..runs[at][runs[at].len() - 1] + 1).collect()
 }
 
 /// Rows over which the noise of a sensor is assumed to be constant.

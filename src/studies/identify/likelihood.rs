@@ -82,6 +82,8 @@ pub struct Recording {
     pub theta_rad: Vec<f64>,
     /// Speed of the shaft, rad/s.
     pub omega_rad_s: Vec<f64>,
+    /// Whether the angle counts from a mark of the shaft, the same in all recordings, and not from its position in the first row.
+    pub has_mark: bool,
     /// Usable samples; unusable ones separate segments, each with its own state.
     pub usable: Vec<bool>,
     /// Standard deviation of positions that were not recorded, m, by coordinate: 0 for recorded ones; empty if all were recorded.
@@ -364,6 +366,8 @@ pub enum Change {
     },
     /// Different λ, N·m²/A²: estimates from this section alone.
     Lambda(Vec<Estimate>),
+    /// λ drifts throughout the recording, so that nothing was left out: relative differences between its end and its start.
+    Drift(Vec<f64>),
     /// Different load.
     Load {
         /// χ² of the change, with one degree of freedom per load.

@@ -21,6 +21,13 @@ pub enum Rotation {
     Stated,
 }
 
+impl Rotation {
+    /// Whether the angle counts from a mark of the shaft, and not from its position at the first sample.
+    pub fn has_mark(self) -> bool {
+        matches!(self, Rotation::Both | Rotation::Angle)
+    }
+}
+
 /// Uniformly sampled signals, in SI units; NaN where not known.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Samples {
@@ -115,13 +122,13 @@ impl Samples {
                 "There is no speed; it is the slope of the angle."
             }
             Rotation::Speed | Rotation::Stated => {
+                // Trapezoidal rule.
                 let mut angle = 0.0;
-                let turned = |omega: &f64| {
-                    angle += omega * self.step_s;
+                let turned = |omega: &[f64]| {
+                    angle += 0.5 * (omega[0] + omega[1]) * self.step_s;
                     angle
                 };
-                let turned = [0.0].into_iter().chain(self.omega_rad_s.iter().map(turned));
-                self.theta_rad = turned.take(self.len()).collect();
+                self.theta_rad = [0.0].into_iter().chain(self.omega_rad_s.windows(2).map(turned)).collect();
                 "There is no angle; it is the integral of the speed, and the phase of the unbalance counts from it."
             }
             Rotation::Unknown => "There is neither angle nor speed: the unbalance cannot be identified.",

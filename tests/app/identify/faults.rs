@@ -137,12 +137,13 @@ fn missing_rows_are_gaps() {
 fn sensor_faults_are_excluded_and_named() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     type Fault = fn(usize, f64) -> f64;
-    let cases: [(&str, &str, usize, Fault); 5] = [
+    let cases: [(&str, &str, usize, Fault); 6] = [
         ("plant.Ym", "outliers", 0, |row, value| if row % 997 == 500 { value + 50e-6 } else { value }),
         ("plant.im[2]", "outliers", 0, |row, value| if row % 499 == 100 { 0.0 } else { value }),
         ("plant.Zm", "stuck at", 190, |row, value| if (1500..1700).contains(&row) { 1e-5 } else { value }),
         ("plant.im[3]", "stuck at", 290, |row, value| if (1500..1800).contains(&row) { 2.0 } else { value }),
         ("plant.im[1]", "clipped at", 0, |_, value| value.min(2.2)),
+        ("plant.im[1]", "clipped at", 0, |row, value| if row % 997 == 500 { 9.0 } else { value.min(2.2) }),
     ];
     for (name, words, gap, fault) in cases {
         let samples = spoilt(&text, &[name], |row, _, cell| fault(row, cell.parse().expect("a number")).to_string());
@@ -197,6 +198,51 @@ fn quantised_positions_are_named() {
     assert_contains(&answer.findings.join(" "), &["Ym is quantised in steps of 2 µm"]);
     let part = &is_right("quantised", &answer).conditions[0].parts[0];
     assert!(part.counting < part.rows / 2, "{part:?}");
+}
+
+/// The flat peak of a quantised current is not that of a sensor that is stuck.
+#[test]
+fn peaks_of_quantised_currents_are_not_stuck() {
+    const STEP_A: f64 = 20e-3;
+    let text = csv(&run(montecarlo::NOISE, 0.4).1);
+    let current_a = |row: usize| match row {
+        2000..2100 => 3.0 + 2.0 * STEP_A * (1.0 - (row as f64 - 2050.0).abs() / 50.0),
+        _ => 3.0 + (row as f64 * TAU / 200.0).sin(),
+    };
+    let coarse = |row: usize| STEP_A * (current_a(row) / STEP_A).round();
+    let samples = spoilt(&text, &["plant.im[1]"], |row, _, _| format!("{:.3}", coarse(row)));
+    assert!(!samples.notes.join(" ").contains("stuck"), "{:?}", samples.notes);
+}
+
+/// An offset that drifts is not a change of λ at an instant, after which the rest would be valid.
+#[test]
+fn a_drift_is_reported() {
+    let text = csv(&run(montecarlo::NOISE, 0.4).1);
+    let drifting = |row: usize, cell: &str| cell.parse::<f64>().expect("a number") + 2.5e-9 * row as f64;
+    let samples = spoilt(&text, &["plant.Ym"], |row, _, cell| drifting(row, cell).to_string());
+    let answer = ask(&[samples], &[]);
+    is_refused(&answer, "the force constants or the sensors drift, λ by");
+    assert!(answer.findings.is_empty(), "{:?}", answer.findings);
+}
+
+/// Without angles the shaft may have another one at each start. They follow from the speed by the trapezoidal rule.
+#[test]
+fn angles_follow_from_the_speed() {
+    let without = |text: &str| text.replace("plant.theta", "plant.unused");
+    let (mut slower, recording) = run(montecarlo::NOISE, 0.3);
+    let text = without(&csv(&recording));
+    let speed = |row: usize| 0.1 * row as f64;
+    let rising = spoilt(&text, &["plant.omegam"], |row, _, _| speed(row).to_string());
+    for (row, theta_rad) in rising.theta_rad.iter().enumerate() {
+        let exact_rad = 0.5 * speed(row) * row as f64 * rising.step_s;
+        below(&format!("row {row}"), (theta_rad - exact_rad).abs(), 1e-9);
+    }
+    let first = read(&text);
+    slower.set("plant", "omega", 250.0);
+    let text = without(&csv(&run_to_end(&slower).recording));
+    let later: Vec<&str> =
+        text.lines().enumerate().filter(|(line, _)| !(1..38).contains(line)).map(|(_, of)| of).collect();
+    is_right("two starts", &ask(&[first, read(&later.join("\n"))], &[]));
 }
 
 /// Recordings with different λ are not of one bearing: the answer names the difference.

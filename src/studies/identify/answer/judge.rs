@@ -1,9 +1,11 @@
 //! Why estimates are not valid.
 
+use super::words;
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    self, BenchParameter, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M, Suspect,
+    self, BenchParameter, Change, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
+    Suspect,
 };
 use crate::studies::identify::{Stated, significant};
 use crate::studies::statistics::range;
@@ -97,6 +99,14 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
         return Some(why);
     }
     let silent = is_silent(found);
+    let drifting = found.contradictions.iter().find_map(|of| match &of.what {
+        Change::Drift(relative) => Some((relative, of.recording + 1)),
+        _ => None,
+    });
+    if let Some((relative, recording)) = drifting {
+        let drifting = words::drifting(relative);
+        return Some(format!("{drifting} from the start to the end of recording {recording}"));
+    }
     for suspect in found.suspects.iter().filter(|_| !silent) {
         let sensitivity = &found.bench[suspect.parameter].sensitivity;
         for (name, (lambda, sensitivity)) in names.iter().zip(found.lambda.iter().zip(sensitivity)) {
@@ -142,7 +152,8 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             } else if part.correlation.abs() > COLOURED.max(chance) {
                 let correlation = significant(part.correlation, 2);
                 return Some(format!(
-                    "the residuals are autocorrelated (neighbouring samples: {correlation}): the model misses some of the motion"
+                    "the residuals are autocorrelated (neighbouring samples: {correlation}): the model misses some of the motion, \
+                     or a filter of the sensors colours their noise"
                 ));
             }
         }

@@ -23,6 +23,7 @@ pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
         current_a,
         theta_rad,
         omega_rad_s,
+        has_mark: samples.rotation.has_mark(),
         usable: Vec::new(),
         position_error_m: Vec::new(),
         square_error_a2: Vec::new(),

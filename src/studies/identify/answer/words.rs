@@ -45,7 +45,9 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
             "The scatter of the data is larger than noise explains; ± of noise is taken from it (scores).".into(),
         );
     }
-    words.extend(slow_force(found));
+    if !is_explained {
+        words.extend(slow_force(found));
+    }
     words.extend(effects(found));
     words
 }
@@ -109,6 +111,12 @@ fn merged(found: &[Contradiction]) -> Vec<Contradiction> {
     })
 }
 
+/// A drift of λ by these relative differences, in words.
+pub(super) fn drifting(relative: &[f64]) -> String {
+    let percent: Vec<String> = relative.iter().map(|of| significant(100.0 * of, 2)).collect();
+    format!("the force constants or the sensors drift, λ by {} %", percent.join(", "))
+}
+
 /// Parts of recordings that are inconsistent with the others.
 fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     let words = |part: &Contradiction| {
@@ -123,9 +131,13 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
             }
             Change::Lambda(lambda) => {
                 let each = |l: &Estimate| format!("{:.4} ± {:.4}", 1e6 * l.value, 1e6 * l.noise_std);
-                let lambda = lambda.iter().map(each).collect::<Vec<_>>().join(", ");
-                format!("From {rows} the force constants differ, {lambda} · 10⁻⁶ N·m²/A²; left out.")
+                let values = lambda.iter().map(each).collect::<Vec<_>>().join(", ");
+                // Few rows may not determine them.
+                let is_known = lambda.iter().all(|l| l.noise_std < l.value);
+                let values = if is_known { format!(", {values} · 10⁻⁶ N·m²/A²") } else { String::new() };
+                format!("From {rows} the force constants differ{values}; left out.")
             }
+            Change::Drift(relative) => format!("From {rows} {}.", drifting(relative)),
             Change::Load { chi_square, or_lambda } => {
                 let what = if *or_lambda { "the load or the force constants differ" } else { "the load differs" };
                 format!("From {rows} {what} (χ² {}); left out.", significant(*chi_square, 3))

@@ -166,6 +166,7 @@ impl Part {
             Body::Shaft { geometry, planes_m, .. } => self.shaft::<4, 8, 20>(geometry, planes_m),
         };
         let (parameters, load) = (&self.parameters, magnets + 2 * planes);
+        let has_common_angle = recordings.len() == 1 || recordings.iter().all(|recording| recording.has_mark);
         let model = Model {
             part: self,
             options,
@@ -175,6 +176,7 @@ impl Part {
             layout: Layout {
                 magnets,
                 load,
+                own: if has_common_angle { load } else { magnets },
                 base: load + coordinates,
                 all: load + coordinates + parameters.len(),
                 dynamics: self.dynamics().map(|at| load + coordinates + at),

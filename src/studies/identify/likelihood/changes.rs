@@ -17,17 +17,28 @@ const THRESHOLD_STD: f64 = 4.5;
 const MIN_RELATIVE_CHANGE: f64 = 0.01;
 /// A change of λ explains a change of the load as well if its χ² is at least this part of that of the load.
 const ALIKE: f64 = 0.9;
+/// Fewest blocks in which a drift differs from a change at an instant.
+const MIN_DRIFTING: usize = 4;
 /// A block is left out if its normalised innovation squared exceeds this multiple of the median of all blocks, and by at least this many standard
 /// deviations.
 const DISTURBED_RATIO: f64 = 2.0;
 const DISTURBED_STD: f64 = 8.0;
 
+/// What has changed.
+#[derive(PartialEq)]
+pub(super) enum Changed {
+    Lambda,
+    Load,
+    /// λ throughout the recording, linearly: relative differences between its end and its start.
+    Drift(Vec<f64>),
+}
+
 /// A change of λ or load in a recording.
 pub(super) struct Detected {
     pub recording: usize,
-    /// First row after the change.
+    /// First row after the change; the number of rows for a drift.
     pub row: usize,
-    pub lambda: bool,
+    pub what: Changed,
     pub chi_square: f64,
     /// χ² of a change of λ at the same place, whose effect may be that of a load.
     pub of_lambda: f64,
@@ -35,10 +46,11 @@ pub(super) struct Detected {
     pub excess: f64,
 }
 
-/// The most significant change of λ or load.
+/// The most significant change of λ or load: at an instant, or of λ a linear one throughout a recording.
 ///
 /// For a change after block n the score `g` of the blocks up to it has the covariance `J_n − J_n J⁻¹ J_n` with all other unknowns estimated. The
-/// contribution of the step that remains, `J_n J⁻¹ b`, is no change and is subtracted.
+/// contribution of the step that remains, `J_n J⁻¹ b`, is no change and is subtracted. For a drift the blocks have weights `w`, `g = Σ w g_n`, with the
+/// covariance `Σ w² J_n − C J⁻¹ Cᵀ`, `C = Σ w J_n` (Lagrange multiplier tests).
 pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
     let search = &finished.search;
     let of = &finished.estimated;
@@ -49,42 +61,66 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
     for r in 0..search.cases.len() {
         let dispersion = finished.nis(r).max(1.0);
         let layout = search.model.layout;
-        let mut until = Normal::new(layout, search.cases.len());
+        let [mut until, mut weighted, mut squared] = [0; 3].map(|_| Normal::new(layout, search.cases.len()));
+        // χ² of a change of these unknowns, and the change.
+        let test = |unknowns: &[usize], weighted: &Normal, squared: &Normal| {
+            let c = submatrix(&weighted.j, unknowns, of);
+            let g = DVector::from_fn(unknowns.len(), |i, _| weighted.b[unknowns[i]]) - &c * &step;
+            let covariance = submatrix(&squared.j, unknowns, unknowns) - &c * &inverse_all * c.transpose();
+            let change = inverse(&covariance)? * &g;
+            Some((change.dot(&g) / dispersion, change))
+        };
+        let excess =
+            |chi_square: f64, unknowns: &[usize]| chi_square - chi_square_limit(unknowns.len() as f64, THRESHOLD_STD);
+        let lambda: Vec<usize> = (0..layout.magnets).collect();
+        let relative = |change: &DVector<f64>| change.iter().zip(&search.x).map(|(by, x)| by / x).collect::<Vec<f64>>();
+        let is_large = |relative: &[f64]| relative.iter().any(|by| by.abs() > MIN_RELATIVE_CHANGE);
         let loads = (layout.load..layout.base).map(|j| layout.unknown(j, r));
         let loads: Vec<usize> = loads.filter(|at| finished.at(*at).is_some()).collect();
         let blocks: Vec<&Block> = finished.blocks(r).collect();
         let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
-            until.add(block, r);
+            until.add(block, r, 1.0);
             // A few rows at the end carry no information, and the covariance of those before them is dominated by rounding.
             if end - block.rows.end < SHORTEST_BLOCK {
                 continue;
             }
             let mut of_lambda = 0.0;
-            for (lambda, unknowns) in [(true, &(0..layout.magnets).collect()), (false, &loads)] {
+            for (what, unknowns) in [(Changed::Lambda, &lambda), (Changed::Load, &loads)] {
                 if unknowns.is_empty() {
                     continue;
                 }
-                let c = submatrix(&until.j, unknowns, of);
-                let g = DVector::from_fn(unknowns.len(), |i, _| until.b[unknowns[i]]) - &c * &step;
-                let covariance = submatrix(&until.j, unknowns, unknowns) - &c * &inverse_all * c.transpose();
-                let Some(gain) = inverse(&covariance) else { continue };
-                let step = &gain * &g;
-                let chi_square = step.dot(&g) / dispersion;
-                of_lambda = if lambda { chi_square } else { of_lambda };
-                let relative = (0..layout.magnets).map(|k| (step.get(k).copied().unwrap_or(0.0) / search.x[k]).abs());
-                let is_large = !lambda || relative.fold(0.0, f64::max) > MIN_RELATIVE_CHANGE;
-                let excess = chi_square - chi_square_limit(unknowns.len() as f64, THRESHOLD_STD);
+                let Some((chi_square, change)) = test(unknowns, &until, &until) else { continue };
+                let is_lambda = what == Changed::Lambda;
+                of_lambda = if is_lambda { chi_square } else { of_lambda };
+                let excess = excess(chi_square, unknowns);
+                let is_large = !is_lambda || is_large(&relative(&change));
                 if excess > found.as_ref().map_or(0.0, |found| found.excess) && is_large {
-                    found = Some(Detected { recording: r, row: block.rows.end, lambda, chi_square, of_lambda, excess });
+                    found = Some(Detected { recording: r, row: block.rows.end, what, chi_square, of_lambda, excess });
                 }
             }
+        }
+        // Fewer blocks do not tell a drift from a change at an instant.
+        if blocks.len() < MIN_DRIFTING {
+            continue;
+        }
+        for block in &blocks {
+            let weight = (block.rows.start + block.rows.end) as f64 / (2.0 * end as f64);
+            weighted.add(block, r, weight);
+            squared.add(block, r, weight * weight);
+        }
+        let Some((chi_square, change)) = test(&lambda, &weighted, &squared) else { continue };
+        let (excess, relative) = (excess(chi_square, &lambda), relative(&change));
+        if excess > found.as_ref().map_or(0.0, |found| found.excess) && is_large(&relative) {
+            let what = Changed::Drift(relative);
+            found = Some(Detected { recording: r, row: end, what, chi_square, of_lambda: chi_square, excess });
         }
     }
     found
 }
 
-/// Leaves out the smaller side of a change and describes it, with its own estimates if λ differs there; none if no rows would remain.
+/// Leaves out the smaller side of a change and describes it, with its own estimates if λ differs there; none if no rows would remain. A drift leaves no
+/// rows that agree.
 pub(super) fn leave_out(
     recordings: &[Recording],
     masks: &mut [Vec<bool>],
@@ -92,6 +128,10 @@ pub(super) fn leave_out(
     change: &Detected,
 ) -> Option<Contradiction> {
     let (search, recording) = (&finished.search, change.recording);
+    if let Changed::Drift(relative) = &change.what {
+        let what = Change::Drift(relative.clone());
+        return Some(Contradiction { recording, part: 0, rows: 0..change.row, what });
+    }
     let (mask, block) = (&mut masks[recording], search.cases[recording].block());
     let used = |rows: &[bool]| rows.iter().filter(|used| **used).count();
     let (before, after) = (used(&mask[..change.row]), used(&mask[change.row..]));
@@ -102,7 +142,7 @@ pub(super) fn leave_out(
     let rows = if before < after { 0..change.row } else { change.row..end };
     // The change lies somewhere within the block before or after.
     mask[rows.start.saturating_sub(block)..(rows.end + block).min(end)].fill(false);
-    let what = if change.lambda {
+    let what = if change.what == Changed::Lambda {
         let mut alone = vec![false; end];
         alone[rows.clone()].fill(true);
         let fitted = fit(&recordings[recording..=recording], &[alone], search.model, &mut Vec::new()).ok();

@@ -27,13 +27,17 @@ pub(super) fn report(
     gain_by_slow_force: f64,
 ) -> Identification {
     let search = &finished.search;
-    let (magnets, load) = (search.model.layout.magnets, search.model.layout.load);
-    let lambda: Vec<Estimate> = (0..magnets).map(|k| finished.estimate(k)).collect();
+    let layout = search.model.layout;
+    let lambda: Vec<Estimate> = (0..layout.magnets).map(|k| finished.estimate(k)).collect();
     let errors_m = search.prediction_errors().into_iter().enumerate();
     let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
     Identification {
-        lambda_covariance: finished.total.view((0, 0), (magnets, magnets)).into_owned(),
-        unbalance: (magnets..load).step_by(2).map(|at| unbalance(finished, at)).collect(),
+        lambda_covariance: finished.total.view((0, 0), (layout.magnets, layout.magnets)).into_owned(),
+        // Where every recording has its own, that of the first.
+        unbalance: (layout.magnets..layout.load)
+            .step_by(2)
+            .map(|j| unbalance(finished, layout.unknown(j, 0)))
+            .collect(),
         conditions: conditions.collect(),
         lambda,
         bench: (0..search.model.part.parameters.len()).map(|j| of_bench(finished, j, held.contains(&j))).collect(),
@@ -134,7 +138,7 @@ fn conditions(
 fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     let search = &finished.search;
     let (magnets, unknown, parameter) =
-        (search.model.layout.magnets, search.model.layout.load + j, &search.model.part.parameters[j]);
+        (search.model.layout.magnets, search.model.layout.own + j, &search.model.part.parameters[j]);
     let (mut estimate, mut estimated) = (finished.estimate(unknown), finished.at(unknown).is_some());
     if let Some(std) = search.mass_tolerance().filter(|_| j == search.model.places.mass) {
         (estimate.total_std, estimated) = (std, true);
@@ -166,14 +170,14 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
     let rows: f64 = blocks().map(|block| block.count).sum();
     let nis = (blocks().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
-    let (load, parameters) = (search.model.layout.load, &search.model.part.parameters);
+    let (bench, parameters) = (search.model.layout.own, &search.model.part.parameters);
     // Score and information of each parameter.
     let test = |normal: &Normal, columns: &[usize]| -> Vec<[f64; 2]> {
         let (h, b) = search.equations_by(normal, of, of, columns);
         let (g, _) = search.equations(normal, of);
         let Some(inverse) = solve::general_inverse(&h) else { return vec![[0.0; 2]; parameters.len()] };
         let of_parameter = |j: usize| {
-            let unknown = load + j;
+            let unknown = bench + j;
             let projected = submatrix(&normal.j, &[unknown], columns) * &inverse;
             let all = normal.j[(unknown, unknown)];
             let cross = submatrix(&normal.j, of, &[unknown]);
@@ -198,7 +202,7 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         let [score, own] = tests[j];
         let chi_square = score * score / own / nis;
         let suspect = Suspect { parameter: j, value: score / own, std: (nis / own).sqrt(), chi_square };
-        (finished.at(load + j).is_none() && chi_square > SUSPECT).then_some(suspect)
+        (finished.at(bench + j).is_none() && chi_square > SUSPECT).then_some(suspect)
     };
     let mut suspects: Vec<Suspect> = (0..parameters.len()).filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));

@@ -30,8 +30,11 @@ pub(super) type Moving<const N: usize> = [[f64; N]; 3];
 pub(super) struct Layout {
     /// Number of magnets, and index of the first unbalance.
     pub magnets: usize,
-    /// Index of the first load. Among the unknowns of all recordings the bench begins here.
+    /// Index of the first load.
     pub load: usize,
+    /// Index of the first parameter that every recording has for itself: its loads, and before them the unbalance if the angles of several recordings
+    /// count from different positions of the shaft. Among the unknowns of all recordings the bench begins here.
+    pub own: usize,
     /// Index of the first bench parameter.
     pub base: usize,
     /// Number of parameters.
@@ -48,14 +51,19 @@ impl Layout {
         self.base - self.load
     }
 
+    /// Number of parameters that every recording has for itself.
+    pub fn owned(&self) -> usize {
+        self.base - self.own
+    }
+
     /// Number of unknowns common to all recordings: λ, U, then the bench.
     pub fn shared(&self) -> usize {
-        self.all - self.loads()
+        self.all - self.owned()
     }
 
     /// Number of unknowns of this number of recordings.
     pub fn unknowns(&self, recordings: usize) -> usize {
-        self.shared() + self.loads() * recordings
+        self.shared() + self.owned() * recordings
     }
 
     /// Column of the measured sensitivity to a parameter, after those of all parameters: λ and κ have one, since noise of the currents biases their scores.
@@ -74,14 +82,14 @@ impl Layout {
         self.all + if self.commands { 0 } else { self.magnets + usize::from(self.dynamics.is_some()) }
     }
 
-    /// Index of the unknown for parameter `j` of recording `r`: λ, U, bench, then the loads of each recording.
+    /// Index of the unknown for parameter `j` of recording `r`: λ, U, bench, then what each recording has for itself.
     pub fn unknown(&self, j: usize, r: usize) -> usize {
-        if j < self.load {
+        if j < self.own {
             j
         } else if j < self.base {
-            self.shared() + self.loads() * r + (j - self.load)
+            self.shared() + self.owned() * r + (j - self.own)
         } else {
-            j - self.loads()
+            j - self.owned()
         }
     }
 }

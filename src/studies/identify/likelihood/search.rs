@@ -100,7 +100,7 @@ impl Search<'_> {
 
     /// Range of the unknowns that are bench parameters.
     fn bench(&self) -> Range<usize> {
-        self.model.layout.load..self.model.layout.shared()
+        self.model.layout.own..self.model.layout.shared()
     }
 
     /// Indices of the estimated unknowns.
@@ -134,7 +134,7 @@ impl Search<'_> {
 
     pub fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
         let mut normal = Normal::new(self.model.layout, self.cases.len());
-        blocks.iter().for_each(|(r, blocks)| blocks.iter().for_each(|block| normal.add(block, *r)));
+        blocks.iter().for_each(|(r, blocks)| blocks.iter().for_each(|block| normal.add(block, *r, 1.0)));
         normal
     }
 
@@ -433,30 +433,36 @@ fn start<'a>(
     x[..layout.magnets].fill(lambda);
     prior[..layout.magnets].fill((lambda, FREE_STD * lambda));
     // A mass centre outside the gap, or a load of a hundred times the weight, does not occur.
-    prior[layout.magnets..layout.load].fill((0.0, 100.0 * body.m_kg() * body.gap_m()));
     prior[layout.shared()..n].fill((0.0, 1e3 * body.m_kg()));
+    for (r, j) in (0..recordings.len()).flat_map(|r| (layout.magnets..layout.load).map(move |j| (r, j))) {
+        prior[layout.unknown(j, r)] = (0.0, 100.0 * body.m_kg() * body.gap_m());
+    }
     for (at, load_n) in part.settings.load_n.iter().enumerate() {
         let of_recordings = (0..recordings.len()).map(|r| layout.unknown(layout.load + at, r));
         of_recordings.filter_map(|at| Some((at, (*load_n)?))).for_each(|(at, load_n)| {
             (x[at], prior[at]) = (load_n, (load_n, 0.0));
         });
     }
-    for (prior, parameter) in prior[layout.load..].iter_mut().zip(&part.parameters) {
+    for (prior, parameter) in prior[layout.own..].iter_mut().zip(&part.parameters) {
         prior.1 = match parameter.knowledge {
             Knowledge::Exact => 0.0,
             Knowledge::Tolerance(std) => std,
             Knowledge::Free => FREE_STD * parameter.typical,
         };
     }
-    held.iter().for_each(|j| prior[layout.load + j].1 = 0.0);
+    held.iter().for_each(|j| prior[layout.own + j].1 = 0.0);
     for (at, value) in part.given.iter().enumerate() {
-        (x[at], prior[at]) = (*value, (*value, GIVEN_STD * prior[at].1));
+        x[at] = *value;
+        // The phase of the unbalance is known if the angles count from the same position of the shaft.
+        if recordings[0].has_mark || !(layout.magnets..layout.load).contains(&at) {
+            prior[at] = (*value, GIVEN_STD * prior[at].1);
+        }
     }
     let rows = cases.iter().map(Case::rows).sum::<usize>() as f64;
     let weight = cases.iter().map(Case::effective_rows).sum::<usize>() as f64 / rows;
     let mut search = Search { cases, model, x, prior, weight, iterations: 0, converged: false };
     if search.exact() {
-        search.prior[layout.load + model.places.mass].1 = 0.0;
+        search.prior[layout.own + model.places.mass].1 = 0.0;
     } else {
         search.weight = (BENCH_ROWS / rows).min(search.weight);
     }
@@ -475,7 +481,7 @@ const MAX_ROUNDS: usize = 6;
 
 /// The most uncertain free bench parameter not determined by the data: once it is held, the others may become determined.
 fn not_separated(finished: &Finished<'_>) -> Option<usize> {
-    let (parameters, first) = (&finished.search.model.part.parameters, finished.search.model.layout.load);
+    let (parameters, first) = (&finished.search.model.part.parameters, finished.search.model.layout.own);
     let typical = |j: usize| parameters[j].typical;
     let std = |j: usize| finished.estimate(first + j).total_std;
     let free = (0..parameters.len()).filter(|j| parameters[*j].knowledge == Knowledge::Free);
@@ -518,8 +524,8 @@ pub(super) fn fit<'a>(
         let Some(widest) = not_separated(&finished) else { return Ok(finished) };
         held.push(widest);
         search = finished.search;
-        search.prior[model.layout.load + widest].1 = 0.0;
-        search.x[model.layout.load + widest] = 0.0;
+        search.prior[model.layout.own + widest].1 = 0.0;
+        search.x[model.layout.own + widest] = 0.0;
         search.run()?;
     }
 }
@@ -585,7 +591,11 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
             // A wandering force looks like changes of the load or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
             let Some(side) = changes::leave_out(recordings, &mut masks, finished, &change) else { break };
+            let drifts = matches!(side.what, Change::Drift(_));
             contradictions.push(side);
+            if drifts {
+                break;
+            }
         } else {
             let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
             let all: usize = finished.search.cases.iter().map(Case::rows).sum();

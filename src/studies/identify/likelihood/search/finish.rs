@@ -119,7 +119,7 @@ fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &DVector<f64>, non
     for (r, blocks) in blocks {
         for block in blocks {
             let mut single = none.clone();
-            single.add(block, *r);
+            single.add(block, *r, 1.0);
             let score = DVector::from_fn(of.len(), |i, _| single.b[of[i]]) - submatrix(&single.j, of, of) * step;
             sum += &score * score.transpose();
             if let Some((of, former)) = &former
@@ -158,7 +158,7 @@ impl Search<'_> {
     /// Column of the measured sensitivity to an unknown in the sums.
     fn measured(&self, unknown: usize) -> Option<usize> {
         let layout = self.model.layout;
-        let j = if unknown < layout.load { unknown } else { unknown + layout.loads() };
+        let j = if unknown < layout.own { unknown } else { unknown + layout.owned() };
         Some(layout.unknowns(self.cases.len()) + layout.measured(j)? - layout.all)
     }
 
