@@ -337,7 +337,8 @@ impl Answer {
         let Some(own) = own.found.filter(|own| own.converged) else {
             return Err(format!("no fit of its own: {}", own.refusal.map_or_else(String::new, |refusal| refusal.why)));
         };
-        own.contradictions.iter().for_each(|of| other.usable[of.rows.clone()].fill(false));
+        let left_out = own.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
+        left_out.for_each(|of| other.usable[of.rows.clone()].fill(false));
         other.has_mark &= first.rotation.has_mark();
         let foreign = likelihood::identify(&[other], &options).map_err(|failed| failed.to_string())?;
         let rms = |of: &Identification| {

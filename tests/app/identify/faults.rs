@@ -242,7 +242,11 @@ fn angles_follow_from_the_speed() {
     let text = without(&csv(&run_to_end(&slower).recording));
     let later: Vec<&str> =
         text.lines().enumerate().filter(|(line, _)| !(1..38).contains(line)).map(|(_, of)| of).collect();
-    is_right("two starts", &ask(&[first, read(&later.join("\n"))], &[]));
+    let second = read(&later.join("\n"));
+    let check = ask(std::slice::from_ref(&first), &[]).check(&first, &second).expect("a comparison");
+    let [_, [_, ahead_m, own_m]] = check.errors;
+    below("prediction error 20 ms ahead, in that of its own fit", ahead_m / own_m, 1.25);
+    is_right("two starts", &ask(&[first, second], &[]));
 }
 
 /// Recordings with different λ are not of one bearing: the answer names the difference.

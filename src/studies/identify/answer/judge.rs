@@ -100,12 +100,12 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     }
     let silent = is_silent(found);
     let drifting = found.contradictions.iter().find_map(|of| match &of.what {
-        Change::Drift(relative) => Some((relative, of.recording + 1)),
+        Change::Drift(relative) => Some((words::drifting(relative), of)),
         _ => None,
     });
-    if let Some((relative, recording)) = drifting {
-        let drifting = words::drifting(relative);
-        return Some(format!("{drifting} from the start to the end of recording {recording}"));
+    if let Some((drifting, of)) = drifting {
+        let (along, recording) = (["", ", along the axis,"][of.part], of.recording + 1);
+        return Some(format!("{drifting}{along} from the start to the end of recording {recording}"));
     }
     for suspect in found.suspects.iter().filter(|_| !silent) {
         let sensitivity = &found.bench[suspect.parameter].sensitivity;
