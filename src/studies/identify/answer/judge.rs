@@ -1,6 +1,6 @@
 //! Why estimates are not valid.
 
-use super::words;
+use super::words::PARTS;
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
@@ -99,13 +99,14 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
         return Some(why);
     }
     let silent = is_silent(found);
-    let drifting = found.contradictions.iter().find_map(|of| match &of.what {
-        Change::Drift(relative) => Some((words::drifting(relative), of)),
-        _ => None,
-    });
-    if let Some((drifting, of)) = drifting {
-        let (along, recording) = (["", ", along the axis,"][of.part], of.recording + 1);
-        return Some(format!("{drifting}{along} from the start to the end of recording {recording}"));
+    for of in &found.contradictions {
+        if let Change::Drift(relative) = &of.what {
+            let percent: Vec<String> = relative.iter().map(|of| significant(100.0 * of, 2)).collect();
+            let (percent, part, recording) = (percent.join(", "), PARTS[of.part], of.recording + 1);
+            return Some(format!(
+                "the force constants or the sensors drift, λ by {percent} %{part} from the start to the end of recording {recording}"
+            ));
+        }
     }
     for suspect in found.suspects.iter().filter(|_| !silent) {
         let sensitivity = &found.bench[suspect.parameter].sensitivity;

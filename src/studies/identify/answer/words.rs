@@ -111,20 +111,17 @@ fn merged(found: &[Contradiction]) -> Vec<Contradiction> {
     })
 }
 
-/// A drift of λ by these relative differences, in words.
-pub(super) fn drifting(relative: &[f64]) -> String {
-    let percent: Vec<String> = relative.iter().map(|of| significant(100.0 * of, 2)).collect();
-    format!("the force constants or the sensors drift, λ by {} %", percent.join(", "))
-}
+/// Words for the parts of a motion: all of it or that across a shaft, and that along it.
+pub(super) const PARTS: [&str; 2] = ["", ", along the axis,"];
 
-/// Parts of recordings that are inconsistent with the others.
+/// Parts of recordings that are inconsistent with the others; the verdict names a drift.
 fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     let words = |part: &Contradiction| {
         let Recording { start_s, step_s, .. } = all[part.recording];
         let at = |row: usize| time(start_s + row as f64 * step_s);
-        let of = ["", ", along the axis,"][part.part];
+        let of = PARTS[part.part];
         let rows = format!("{} to {} of recording {}{of}", at(part.rows.start), at(part.rows.end), part.recording + 1);
-        match &part.what {
+        Some(match &part.what {
             Change::Disturbed { ratio } => {
                 let ratio = significant(*ratio, 2);
                 format!("From {rows} something disturbs the rotor (residuals {ratio} times as large); left out.")
@@ -137,14 +134,14 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
                 let values = if is_known { format!(", {values} · 10⁻⁶ N·m²/A²") } else { String::new() };
                 format!("From {rows} the force constants differ{values}; left out.")
             }
-            Change::Drift(relative) => format!("From {rows} {}.", drifting(relative)),
+            Change::Drift(_) => return None,
             Change::Load { chi_square, or_lambda } => {
                 let what = if *or_lambda { "the load or the force constants differ" } else { "the load differs" };
                 format!("From {rows} {what} (χ² {}); left out.", significant(*chi_square, 3))
             }
-        }
+        })
     };
-    merged(&found.contradictions).iter().map(words).collect()
+    merged(&found.contradictions).iter().filter_map(words).collect()
 }
 
 /// A bench parameter that the residuals call for.

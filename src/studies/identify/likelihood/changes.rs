@@ -24,7 +24,7 @@ const MIN_DRIFTING: usize = 4;
 const DISTURBED_RATIO: f64 = 2.0;
 const DISTURBED_STD: f64 = 8.0;
 
-/// What has changed.
+/// Kind of a change.
 #[derive(PartialEq)]
 pub(super) enum Changed {
     Lambda,
@@ -100,7 +100,6 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
                 }
             }
         }
-        // Fewer blocks do not tell a drift from a change at an instant.
         if blocks.len() < MIN_DRIFTING {
             continue;
         }
