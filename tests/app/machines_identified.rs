@@ -223,6 +223,15 @@ fn two_speeds_of_a_shaft_are_identified_together() {
     }
 }
 
+/// A position sensor that reads 3 % too much moves λ by as much, which only its own gain explains.
+#[test]
+fn a_position_sensor_with_a_wrong_gain_is_named() {
+    let folder = folder("machines-identified/gain");
+    record_with(&folder, &PLANAR4, &[("sensor.gainErrorY", 0.03)]);
+    let (_, err) = exits(3, &folder, &words("identify run.csv --machine planar4"));
+    assert_contains(&err, &["sensor.gain and sensor.gainDifference (gain of the position sensor y)"]);
+}
+
 /// Another recording agrees with the estimate unless its bench differs, and is predicted as well as by a fit of its own.
 #[test]
 fn another_recording_is_checked_with_the_estimate() {

@@ -330,14 +330,12 @@ pub struct BenchEstimate {
 /// Smallest contribution to ± of λ that is displayed.
 const MIN_SHOWN: f64 = 5e-5;
 
-/// A parameter that the residuals call for.
+/// A bench parameter that the residuals call for, or the two that are the gain of one position sensor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
-    /// Index of the bench parameter that would explain them, in [`Identification::bench`].
-    pub parameter: usize,
-    /// Value after one step from the stated one, in its unit.
-    pub value: f64,
-    /// Its standard deviation.
+    /// Indices in [`Identification::bench`], with the value after one step from the stated one, in the unit of the parameter.
+    pub parameters: Vec<(usize, f64)>,
+    /// Standard deviation of each value.
     pub std: f64,
     /// Decrease of the χ² of the innovations (Lagrange multiplier test; 1 by chance).
     pub chi_square: f64,
@@ -508,8 +506,10 @@ impl Identification {
             own.amplitudes.extend(of.amplitudes);
             own.prediction_errors_m.extend(of.prediction_errors_m);
         }
-        let suspects = other.suspects.into_iter();
-        self.suspects.extend(suspects.map(|of| Suspect { parameter: of.parameter + parameters, ..of }));
+        for mut suspect in other.suspects {
+            suspect.parameters.iter_mut().for_each(|(at, _)| *at += parameters);
+            self.suspects.push(suspect);
+        }
         self.suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
         let contradictions = other.contradictions.into_iter();
         self.contradictions.extend(contradictions.map(|of| Contradiction { part: of.part + parts, ..of }));

@@ -1,6 +1,6 @@
 //! Verdict and findings in sentences.
 
-use super::judge::{HARMONIC_CHI, is_silent};
+use super::judge::{HARMONIC_CHI, called, is_silent};
 use super::shown::shown;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
@@ -36,7 +36,12 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
         ));
     }
     if !is_silent(found) && !is_explained {
-        words.extend(found.suspects.iter().take(3).map(|suspect| suspected(found, suspect, all[0].step_s)));
+        // One gain may explain what the other gains of its pair explain as well.
+        let overlaps =
+            |a: &Suspect, b: &Suspect| a.parameters.iter().any(|(j, _)| b.parameters.iter().any(|(l, _)| j == l));
+        let most = |at: &usize| !found.suspects[..*at].iter().any(|better| overlaps(better, &found.suspects[*at]));
+        let suspects = (0..found.suspects.len()).filter(most).take(3);
+        words.extend(suspects.map(|at| suspected(found, &found.suspects[at], all[0].step_s)));
         words.extend(harmonics(found, stated));
     }
     words.extend(quantisation(found, stated));
@@ -144,18 +149,22 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     merged(&found.contradictions).iter().filter_map(words).collect()
 }
 
-/// A bench parameter that the residuals call for.
+/// What the residuals call for.
 fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
-    let parameter = &found.bench[suspect.parameter].parameter;
-    let (factor, unit) = shown(parameter);
-    let mut more = format!("--estimate {}", parameter.name);
-    if plain(&parameter.name) == DELAY {
-        let lag = suspect.value / step_s;
-        more = format!("{} samples; --hold auto, or {more}", significant(lag, 2));
+    let (mut values, mut options) = (Vec::new(), Vec::new());
+    for (j, value) in &suspect.parameters {
+        let parameter = &found.bench[*j].parameter;
+        let (factor, unit) = shown(parameter);
+        let [value, std] = [(*value, 3), (suspect.std, 2)].map(|(of, digits)| significant(of / factor, digits));
+        values.push(format!("{} of {value} ± {std} {unit}", parameter.name));
+        options.push(format!("--estimate {}", parameter.name));
     }
-    let [value, std] = [(suspect.value, 3), (suspect.std, 2)].map(|(of, digits)| significant(of / factor, digits));
-    let BenchParameter { name, description, .. } = parameter;
-    format!("The residuals call for {name} of {value} ± {std} {unit} ({description}): {more}.")
+    let (first, value) = suspect.parameters[0];
+    if plain(&found.bench[first].parameter.name) == DELAY {
+        options.insert(0, format!("{} samples; --hold auto, or", significant(value / step_s, 2)));
+    }
+    let [_, description] = called(found, suspect);
+    format!("The residuals call for {} ({description}): {}.", values.join(" and "), options.join(" "))
 }
 
 /// Harmonics of the shaft in the first recording that has any.

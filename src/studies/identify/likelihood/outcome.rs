@@ -1,7 +1,8 @@
 //! Results of a finished search: estimates with their standard deviations, budget, residuals, suspects.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
+use super::bench::Sensors;
 use super::data::Input;
 use super::filter::{Columns, HARMONICS};
 use super::rotor::ByMagnet;
@@ -162,49 +163,80 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     BenchEstimate { parameter: parameter.clone(), estimate, estimated, is_held, sensitivity, tolerance, contribution }
 }
 
-/// Lagrange multiplier tests of the bench parameters that are not estimated. Measured sensitivities count where instruments have less than
-/// [`INFORMED`] of their information (that of a motion that does not repeat with the turns, for instance); elsewhere they would be biased by noise.
+/// Lagrange multiplier tests of the bench parameters that are not estimated, and of the gain of each position sensor of a pair. Measured sensitivities
+/// count for the position sensors, and where instruments have less than [`INFORMED`] of their information (that of a motion that does not repeat with the
+/// turns, for instance); those of currents and forces are biased by noise.
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let Finished { search, normal, estimated: of, columns, .. } = finished;
     let coordinates = search.model.layout.loads() as f64;
     let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
     let rows: f64 = blocks().map(|block| block.count).sum();
     let nis = (blocks().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
-    let (bench, parameters) = (search.model.layout.own, &search.model.part.parameters);
-    // Score and information of each parameter.
-    let test = |normal: &Normal, columns: &[usize]| -> Vec<[f64; 2]> {
-        let (h, b) = search.equations_by(normal, of, of, columns);
-        let (g, _) = search.equations(normal, of);
-        let Some(inverse) = solve::general_inverse(&h) else { return vec![[0.0; 2]; parameters.len()] };
-        let of_parameter = |j: usize| {
-            let unknown = bench + j;
-            let projected = submatrix(&normal.j, &[unknown], columns) * &inverse;
-            let all = normal.j[(unknown, unknown)];
-            let cross = submatrix(&normal.j, of, &[unknown]);
-            let own = all - 2.0 * (&projected * cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
-            // A parameter that the other unknowns reproduce up to rounding cannot be suspected.
-            if own <= 1e-9 * all { [0.0; 2] } else { [normal.b[unknown] - (&projected * &b)[(0, 0)], own] }
-        };
-        (0..parameters.len()).map(of_parameter).collect()
-    };
-    let mut tests = test(normal, columns);
+    let parameters = &search.model.part.parameters;
+    let single = (0..parameters.len()).map(|j| vec![(j, 1.0)]);
+    let sensor = |of: &Sensors| [1.0, -1.0].map(|sign| vec![(of.gain, 1.0), (of.gain_difference, sign)]);
+    let directions: Vec<Direction> = single.chain(search.model.places.pairs.iter().flat_map(sensor)).collect();
+    let mut all = tests(finished, &directions, normal, columns, false);
     if of != columns && search.cases.iter().all(|case| case.position_noise >= SILENT_M) {
         let weight = (BENCH_ROWS / rows).min(1.0);
-        let measured = test(&search.normal(&search.pass(Columns::All)), of);
-        for ((test, measured), parameter) in tests.iter_mut().zip(measured).zip(parameters) {
+        let normal = search.normal(&search.pass(Columns::All));
+        let measured = tests(finished, &directions, &normal, of, finished.bias.is_some());
+        for ((test, measured), direction) in all.iter_mut().zip(measured).zip(&directions) {
+            let name = plain(&parameters[direction[0].0].name);
             // The delay, which is biased most, has a test of its own (`answer::with_delay`).
-            if test[1] < INFORMED * measured[1] && plain(&parameter.name) != DELAY {
+            if name.starts_with("sensor.") || test[1] < INFORMED * measured[1] && name != DELAY {
                 *test = measured.map(|sum| weight * sum);
             }
         }
     }
-    let suspect = |j: usize| {
-        let [score, own] = tests[j];
-        let chi_square = score * score / own / nis;
-        let suspect = Suspect { parameter: j, value: score / own, std: (nis / own).sqrt(), chi_square };
-        (finished.at(bench + j).is_none() && chi_square > SUSPECT).then_some(suspect)
+    let suspect = |(direction, [score, own]): (Direction, [f64; 2])| {
+        let is_known = |(j, _): &(usize, f64)| finished.at(search.model.layout.own + j).is_none();
+        let (value, chi_square) = (score / own, score * score / own / nis);
+        let parameters = direction.iter().map(|(j, part)| (*j, part * value)).collect();
+        let suspect = Suspect { parameters, std: (nis / own).sqrt(), chi_square };
+        (direction.iter().all(is_known) && chi_square > SUSPECT).then_some(suspect)
     };
-    let mut suspects: Vec<Suspect> = (0..parameters.len()).filter_map(suspect).collect();
+    let mut suspects: Vec<Suspect> = directions.into_iter().zip(all).filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
     suspects
+}
+
+/// Direction of a test: indices of bench parameters with factors.
+type Direction = Vec<(usize, f64)>;
+
+/// Score and information along each direction, with these columns of the sensitivities to the estimated unknowns. If the estimates are already free of
+/// bias, their scores are bias alone: how much of it the other scores have is unknown, which lowers the information, as does what is left of it.
+fn tests(
+    finished: &Finished<'_>,
+    directions: &[Direction],
+    normal: &Normal,
+    columns: &[usize],
+    is_free_of_bias: bool,
+) -> Vec<[f64; 2]> {
+    let Finished { search, estimated: of, bias, .. } = finished;
+    let (h, b) = search.equations_by(normal, of, of, columns);
+    let (g, _) = search.equations(normal, of);
+    let Some(inverse) = solve::general_inverse(&h) else { return vec![[0.0; 2]; directions.len()] };
+    let test = |direction: &Direction| {
+        let along = DVector::from_iterator(direction.len(), direction.iter().map(|(_, part)| *part));
+        let own: Vec<usize> = direction.iter().map(|(j, _)| search.model.layout.own + j).collect();
+        let projected = along.transpose() * submatrix(&normal.j, &own, columns) * &inverse;
+        let all = along.dot(&(submatrix(&normal.j, &own, &own) * &along));
+        let score = along.dot(&normal.b.select_rows(&own));
+        let cross = submatrix(&normal.j, of, &own) * along;
+        let own = all - 2.0 * (&projected * &cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
+        // What the other unknowns reproduce up to rounding cannot be suspected.
+        if own <= 1e-9 * all {
+            return [0.0; 2];
+        }
+        let of_estimates = (&projected * &b)[(0, 0)];
+        match bias.as_ref().filter(|_| is_free_of_bias) {
+            Some(bias) => {
+                let part = own / (own + of_estimates * of_estimates + cross.dot(&(bias * &cross)));
+                [part * score, part * own]
+            }
+            None => [score - of_estimates, own],
+        }
+    };
+    directions.iter().map(test).collect()
 }

@@ -34,6 +34,8 @@ pub struct Finished<'a> {
     pub total: DMatrix<f64>,
     /// Whether the covariance from noise is that of the scores.
     pub covariance_from_scores: bool,
+    /// Covariance of what is left of the bias of the likelihood, where it was removed ([`Search::bias`]).
+    pub bias: Option<DMatrix<f64>>,
 }
 
 impl Finished<'_> {
@@ -97,7 +99,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
             noise = scattered;
         }
     }
-    if let Some(bias) = bias {
+    if let Some(bias) = &bias {
         noise += bias;
     }
     let mut total = &noise + &response * weights * &response;
@@ -105,7 +107,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
         let scaled = DVector::from_fn(estimated.len(), |i, _| std * search.x[estimated[i]]);
         total += &scaled * scaled.transpose();
     }
-    Ok(Finished { search, blocks, normal, estimated, columns, noise, total, covariance_from_scores })
+    Ok(Finished { search, blocks, normal, estimated, columns, noise, total, covariance_from_scores, bias })
 }
 
 /// Covariance of the sum of the scores, including that between neighbouring blocks (Newey and West 1987, one lag).
