@@ -77,7 +77,7 @@ const PARAMETERS: [Row; 32] = [
     (Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
     (Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
     (Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
-    (Radial, "sensor.gainDifference", "1", 0.005, true, "half the difference of the gains of the sensors y and z"),
+    (Radial, GAIN_DIFFERENCE, "1", 0.005, true, "half the difference of the gains of the sensors y and z"),
     (Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
     (Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
     (Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
@@ -103,6 +103,9 @@ const PARAMETERS: [Row; 32] = [
     (Machine, DYNAMICS, "1", 0.05, false, "κ − 1, by how much more force accelerations take than the statics say"),
     (Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
 ];
+
+/// Name of half the difference between the gains of a pair of position sensors.
+pub(super) const GAIN_DIFFERENCE: &str = "sensor.gainDifference";
 
 /// Name of the delay of the positions.
 pub(in crate::studies::identify) const DELAY: &str = "delay";
@@ -203,7 +206,7 @@ impl Places {
             Sensors {
                 offset: ["sensor.offset[y]", "sensor.offset[z]"].map(at),
                 gain: at("sensor.gain"),
-                gain_difference: at("sensor.gainDifference"),
+                gain_difference: at(GAIN_DIFFERENCE),
                 rotation: at("sensor.rotation"),
                 runout: array::from_fn(|part| at(&runout[part / 4][part % 4])),
             }

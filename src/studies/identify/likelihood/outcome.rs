@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bench::Sensors;
+use super::bench::{GAIN_DIFFERENCE, Sensors};
 use super::data::Input;
 use super::filter::{Columns, HARMONICS};
 use super::rotor::ByMagnet;
@@ -164,8 +164,8 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated, and of the gain of each position sensor of a pair. Measured sensitivities
-/// count for the position sensors, and where instruments have less than [`INFORMED`] of their information (that of a motion that does not repeat with the
-/// turns, for instance); those of currents and forces are biased by noise.
+/// count for the gains of a pair, which they tell apart best, and where instruments have less than [`INFORMED`] of their information (that of a motion that
+/// does not repeat with the turns, for instance); elsewhere they would be biased by noise.
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let Finished { search, normal, estimated: of, columns, .. } = finished;
     let coordinates = search.model.layout.loads() as f64;
@@ -182,9 +182,10 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         let normal = search.normal(&search.pass(Columns::All));
         let measured = tests(finished, &directions, &normal, of, finished.bias.is_some());
         for ((test, measured), direction) in all.iter_mut().zip(measured).zip(&directions) {
-            let name = plain(&parameters[direction[0].0].name);
+            let names = direction.iter().map(|(j, _)| plain(&parameters[*j].name));
+            let [is_of_pair, is_delay] = [GAIN_DIFFERENCE, DELAY].map(|name| names.clone().any(|of| of == name));
             // The delay, which is biased most, has a test of its own (`answer::with_delay`).
-            if name.starts_with("sensor.") || test[1] < INFORMED * measured[1] && name != DELAY {
+            if is_of_pair || test[1] < INFORMED * measured[1] && !is_delay {
                 *test = measured.map(|sum| weight * sum);
             }
         }
@@ -205,7 +206,8 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
 type Direction = Vec<(usize, f64)>;
 
 /// Score and information along each direction, with these columns of the sensitivities to the estimated unknowns. If the estimates are already free of
-/// bias, their scores are bias alone: how much of it the other scores have is unknown, which lowers the information, as does what is left of it.
+/// bias, their scores are bias alone. How much of it the other scores have is unknown: the smaller of both counts, and the information is lowered by that and
+/// by what is left of the bias.
 fn tests(
     finished: &Finished<'_>,
     directions: &[Direction],
@@ -230,12 +232,13 @@ fn tests(
             return [0.0; 2];
         }
         let of_estimates = (&projected * &b)[(0, 0)];
+        let other = score - of_estimates;
         match bias.as_ref().filter(|_| is_free_of_bias) {
             Some(bias) => {
                 let part = own / (own + of_estimates * of_estimates + cross.dot(&(bias * &cross)));
-                [part * score, part * own]
+                [part * if score.abs() < other.abs() { score } else { other }, part * own]
             }
-            None => [score - of_estimates, own],
+            None => [other, own],
         }
     };
     directions.iter().map(test).collect()
