@@ -149,7 +149,7 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
     merged(&found.contradictions).iter().filter_map(words).collect()
 }
 
-/// What the residuals call for.
+/// The sentence on what the residuals call for, with the options to estimate it.
 fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
     let (mut values, mut options) = (Vec::new(), Vec::new());
     for (j, value) in &suspect.parameters {

@@ -206,8 +206,8 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
 type Direction = Vec<(usize, f64)>;
 
 /// Score and information along each direction, with these columns of the sensitivities to the estimated unknowns. If the estimates are already free of
-/// bias, their scores are bias alone. How much of it the other scores have is unknown: the smaller of both counts, and the information is lowered by that and
-/// by what is left of the bias.
+/// bias, their scores are bias alone. How much of it the score along a direction contains is unknown: of the scores with all of it and with none the
+/// smaller one counts, and its size and the rest of the bias lower the information.
 fn tests(
     finished: &Finished<'_>,
     directions: &[Direction],
@@ -227,7 +227,7 @@ fn tests(
         let score = along.dot(&normal.b.select_rows(&own));
         let cross = submatrix(&normal.j, of, &own) * along;
         let own = all - 2.0 * (&projected * &cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
-        // What the other unknowns reproduce up to rounding cannot be suspected.
+        // A direction that the other unknowns reproduce up to rounding cannot be suspected.
         if own <= 1e-9 * all {
             return [0.0; 2];
         }
