@@ -34,6 +34,11 @@ impl Case<'_> {
         !self.is_missing(row) && !(row.saturating_sub(RECOVERY_ROWS)..=row).any(is_unknown)
     }
 
+    /// Whether all currents were recorded.
+    pub fn has_all_currents(&self) -> bool {
+        self.square_error.iter().copied().flatten().all(|error_a2| *error_a2 == 0.0)
+    }
+
     /// Standard deviation of the squared current `k` of the interval that ends at a row, A²: 0 if recorded. `level` scales the errors of restored readings.
     fn error_a2(&self, row: usize, k: usize, level: f64) -> f64 {
         let Some(error_a2) = self.square_error.get(k) else { return 0.0 };

@@ -3,6 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::bench::{GAIN_DIFFERENCE, Sensors};
+use super::case::Case;
 use super::data::Input;
 use super::filter::{Columns, HARMONICS};
 use super::rotor::ByMagnet;
@@ -164,8 +165,9 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated, and of the gain of each position sensor of a pair. Measured sensitivities
-/// count for the gains of a pair, which they tell apart best, and where instruments have less than [`INFORMED`] of their information (that of a motion that
-/// does not repeat with the turns, for instance); elsewhere they would be biased by noise.
+/// count for the gains of a pair, which they tell apart best if all currents were recorded (with dropouts a good recording was refused), and where
+/// instruments have less than [`INFORMED`] of their information (that of a motion that does not repeat with the turns, for instance); elsewhere they
+/// would be biased by noise.
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let Finished { search, normal, estimated: of, columns, .. } = finished;
     let coordinates = search.model.layout.loads() as f64;
@@ -181,11 +183,12 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         let weight = (BENCH_ROWS / rows).min(1.0);
         let normal = search.normal(&search.pass(Columns::All));
         let measured = tests(finished, &directions, &normal, of, finished.bias.is_some());
+        let is_complete = search.cases.iter().all(Case::has_all_currents);
         for ((test, measured), direction) in all.iter_mut().zip(measured).zip(&directions) {
             let names = direction.iter().map(|(j, _)| plain(&parameters[*j].name));
             let [is_of_pair, is_delay] = [GAIN_DIFFERENCE, DELAY].map(|name| names.clone().any(|of| of == name));
             // The delay, which is biased most, has a test of its own (`answer::with_delay`).
-            if is_of_pair || test[1] < INFORMED * measured[1] && !is_delay {
+            if is_of_pair && is_complete || test[1] < INFORMED * measured[1] && !is_delay {
                 *test = measured.map(|sum| weight * sum);
             }
         }
