@@ -1,10 +1,10 @@
 //! Why estimates are not valid.
 
-use super::words::PARTS;
+use super::words::{PARTS, called};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    self, Change, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M, Suspect,
+    self, Change, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
 };
 use crate::studies::identify::{Stated, significant};
 use crate::studies::statistics::range;
@@ -156,19 +156,6 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
         }
     }
     None
-}
-
-/// Name and description of what the residuals call for.
-pub(super) fn called(found: &Identification, suspect: &Suspect) -> [String; 2] {
-    let parameter = |(j, _): &(usize, f64)| &found.bench[*j].parameter;
-    let names: Vec<&str> = suspect.parameters.iter().map(|of| &*parameter(of).name).collect();
-    let description = match suspect.parameters[..] {
-        [(_, common), (_, different)] => {
-            format!("gain of the position sensor {}", if common * different > 0.0 { "y" } else { "z" })
-        }
-        _ => parameter(&suspect.parameters[0]).description.clone(),
-    };
-    [names.join(" and "), description]
 }
 
 /// Why the estimates are not valid: with what the residuals call for most, another identification finds other force

@@ -1,6 +1,6 @@
 //! Verdict and findings in sentences.
 
-use super::judge::{HARMONIC_CHI, called, is_silent};
+use super::judge::{HARMONIC_CHI, is_silent};
 use super::shown::shown;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
@@ -147,6 +147,19 @@ fn contradictions(found: &Identification, all: &[Recording]) -> Vec<String> {
         })
     };
     merged(&found.contradictions).iter().filter_map(words).collect()
+}
+
+/// Name and description of what the residuals call for.
+pub(super) fn called(found: &Identification, suspect: &Suspect) -> [String; 2] {
+    let parameter = |(j, _): &(usize, f64)| &found.bench[*j].parameter;
+    let names: Vec<&str> = suspect.parameters.iter().map(|of| &*parameter(of).name).collect();
+    let description = match suspect.parameters[..] {
+        [(_, common), (_, different)] => {
+            format!("gain of the position sensor {}", if common * different > 0.0 { "y" } else { "z" })
+        }
+        _ => parameter(&suspect.parameters[0]).description.clone(),
+    };
+    [names.join(" and "), description]
 }
 
 /// The sentence on what the residuals call for, with the options to estimate it.

@@ -178,11 +178,11 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let single = (0..parameters.len()).map(|j| vec![(j, 1.0)]);
     let sensor = |of: &Sensors| [1.0, -1.0].map(|sign| vec![(of.gain, 1.0), (of.gain_difference, sign)]);
     let directions: Vec<Direction> = single.chain(search.model.places.pairs.iter().flat_map(sensor)).collect();
-    let mut all = tests(finished, &directions, normal, columns, false);
+    let mut all = tests(finished, &directions, normal, columns, None);
     if of != columns && search.cases.iter().all(|case| case.position_noise >= SILENT_M) {
         let weight = (BENCH_ROWS / rows).min(1.0);
         let normal = search.normal(&search.pass(Columns::All));
-        let measured = tests(finished, &directions, &normal, of, finished.bias.is_some());
+        let measured = tests(finished, &directions, &normal, of, finished.bias.as_ref());
         let is_complete = search.cases.iter().all(Case::has_all_currents);
         for ((test, measured), direction) in all.iter_mut().zip(measured).zip(&directions) {
             let names = direction.iter().map(|(j, _)| plain(&parameters[*j].name));
@@ -208,17 +208,17 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
 /// Direction of a test: indices of bench parameters with factors.
 type Direction = Vec<(usize, f64)>;
 
-/// Score and information along each direction, with these columns of the sensitivities to the estimated unknowns. If the estimates are already free of
-/// bias, their scores are bias alone. How much of it the score along a direction contains is unknown: of the scores with all of it and with none the
-/// smaller one counts, and its size and the rest of the bias lower the information.
+/// Score and information along each direction, with these columns of the sensitivities to the estimated unknowns. If a bias was removed from the
+/// estimates, with this covariance left, their scores are bias alone. How much of it the score along a direction contains is unknown: of the scores with
+/// all of it and with none the smaller one counts, and its size and the rest of the bias lower the information.
 fn tests(
     finished: &Finished<'_>,
     directions: &[Direction],
     normal: &Normal,
     columns: &[usize],
-    is_free_of_bias: bool,
+    bias: Option<&DMatrix<f64>>,
 ) -> Vec<[f64; 2]> {
-    let Finished { search, estimated: of, bias, .. } = finished;
+    let Finished { search, estimated: of, .. } = finished;
     let (h, b) = search.equations_by(normal, of, of, columns);
     let (g, _) = search.equations(normal, of);
     let Some(inverse) = solve::general_inverse(&h) else { return vec![[0.0; 2]; directions.len()] };
@@ -236,7 +236,7 @@ fn tests(
         }
         let of_estimates = (&projected * &b)[(0, 0)];
         let other = score - of_estimates;
-        match bias.as_ref().filter(|_| is_free_of_bias) {
+        match bias {
             Some(bias) => {
                 let part = own / (own + of_estimates * of_estimates + cross.dot(&(bias * &cross)));
                 [part * if score.abs() < other.abs() { score } else { other }, part * own]
