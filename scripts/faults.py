@@ -61,12 +61,13 @@ class Amplifier:
         return self.current
 
 
-def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, amplifier_s=(0.0, 0.0, 0.0), salt=0):
+def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, push_s=0.0, amplifier_s=(0.0, 0.0, 0.0), salt=0):
     """A recording of each seed. All bearings are integrated together.
 
     A PID controller with feed-forward keeps the rotor on an ellipse; forces are converted to currents with the measured gap and a guess of λ.
     A command of sample k is held from k + 1 to k + 2. λ2 changes by the fraction `step_of_lambda` in the middle; the amplifiers saturate at the
     fraction `limit_a` of the largest current of the first turns, and the currents follow the commands with a delay and two lags: `amplifier_s`.
+    A force of its weight along y, half of that along z, pushes the rotor for `push_s` from 0.6 s on.
     """
     draws = [np.random.default_rng([seed, 1]) for seed in seeds]
     noise = [np.random.default_rng([seed, 2, salt]) for seed in seeds]
@@ -133,13 +134,14 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
             limit = limit_a * largest
         slow = slow + slow_force * math.sqrt(STEP_S) * white[:, row, 5:]
         factor = np.array([1.0, 1.0 + step_of_lambda * (time > duration_s / 2), 1.0])
+        push = 9.81 * mass[:, None] * np.array([1.0, 0.5]) * (0.6 < time < 0.6 + push_s)
         h = STEP_S / SUBSTEPS
         # A command has no effect in half steps that end before its delay.
         commands_now = [old if half * h / 2 < delay_s - 1e-9 else held for half in range(2 * SUBSTEPS)]
         half_steps = [amplifier.current if any(amplifier_s) else held, *(amplifier.follow(now, h / 2) for now in commands_now)]
         for part in range(SUBSTEPS):
             at, (begin, middle, end) = time + part * h, half_steps[2 * part : 2 * part + 3]
-            f = lambda t, x, current: acceleration(t, x, current, factor * constants, slow)
+            f = lambda t, x, current: acceleration(t, x, current, factor * constants, slow + push)
             k1, k2 = f(at, position, begin), f(at + h / 2, position + h / 2 * velocity, middle)
             k3 = f(at + h / 2, position + h / 2 * velocity + h * h / 4 * k1, middle)
             k4 = f(at + h, position + h * velocity + h * h / 2 * k2, end)
@@ -263,6 +265,8 @@ FAULTS = [
     Fault("clipped currents", clipped, cause=SENSORS + "clipped"),
     Fault("0.1 % of outliers", outliers, cause=SENSORS + ".*outlier"),
     Fault("λ2 +5 % in the middle", cause="force constants differ", world=(("step_of_lambda", 0.05),)),
+    Fault("a push of 5 ms", cause="something disturbs", world=(("push_s", 5e-3),)),
+    Fault("a push of 20 ms", cause="something disturbs", world=(("push_s", 2e-2),)),
     Fault("3 % of rows missing", lost(0.03), cause="gaps"),
     Fault("10 % of rows missing", lost(0.10), cause="gaps"),
     Fault("3 % of rows missing, tolerances", lost(0.03), cause="gaps", options=lambda _: TOLERANCES),

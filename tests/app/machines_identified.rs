@@ -232,6 +232,22 @@ fn a_position_sensor_with_a_wrong_gain_is_named() {
     assert_contains(&err, &["sensor.gain and sensor.gainDifference (gain of the position sensor y)"]);
 }
 
+/// A strong push is left out, and neither the rows before it nor those whose residuals are large because of it.
+#[test]
+fn a_push_is_not_taken_for_a_change() {
+    let folder = folder("machines-identified/push");
+    let mut scenario = open(PLANAR4.name, &[]);
+    let profile = "title = \"x\"\nmachine = \"planar4\"\nduration = \"1 s\"\nstep = \"100 µs\"\n[[profile]]\nof = [\"plant.pZ\"]\n\
+                   time = [\"0.2 s\", \"0.2005 s\", \"0.206 s\", \"0.2065 s\"]\nvalue = [-20, 3000, 3000, -20]\n";
+    scenario.profiles = Scenario::parse("x", profile).expect("sound").profiles;
+    write(&folder, "run.csv", csv(&run_to_end(&scenario).recording));
+    let document = identified(&folder, &words("run.csv --machine planar4"));
+    agrees(&document, &scenario);
+    let findings = document["findings"].as_array().expect("a list");
+    assert_eq!(findings.len(), 1, "{findings:?}");
+    assert_contains(findings[0].as_str().expect("words"), &["From 198.4 ms to 208 ms", "something disturbs the rotor"]);
+}
+
 /// Another recording agrees with the estimate unless its bench differs, and is predicted as well as by a fit of its own.
 #[test]
 fn another_recording_is_checked_with_the_estimate() {

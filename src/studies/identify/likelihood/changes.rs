@@ -23,6 +23,8 @@ const MIN_DRIFTING: usize = 4;
 /// deviations.
 const DISTURBED_RATIO: f64 = 2.0;
 const DISTURBED_STD: f64 = 8.0;
+/// Blocks with less than this part of the largest ratio may owe it to the loudest, which misleads the fit: they are judged without it.
+const LOUD: f64 = 0.1;
 
 /// Kind of a change.
 #[derive(PartialEq)]
@@ -155,9 +157,10 @@ pub(super) fn leave_out(
     Some(Contradiction { recording, part: 0, rows, what })
 }
 
-/// Blocks with excessive innovations. Where the noise is that of a simulation, they are rounding errors.
-pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
-    let mut found: Vec<Contradiction> = Vec::new();
+/// Blocks with excessive innovations, and the sum of their χ² in excess of that of the others. Where the noise is that of a simulation, they are rounding
+/// errors.
+pub(super) fn disturbed(finished: &Finished<'_>) -> (Vec<Contradiction>, f64) {
+    let (mut found, mut excess) = (Vec::<Contradiction>::new(), 0.0);
     let coordinates = finished.search.model.layout.loads() as f64;
     for (recording, case) in finished.search.cases.iter().enumerate() {
         if is_silent(case.position_noise, case.current_noise) {
@@ -167,10 +170,13 @@ pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
         let mean = |block: &Block| block.nis / (coordinates * block.count);
         let median = median(blocks.iter().map(|block| mean(block)));
         let ratio = |block: &Block| mean(block) / median;
+        let least = LOUD * blocks.iter().map(|block| ratio(block)).fold(DISTURBED_RATIO / LOUD, f64::max);
         // The variance of χ² with Nn degrees of freedom is 2Nn.
         let limit = |block: &Block| 1.0 + DISTURBED_STD / (0.5 * coordinates * block.count).sqrt();
-        let is_loud = |block: &&Block| ratio(block) > DISTURBED_RATIO && ratio(block) > limit(block);
+        let is_loud = |block: &&Block| ratio(block) > least.max(limit(block));
         let loud: Vec<&Block> = blocks.into_iter().filter(is_loud).collect();
+        let of_block = |block: &&Block| block.nis - median * coordinates * block.count;
+        excess += loud.iter().map(of_block).sum::<f64>() / finished.nis(recording).max(1.0);
         found.extend(loud.chunk_by(|a, b| a.rows.end == b.rows.start).map(|run| Contradiction {
             recording,
             part: 0,
@@ -178,5 +184,5 @@ pub(super) fn disturbed(finished: &Finished<'_>) -> Vec<Contradiction> {
             what: Change::Disturbed { ratio: run.iter().map(|block| ratio(block)).fold(0.0, f64::max) },
         }));
     }
-    found
+    (found, excess)
 }

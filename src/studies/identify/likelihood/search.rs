@@ -476,6 +476,9 @@ const MIN_SLOW_FORCE: f64 = 1e-7;
 const NEGLIGIBLE: f64 = 1e-3;
 /// Smallest fraction of the rows that must remain.
 const MIN_REMAINING: f64 = 0.5;
+/// Smallest part of the excess of disturbed rows that a change explains if it is their cause. Steps of λ or load explain all of it or more, forces of 2 to
+/// 50 ms a tenth (own simulator, seeds 905001 to 905006).
+const MIN_EXPLAINED: f64 = 0.5;
 /// Maximum number of rounds in which inconsistent rows are left out.
 const MAX_ROUNDS: usize = 6;
 
@@ -579,11 +582,9 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
             found = fit(recordings, &masks, model, &mut held);
             continue;
         };
-        let disturbed = changes::disturbed(finished);
-        // A few disturbed rows look like a change of the rows before or after them.
-        let is_short = |part: &Contradiction| part.rows.len() <= 2 * finished.search.cases[part.recording].block();
-        let brief = !disturbed.is_empty() && disturbed.iter().all(is_short);
-        let change = changes::change(finished).filter(|_| !brief);
+        let (disturbed, excess) = changes::disturbed(finished);
+        // A disturbance looks like a change of the rows before or after it, which explains little of it.
+        let change = changes::change(finished).filter(|change| change.chi_square > MIN_EXPLAINED * excess);
         if !exclude && (change.is_some() || !disturbed.is_empty()) {
             return Err(Failed::Contradicted { gain: finished.search.gain_by_slow_force() });
         }
