@@ -476,8 +476,8 @@ const MIN_SLOW_FORCE: f64 = 1e-7;
 const NEGLIGIBLE: f64 = 1e-3;
 /// Smallest fraction of the rows that must remain.
 const MIN_REMAINING: f64 = 0.5;
-/// Smallest part of the excess of disturbed rows that a change explains if it is their cause. Steps of λ or load explain all of it or more, forces of 2 to
-/// 50 ms a tenth (own simulator, seeds 905001 to 905006).
+/// Smallest part of the excess of disturbed rows that a change explains if it is their cause. Steps of λ and load explain all of it or more, pushes of 5 to
+/// 50 ms mostly a tenth (simulator of `scripts/faults.py`, seeds 905001 to 905006).
 const MIN_EXPLAINED: f64 = 0.5;
 /// Maximum number of rounds in which inconsistent rows are left out.
 const MAX_ROUNDS: usize = 6;
