@@ -290,10 +290,13 @@ def readme():
         (folder / "src" / "main.rs").write_text(program, encoding="utf-8")
         # The locked versions of the project.
         (folder / "Cargo.lock").write_text((PROJECT / "Cargo.lock").read_text(encoding="utf-8"), encoding="utf-8")
-        cargo("run", "--release", "--quiet", "--target-dir", str(PROJECT / "target" / "readme"), folder=folder)
+        # Cargo's folder for intermediate files need not be that of the programs.
+        build = ["--release", "--quiet", "--target-dir", str(PROJECT / "target" / "readme")]
+        build += ["--config", f"build.build-dir='{(PROJECT / 'target' / 'readme-build').as_posix()}'"]
+        cargo("run", *build, folder=folder)
         # A panic must not end the importer.
         refused = subprocess.run(
-            ["cargo", "check", "--release", "--quiet", "--lib", "--target-dir", str(PROJECT / "target" / "readme")],
+            ["cargo", "check", "--lib", *build],
             cwd=folder,
             env={**os.environ, "CARGO_PROFILE_RELEASE_PANIC": "abort"},
             capture_output=True,

@@ -5,6 +5,15 @@ use std::process::Command;
 
 use super::{PackageError, at};
 
+/// The variable by which the system finds libraries; cargo adds the folder into which it compiles.
+const LIBRARY_PATH: &str = if cfg!(windows) {
+    "PATH"
+} else if cfg!(target_os = "macos") {
+    "DYLD_FALLBACK_LIBRARY_PATH"
+} else {
+    "LD_LIBRARY_PATH"
+};
+
 /// The library of that name that cargo has built together with the running program.
 ///
 /// # Errors
@@ -12,9 +21,17 @@ use super::{PackageError, at};
 pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
     let folder = program.parent().unwrap_or(Path::new(""));
-    // Cargo compiles into `deps`, where test programs are too, and links the library into the parent folder only when building the
-    // library itself: beside a program built by `cargo run` it is missing or stale.
-    let deps = if folder.ends_with("deps") { folder.to_owned() } else { folder.join("deps") };
+    // Cargo compiles into `deps`, where test programs are too, and links the library into the folder of the program only when building the
+    // library itself: beside a program built by `cargo run` it is missing or stale. `build.build-dir` may place `deps` elsewhere.
+    let listed = cargo().and_then(|_| std::env::var_os(LIBRARY_PATH));
+    let listed: Vec<PathBuf> = listed.iter().flat_map(std::env::split_paths).collect();
+    // If another cargo has set the variable, the folder of the program is not in it.
+    let deps = listed.iter().find(|path| path.ends_with("deps")).filter(|_| listed.iter().any(|path| path == folder));
+    let deps = match deps {
+        Some(deps) if !folder.ends_with("deps") => deps.clone(),
+        None if !folder.ends_with("deps") => folder.join("deps"),
+        _ => folder.to_owned(),
+    };
     let built = if deps.is_dir() || cargo().is_some() { deps } else { folder.to_owned() }.join(file_name(name));
     if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(built)) }
 }
