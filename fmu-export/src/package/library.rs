@@ -21,19 +21,24 @@ const LIBRARY_PATH: &str = if cfg!(windows) {
 pub fn built_library(name: &str) -> Result<PathBuf, PackageError> {
     let program = std::env::current_exe().map_err(at(Path::new("the running program")))?;
     let folder = program.parent().unwrap_or(Path::new(""));
-    // Cargo compiles into `deps`, where test programs are too, and links the library into the folder of the program only when building the
-    // library itself: beside a program built by `cargo run` it is missing or stale. `build.build-dir` may place `deps` elsewhere.
-    let listed = cargo().and_then(|_| std::env::var_os(LIBRARY_PATH));
+    let deps = compiled(folder);
+    let built = if deps.is_dir() || cargo().is_some() { deps } else { folder.to_owned() }.join(file_name(name));
+    if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(built)) }
+}
+
+/// The folder into which cargo has compiled the program in `folder`.
+///
+/// Cargo compiles into `deps`, where test programs are too, and links the library into the folder of the program only when building the library
+/// itself: beside a program built by `cargo run` it is missing or stale. `build.build-dir` may place `deps` elsewhere.
+fn compiled(folder: &Path) -> PathBuf {
+    if folder.ends_with("deps") {
+        return folder.to_owned();
+    }
+    let listed = std::env::var_os(LIBRARY_PATH);
     let listed: Vec<PathBuf> = listed.iter().flat_map(std::env::split_paths).collect();
     // If another cargo has set the variable, the folder of the program is not in it.
     let deps = listed.iter().find(|path| path.ends_with("deps")).filter(|_| listed.iter().any(|path| path == folder));
-    let deps = match deps {
-        Some(deps) if !folder.ends_with("deps") => deps.clone(),
-        None if !folder.ends_with("deps") => folder.join("deps"),
-        _ => folder.to_owned(),
-    };
-    let built = if deps.is_dir() || cargo().is_some() { deps } else { folder.to_owned() }.join(file_name(name));
-    if built.is_file() && !is_outdated(&built, name) { Ok(built) } else { Err(PackageError::NoBinary(built)) }
+    deps.cloned().unwrap_or_else(|| folder.join("deps"))
 }
 
 /// Whether cargo has since built the package without the crate type `cdylib`: only then it names the file for Rust with a hash.
