@@ -265,7 +265,12 @@ fn worded(judged: Judged, all: &[Recording], is_known: bool) -> Answer {
     let mut findings = Vec::new();
     let mut best = None;
     if *details == Details::Proposals {
-        let trial = Trial { recording: all[0].clone(), options, machine: question.stated.machine, bearing: 0 };
+        let mut recording = all[0].clone();
+        // Descriptions are compared on rows that agree with each other.
+        let contradictions = found.iter().flat_map(|found| &found.contradictions);
+        let left_out = contradictions.filter(|of| of.recording == 0 && !matches!(of.what, Change::Drift(_)));
+        left_out.for_each(|of| recording.usable[of.rows.clone()].fill(false));
+        let trial = Trial { recording, options, machine: question.stated.machine, bearing: 0 };
         findings.extend(constant_currents(&all[0].current_a, question.stated.machine));
         let proposals = diagnosis::proposals(&trial);
         best = proposals.first().cloned();

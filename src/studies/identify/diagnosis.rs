@@ -8,7 +8,7 @@ use nalgebra::Complex;
 use self::Concerns::{All, Axial, Each, Opposite, Radial, Shaft};
 use super::answer::{implausible, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
-use super::likelihood::{Change, Estimate, Identification, Knowledge, LAG, Options, Recording};
+use super::likelihood::{Change, Contradiction, Estimate, Identification, Knowledge, LAG, Options, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -309,11 +309,29 @@ fn stretch(trial: &Trial, stretches: usize) -> Trial {
     Trial { recording, options, ..*trial }
 }
 
+/// Sections of this many rows without changes of λ or load between them; all rows in one if none is long enough to decide.
+fn sections(contradictions: &[&Contradiction], rows: usize) -> Vec<Range<usize>> {
+    let changes = contradictions.iter().filter(|of| matches!(of.what, Change::Lambda(_) | Change::Load { .. }));
+    let mut ends: Vec<usize> = changes.map(|of| if of.rows.start == 0 { of.rows.end } else { of.rows.start }).collect();
+    ends.extend([0, rows]);
+    ends.sort_unstable();
+    // A change is found to within a block.
+    let margin = rows / 64;
+    let start = |at: usize| if at > 0 { at + margin } else { 0 };
+    let end = |at: usize| if at < rows { at.saturating_sub(margin) } else { rows };
+    let sections = ends.windows(2).map(|ends| start(ends[0])..end(ends[1]));
+    let mut long: Vec<_> = sections.filter(|of| of.len() >= ROWS[0].min(rows) / 2).collect();
+    if long.is_empty() {
+        long.push(0..rows);
+    }
+    long
+}
+
 /// Difference between the greatest log-likelihood of a stretch and that of each meaning of the currents; infinite if it does not fit. Each has
 /// the best lag, if requested, or else the best delay of a typical bench: otherwise a delay of a third of a sample looks like a continuous current.
 pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] {
     // One whole recording at a time: each may have millions of rows.
-    let mut trials: [Trial; N] = std::array::from_fn(|at| {
+    let trials: [Trial; N] = std::array::from_fn(|at| {
         let mut trial = stretch(&trial(at), HOLD_STRETCHES);
         trial.options = Options { excludes_rows: true, ..trial.options.late() };
         // An unknown force is consistent with every meaning.
@@ -324,19 +342,6 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
         trial
     });
     let all = |trials: &[Trial; N]| in_order(trials.len(), &|at| identified(&trials[at]));
-    let mut found = all(&trials);
-    // Rows that are disturbed with one meaning are left out of all: an outlier would decide.
-    let contradictions = found.iter().flatten().flat_map(|of| &of.contradictions);
-    let disturbed = contradictions.filter(|of| matches!(of.what, Change::Disturbed { .. }));
-    let rows: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
-    if !rows.is_empty() {
-        for trial in &mut trials {
-            rows.iter().for_each(|rows| trial.recording.usable[rows.clone()].fill(false));
-            // A contradiction decides: further rows need not be left out.
-            trial.options.excludes_rows = false;
-        }
-        found = all(&trials).into_iter().map(|of| of.filter(|of| of.converged)).collect();
-    }
     // Magnets only pull, and currents do not lead commands: a negative lag counts as none. Single outliers made one of −20 µs more likely than
     // none by 20 to 40.
     let is_possible = |of: &&Identification| !of.lambda.iter().any(Estimate::is_negative);
@@ -344,12 +349,36 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
         let mut lags = of.bench.iter().filter(|bench| plain(&bench.parameter.name) == LAG);
         lags.any(|lag| lag.estimate.value < 0.0)
     };
-    let of: [f64; N] = array::from_fn(|at| {
-        let same = |other: &usize| trials[*other].recording.hold == trials[at].recording.hold;
-        let from = if found[at].as_ref().is_some_and(leads) { (0..N).find(same).unwrap_or(at) } else { at };
-        let whole = found[from].as_ref().filter(|of| of.contradictions.is_empty()).filter(is_possible);
-        whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
-    });
+    let minus_log_likelihoods = |trials: &[Trial; N], found: &[Option<Identification>]| -> [f64; N] {
+        array::from_fn(|at| {
+            let same = |other: &usize| trials[*other].recording.hold == trials[at].recording.hold;
+            let from = if found[at].as_ref().is_some_and(leads) { (0..N).find(same).unwrap_or(at) } else { at };
+            let whole = found[from].as_ref().filter(|of| of.contradictions.is_empty()).filter(is_possible);
+            whole.map_or(f64::INFINITY, |of| -of.log_likelihood)
+        })
+    };
+    let found = all(&trials);
+    let contradictions: Vec<_> = found.iter().flatten().flat_map(|of| &of.contradictions).collect();
+    let disturbed = contradictions.iter().filter(|of| matches!(of.what, Change::Disturbed { .. }));
+    let disturbed: Vec<_> = disturbed.map(|of| of.rows.clone()).collect();
+    let rows = trials.first().map_or(0, |trial| trial.recording.usable.len());
+    let sections = sections(&contradictions, rows);
+    let mut of = minus_log_likelihoods(&trials, &found);
+    if !disturbed.is_empty() || sections.len() > 1 || sections[0].len() < rows {
+        // Rows that are disturbed with one meaning are left out of all: an outlier would decide. A contradiction decides: further rows need not be
+        // left out. Before and after a change the meanings are compared separately.
+        of = [0.0; N];
+        for section in sections {
+            let mut own = trials.clone();
+            for trial in &mut own {
+                trial.options.excludes_rows = false;
+                let left_out = disturbed.iter().cloned().chain([0..section.start, section.end..rows]);
+                left_out.for_each(|rows| trial.recording.usable[rows].fill(false));
+            }
+            let found: Vec<_> = all(&own).into_iter().map(|of| of.filter(|of| of.converged)).collect();
+            of.iter_mut().zip(minus_log_likelihoods(&own, &found)).for_each(|(sum, own)| *sum += own);
+        }
+    }
     let best = of.iter().copied().fold(f64::INFINITY, f64::min);
     of.map(|value| if value.is_finite() { value - best } else { value })
 }

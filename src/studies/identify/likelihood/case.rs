@@ -74,6 +74,11 @@ impl Case<'_> {
         self.effective_rows.map_or(self.rows(), |effective| effective.min(self.rows()))
     }
 
+    /// Root mean square of all currents.
+    pub fn rms_current_a(&self) -> f64 {
+        mean(self.current.iter().copied().flatten().map(|i| i * i)).sqrt()
+    }
+
     /// Whether both noise levels are known.
     pub fn has_known_noise(&self) -> bool {
         self.recording.position_noise_m.is_some() && self.recording.current_noise_a.is_some()
@@ -228,7 +233,6 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
         let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
         case.noise_variance = if curvature < 0.0 { (-1.0 / curvature).min(prior) } else { prior };
     }
-    let rms = mean(case.current.iter().copied().flatten().map(|i| i * i)).sqrt();
     let scale = {
         let t = ratio / NOISE_STEP;
         let (l, m, h) = (logs(0), logs(1), logs(2));
@@ -247,7 +251,7 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     }
     case.position_noise = case.position_noise.max(1e-10);
     // Above this the square of a current would be all noise.
-    case.current_noise = case.current_noise.clamp(1e-6, 0.39 * rms.max(1e-5));
+    case.current_noise = case.current_noise.clamp(1e-6, 0.39 * case.rms_current_a().max(1e-5));
     let changes = [case.position_noise / before_position, case.current_noise / before_current];
     let [position, current] = changes.map(|change| libm::log(change).abs());
     position.max(current * weight(curvature))

@@ -1,5 +1,7 @@
 //! Sections of a recording that are inconsistent with the others.
 
+use std::ops::Range;
+
 use nalgebra::DVector;
 
 use super::case::SHORTEST_BLOCK;
@@ -53,15 +55,17 @@ pub(super) struct Detected {
 /// For a change after block n the score `g` of the blocks up to it has the covariance `J_n − J_n J⁻¹ J_n` with all other unknowns estimated. The
 /// contribution of the step that remains, `J_n J⁻¹ b`, is no change and is subtracted. For a drift the blocks have weights `w`, `g = Σ w g_n`, with the
 /// covariance `Σ w² J_n − C J⁻¹ Cᵀ`, `C = Σ w J_n` (Lagrange multiplier tests).
-pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
+///
+/// The normalised innovation squared where the fit holds, by recording, scales the noise if it exceeds 1.
+pub(super) fn change(finished: &Finished<'_>, nis: &[f64]) -> Option<Detected> {
     let search = &finished.search;
     let of = &finished.estimated;
     let (a, b) = search.equations(&finished.normal, of);
     let inverse_all = inverse(&a)?;
     let step = &inverse_all * b;
     let mut found: Option<Detected> = None;
-    for r in 0..search.cases.len() {
-        let dispersion = finished.nis(r).max(1.0);
+    for (r, nis) in nis.iter().enumerate() {
+        let dispersion = nis.max(1.0);
         let layout = search.model.layout;
         let [mut until, mut weighted, mut squared] = [0; 3].map(|_| Normal::new(layout, search.cases.len()));
         // χ² of a change of these unknowns, and the change.
@@ -120,14 +124,8 @@ pub(super) fn change(finished: &Finished<'_>) -> Option<Detected> {
     found
 }
 
-/// Leaves out the smaller side of a change and describes it, with its own estimates if λ differs there; none if no rows would remain. A drift leaves no
-/// rows that agree.
-pub(super) fn leave_out(
-    recordings: &[Recording],
-    masks: &mut [Vec<bool>],
-    finished: &Finished<'_>,
-    change: &Detected,
-) -> Option<Contradiction> {
+/// Leaves out the smaller side of a change; none if no rows would remain. A drift leaves no rows that agree.
+pub(super) fn leave_out(masks: &mut [Vec<bool>], finished: &Finished<'_>, change: &Detected) -> Option<Contradiction> {
     let (search, recording) = (&finished.search, change.recording);
     if let Changed::Drift(relative) = &change.what {
         let what = Change::Drift(relative.clone());
@@ -144,17 +142,45 @@ pub(super) fn leave_out(
     // The change lies somewhere within the block before or after.
     mask[rows.start.saturating_sub(block)..(rows.end + block).min(end)].fill(false);
     let what = if change.what == Changed::Lambda {
-        let mut alone = vec![false; end];
-        alone[rows.clone()].fill(true);
-        let fitted = fit(&recordings[recording..=recording], &[alone], search.model, &mut Vec::new()).ok();
-        let unknown = Estimate::default().scaled(f64::NAN);
-        let lambda = |k: usize| fitted.as_ref().map_or(unknown, |fitted| fitted.estimate(k));
-        Change::Lambda((0..search.model.layout.magnets).map(lambda).collect())
+        Change::Lambda(vec![Estimate::default().scaled(f64::NAN); search.model.layout.magnets])
     } else {
         let or_lambda = change.of_lambda > ALIKE * change.chi_square;
         Change::Load { chi_square: change.chi_square, or_lambda }
     };
     Some(Contradiction { recording, part: 0, rows, what })
+}
+
+/// Says what differs on the side of a change that was left out, by a fit of its own beside that of the rows that remain. The score test that detected the
+/// change is linear: it takes large changes of λ for changes of the load.
+pub(super) fn compare(recordings: &[Recording], side: &mut Contradiction, rest: &Finished<'_>) {
+    let (recording, model) = (side.recording, rest.search.model);
+    let mut alone = vec![false; recordings[recording].rows()];
+    alone[side.rows.clone()].fill(true);
+    let own = fit(&recordings[recording..=recording], &[alone], model, &mut Vec::new());
+    let Some(own) = own.ok().filter(Finished::is_solution).filter(|_| rest.is_solution()) else { return };
+    let layout = model.layout;
+    let differs = |unknowns: Range<usize>| {
+        let of = |r: usize| unknowns.clone().map(|j| layout.unknown(j, r)).collect::<Vec<_>>();
+        let chi_square = difference((&own, &of(0)), (rest, &of(recording)))?;
+        (chi_square > chi_square_limit(unknowns.len() as f64, THRESHOLD_STD)).then_some(chi_square)
+    };
+    let is_large = |k: usize| (own.search.x[k] / rest.search.x[k] - 1.0).abs() > MIN_RELATIVE_CHANGE;
+    let lambda_differs = differs(0..layout.magnets).is_some() && (0..layout.magnets).any(is_large);
+    if lambda_differs || matches!(side.what, Change::Lambda(_)) {
+        side.what = Change::Lambda((0..layout.magnets).map(|k| own.estimate(k)).collect());
+    } else if let Some(chi_square) = differs(layout.load..layout.base) {
+        side.what = Change::Load { chi_square, or_lambda: false };
+    }
+}
+
+/// χ² of the difference of unknowns in two fits with independent noise (Wald test).
+fn difference((a, of_a): (&Finished<'_>, &[usize]), (b, of_b): (&Finished<'_>, &[usize])) -> Option<f64> {
+    let covariance = |of: &Finished<'_>, unknowns: &[usize]| {
+        let at = unknowns.iter().map(|at| of.at(*at)).collect::<Option<Vec<_>>>()?;
+        Some(submatrix(&of.noise, &at, &at))
+    };
+    let by = DVector::from_fn(of_a.len(), |i, _| a.search.x[of_a[i]] - b.search.x[of_b[i]]);
+    Some((inverse(&(covariance(a, of_a)? + covariance(b, of_b)?))? * &by).dot(&by))
 }
 
 /// Blocks with excessive innovations, and the sum of their χ² in excess of that of the others. Where the noise is that of a simulation, they are rounding

@@ -547,15 +547,31 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
         let half: Vec<Vec<bool>> = masks.iter().map(of).collect();
         let mut held = Vec::new();
         let own = fit(recordings, &half, model, &mut held).ok().filter(Finished::is_solution)?;
+        let nis: Vec<f64> = (0..recordings.len()).map(|r| own.nis(r)).collect();
         let mut search = start(recordings, &masks, model, &held).ok()?;
         search.start_at(own.search.point());
         let finished = finish(search).ok()?;
-        let change = changes::change(&finished)?;
+        let change = changes::change(&finished, &nis)?;
         Some((finished, change))
     };
     let halves = in_order(2, &|half| from(half == 1));
     let (finished, change) = halves.into_iter().flatten().max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
-    Some((changes::leave_out(recordings, &mut masks, &finished, &change)?, masks))
+    Some((changes::leave_out(&mut masks, &finished, &change)?, masks))
+}
+
+/// Fits the rows that remain, and compares the side of a change with them if that was left out last.
+fn fit_rest<'a>(
+    recordings: &'a [Recording],
+    masks: &[Vec<bool>],
+    model: &'a Model<'a>,
+    held: &mut Vec<usize>,
+    contradictions: &mut [Contradiction],
+) -> Result<Finished<'a>, Failed> {
+    let rest = fit(recordings, masks, model, held)?;
+    if let Some(side) = contradictions.last_mut().filter(|last| !matches!(last.what, Change::Disturbed { .. })) {
+        changes::compare(recordings, side, &rest);
+    }
+    Ok(rest)
 }
 
 pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identified {
@@ -571,7 +587,8 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
         // Tests are meaningful only near a solution.
         let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
             // In a comparison of descriptions, magnets that push decide.
-            let pushes = !model.options.corrects_bias && found.as_ref().is_ok_and(|found| found.search.converged);
+            let has_pushing = |found: &Finished<'_>| found.search.converged && found.pushes();
+            let pushes = !model.options.corrects_bias && found.as_ref().is_ok_and(has_pushing);
             if !std::mem::take(&mut halves_remain) || pushes {
                 break;
             }
@@ -579,19 +596,20 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
             let Some((side, without)) = change_from_a_half(recordings, model) else { break };
             (masks, contradictions) = (without, vec![side]);
             held.clear();
-            found = fit(recordings, &masks, model, &mut held);
+            found = fit_rest(recordings, &masks, model, &mut held, &mut contradictions);
             continue;
         };
         let (disturbed, excess) = changes::disturbed(finished);
         // A disturbance looks like a change of the rows before or after it, which explains little of it.
-        let change = changes::change(finished).filter(|change| change.chi_square > MIN_EXPLAINED * excess);
+        let nis: Vec<f64> = (0..recordings.len()).map(|r| finished.nis(r)).collect();
+        let change = changes::change(finished, &nis).filter(|change| change.chi_square > MIN_EXPLAINED * excess);
         if !exclude && (change.is_some() || !disturbed.is_empty()) {
             return Err(Failed::Contradicted { gain: finished.search.gain_by_slow_force() });
         }
         if let Some(change) = change {
             // A wandering force looks like changes of the load or of λ.
             gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
-            let Some(side) = changes::leave_out(recordings, &mut masks, finished, &change) else { break };
+            let Some(side) = changes::leave_out(&mut masks, finished, &change) else { break };
             let drifts = matches!(side.what, Change::Drift(_));
             contradictions.push(side);
             if drifts {
@@ -608,7 +626,7 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
                 contradictions.push(contradiction);
             }
         }
-        found = fit(recordings, &masks, model, &mut held);
+        found = fit_rest(recordings, &masks, model, &mut held, &mut contradictions);
     }
     let mut finished = found?;
     let gain = gain.filter(|_| !model.options.slow_force);
