@@ -368,6 +368,30 @@ fn a_change_that_prevents_convergence_is_found() {
     finds(&document, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
 }
 
+/// λ2 falls by 30 % in the middle. Fails if noise of the currents may explain the motion, so that no change is sought; or if the linear test, to which
+/// the change looks like one of the load, decides what has changed.
+#[test]
+fn large_changes_of_lambda_are_named() {
+    for (name, parameters, alpha, lambda) in [
+        (
+            "explained_by_noise",
+            "m=7.95530488 s=0.492967664mm",
+            [-1.872424, 0.136716, 2.409645],
+            [2.3675e-6, 1.6287e-6, 1.9327e-6],
+        ),
+        (
+            "large_change",
+            "m=11.2521642 s=0.593504887mm",
+            [-0.028565, 1.965234, 3.937007],
+            [2.2608e-6, 1.5309e-6, 1.8442e-6],
+        ),
+    ] {
+        let document = of_bench(name, "planar", parameters, &alpha);
+        assert_contains(&document["findings"].to_string(), &["to 300.1 ms of recording 1 the force constants differ"]);
+        finds(&document, &lambda);
+    }
+}
+
 /// λ2 grows by 5 % in the middle, but the force of its magnet is almost constant: the load would explain the change as well, and both are named.
 #[test]
 fn a_change_of_an_almost_constant_force_may_be_one_of_the_load() {

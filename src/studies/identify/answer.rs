@@ -266,10 +266,10 @@ fn worded(judged: Judged, all: &[Recording], is_known: bool) -> Answer {
     let mut best = None;
     if *details == Details::Proposals {
         let mut recording = all[0].clone();
-        // Descriptions are compared on rows that agree with each other.
+        // Descriptions are compared where λ is constant.
         let contradictions = found.iter().flat_map(|found| &found.contradictions);
-        let left_out = contradictions.filter(|of| of.recording == 0 && !matches!(of.what, Change::Drift(_)));
-        left_out.for_each(|of| recording.usable[of.rows.clone()].fill(false));
+        let changes = contradictions.filter(|of| of.recording == 0 && matches!(of.what, Change::Lambda(_)));
+        changes.for_each(|of| recording.usable[of.rows.clone()].fill(false));
         let trial = Trial { recording, options, machine: question.stated.machine, bearing: 0 };
         findings.extend(constant_currents(&all[0].current_a, question.stated.machine));
         let proposals = diagnosis::proposals(&trial);

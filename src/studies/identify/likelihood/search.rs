@@ -474,11 +474,6 @@ const SLOW_FORCE: f64 = 1e-3;
 const MIN_SLOW_FORCE: f64 = 1e-7;
 /// Fraction of a level that is negligible.
 const NEGLIGIBLE: f64 = 1e-3;
-/// Smallest fraction of the rows that must remain.
-const MIN_REMAINING: f64 = 0.5;
-/// Smallest part of the excess of disturbed rows that a change explains if it is their cause. Steps of λ and load explain all of it or more, pushes of 5 to
-/// 50 ms mostly a tenth (simulator of `scripts/faults.py`, seeds 905001 to 905006).
-const MIN_EXPLAINED: f64 = 0.5;
 /// Maximum number of rounds in which inconsistent rows are left out.
 const MAX_ROUNDS: usize = 6;
 
@@ -546,7 +541,7 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
         let of = |mask: &Vec<bool>| (0..mask.len()).map(|row| (2 * row >= mask.len()) == second).collect();
         let half: Vec<Vec<bool>> = masks.iter().map(of).collect();
         let mut held = Vec::new();
-        let own = fit(recordings, &half, model, &mut held).ok().filter(Finished::is_solution)?;
+        let own = fit(recordings, &half, model, &mut held).ok().filter(|own| own.is_solution() && own.is_quiet())?;
         let nis: Vec<f64> = (0..recordings.len()).map(|r| own.nis(r)).collect();
         let mut search = start(recordings, &masks, model, &held).ok()?;
         search.start_at(own.search.point());
@@ -557,6 +552,11 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
     let halves = in_order(2, &|half| from(half == 1));
     let (finished, change) = halves.into_iter().flatten().max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
     Some((changes::leave_out(&mut masks, &finished, &change)?, masks))
+}
+
+fn at_least_half_remains(finished: &Finished<'_>, left_out: &[Contradiction]) -> bool {
+    let left_out: usize = left_out.iter().map(|of| of.rows.len()).sum();
+    2 * left_out <= finished.search.cases.iter().map(Case::rows).sum()
 }
 
 /// Fits the rows that remain, and compares the side of a change with them if that was left out last.
@@ -585,45 +585,43 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
     // Each round leaves out the most inconsistent rows. Given estimates are judged by all rows.
     for _ in 0..if model.part.given.is_empty() { MAX_ROUNDS } else { 0 } {
         // Tests are meaningful only near a solution.
-        let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else {
-            // In a comparison of descriptions, magnets that push decide.
-            let has_pushing = |found: &Finished<'_>| found.search.converged && found.pushes();
-            let pushes = !model.options.corrects_bias && found.as_ref().is_ok_and(has_pushing);
-            if !std::mem::take(&mut halves_remain) || pushes {
-                break;
-            }
+        let near = found.as_ref().ok().filter(|found| found.is_solution());
+        let (disturbed, change) = near.map(changes::inconsistent).unwrap_or_default();
+        let is_minor = near.is_some_and(|found| !disturbed.is_empty() && at_least_half_remains(found, &disturbed));
+        // Where noise explains the motion, a change may be anywhere.
+        let is_sound = near.is_some_and(|found| found.is_quiet() || (is_minor && change.is_none()));
+        // In a comparison of descriptions, magnets that push decide.
+        let is_pushing = |found: &Finished<'_>| found.search.converged && found.pushes();
+        let is_decided = !model.options.corrects_bias && found.as_ref().is_ok_and(is_pushing);
+        if !is_sound
+            && !is_decided
+            && std::mem::take(&mut halves_remain)
+            && let Some((side, without)) = change_from_a_half(recordings, model)
+        {
             // Rows left out so far were not inconsistent with any solution.
-            let Some((side, without)) = change_from_a_half(recordings, model) else { break };
             (masks, contradictions) = (without, vec![side]);
             held.clear();
-            found = fit_rest(recordings, &masks, model, &mut held, &mut contradictions);
-            continue;
-        };
-        let (disturbed, excess) = changes::disturbed(finished);
-        // A disturbance looks like a change of the rows before or after it, which explains little of it.
-        let nis: Vec<f64> = (0..recordings.len()).map(|r| finished.nis(r)).collect();
-        let change = changes::change(finished, &nis).filter(|change| change.chi_square > MIN_EXPLAINED * excess);
-        if !exclude && (change.is_some() || !disturbed.is_empty()) {
-            return Err(Failed::Contradicted { gain: finished.search.gain_by_slow_force() });
-        }
-        if let Some(change) = change {
-            // A wandering force looks like changes of the load or of λ.
-            gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
-            let Some(side) = changes::leave_out(&mut masks, finished, &change) else { break };
-            let drifts = matches!(side.what, Change::Drift(_));
-            contradictions.push(side);
-            if drifts {
-                break;
-            }
         } else {
-            let left: usize = disturbed.iter().map(|contradiction| contradiction.rows.len()).sum();
-            let all: usize = finished.search.cases.iter().map(Case::rows).sum();
-            if disturbed.is_empty() || left as f64 > (1.0 - MIN_REMAINING) * all as f64 {
-                break;
+            let Some(finished) = found.as_mut().ok().filter(|found| found.is_solution()) else { break };
+            if !exclude && (change.is_some() || !disturbed.is_empty()) {
+                return Err(Failed::Contradicted { gain: finished.search.gain_by_slow_force() });
             }
-            for contradiction in disturbed {
-                masks[contradiction.recording][contradiction.rows.clone()].fill(false);
-                contradictions.push(contradiction);
+            if let Some(change) = change {
+                // A wandering force looks like changes of the load or of λ.
+                gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
+                let Some(side) = changes::leave_out(&mut masks, finished, &change) else { break };
+                let drifts = matches!(side.what, Change::Drift(_));
+                contradictions.push(side);
+                if drifts {
+                    break;
+                }
+            } else if is_minor {
+                for contradiction in disturbed {
+                    masks[contradiction.recording][contradiction.rows.clone()].fill(false);
+                    contradictions.push(contradiction);
+                }
+            } else {
+                break;
             }
         }
         found = fit_rest(recordings, &masks, model, &mut held, &mut contradictions);

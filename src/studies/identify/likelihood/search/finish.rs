@@ -21,8 +21,8 @@ const MIN_SCORE_BLOCKS: usize = 32;
 /// with the lag: 0.25 for 32 blocks.
 const SCORES_RATIO: f64 = 2.0;
 
-/// Greatest noise of the currents, relative to their rms, of a solution. Where λ2 steps by −30 to +50 % in the middle of a recording, the search may end
-/// with a noise of 0.12 to 0.39 that explains all motion; sensors have 0.001 to 0.03 (simulator of `scripts/faults.py`, seeds 955001 to 955015).
+/// Noise of the currents, relative to their rms, that may explain all motion. Where λ2 steps by −30 to +50 % in the middle of a recording, the search may end
+/// with 0.12 to 0.39; sensors have 0.001 to 0.03 (simulator of `scripts/faults.py`, seeds 955001 to 955015).
 const MAX_CURRENT_NOISE: f64 = 0.1;
 
 /// A finished search with sums over all columns.
@@ -57,10 +57,14 @@ impl Finished<'_> {
         (0..self.search.model.layout.magnets).any(|k| self.estimate(k).is_negative())
     }
 
-    /// Whether the search has converged to a point where all magnets attract and noise of the currents does not explain the motion.
+    /// Whether the search has converged to a point where all magnets attract.
     pub fn is_solution(&self) -> bool {
-        let is_quiet = |case: &Case<'_>| case.current_noise < MAX_CURRENT_NOISE * case.rms_current_a();
-        self.search.converged && !self.pushes() && self.search.cases.iter().all(is_quiet)
+        self.search.converged && !self.pushes()
+    }
+
+    /// Whether the noise of the currents is too small to explain the motion.
+    pub fn is_quiet(&self) -> bool {
+        self.search.cases.iter().all(|case| case.current_noise < MAX_CURRENT_NOISE * case.rms_current_a())
     }
 
     /// The blocks of recording `r`.
