@@ -265,6 +265,7 @@ FAULTS = [
     Fault("clipped currents", clipped, cause=SENSORS + "clipped"),
     Fault("0.1 % of outliers", outliers, cause=SENSORS + ".*outlier"),
     Fault("λ2 +5 % in the middle", cause="force constants differ", world=(("step_of_lambda", 0.05),)),
+    Fault("λ2 −30 % in the middle", cause="force constants differ", world=(("step_of_lambda", -0.3),)),
     Fault("a push of 5 ms", cause="something disturbs", world=(("push_s", 5e-3),)),
     Fault("a push of 20 ms", cause="something disturbs", world=(("push_s", 2e-2),)),
     Fault("3 % of rows missing", lost(0.03), cause="gaps"),

@@ -568,7 +568,8 @@ fn fit_rest<'a>(
     contradictions: &mut [Contradiction],
 ) -> Result<Finished<'a>, Failed> {
     let rest = fit(recordings, masks, model, held)?;
-    if let Some(side) = contradictions.last_mut().filter(|last| !matches!(last.what, Change::Disturbed { .. })) {
+    let is_change = |of: &&mut Contradiction| matches!(of.what, Change::Lambda(_) | Change::Load { .. });
+    if let Some(side) = contradictions.last_mut().filter(is_change) {
         changes::compare(recordings, side, &rest);
     }
     Ok(rest)
@@ -588,7 +589,7 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
         let near = found.as_ref().ok().filter(|found| found.is_solution());
         let (disturbed, change) = near.map(changes::inconsistent).unwrap_or_default();
         let is_minor = near.is_some_and(|found| !disturbed.is_empty() && at_least_half_remains(found, &disturbed));
-        // Where noise explains the motion, a change may be anywhere.
+        // Where noise explains the motion, a change seems to be elsewhere, or is not seen at all.
         let is_sound = near.is_some_and(|found| found.is_quiet() || (is_minor && change.is_none()));
         // In a comparison of descriptions, magnets that push decide.
         let is_pushing = |found: &Finished<'_>| found.search.converged && found.pushes();
