@@ -311,7 +311,7 @@ fn stretch(trial: &Trial, stretches: usize) -> Trial {
 
 /// Sections of this many rows without changes of λ or load between them; all rows in one if none is long enough to decide.
 fn sections(contradictions: &[&Contradiction], rows: usize) -> Vec<Range<usize>> {
-    let changes = contradictions.iter().filter(|of| matches!(of.what, Change::Lambda(_) | Change::Load { .. }));
+    let changes = contradictions.iter().filter(|of| of.what.divides());
     let mut ends: Vec<usize> = changes.map(|of| if of.rows.start == 0 { of.rows.end } else { of.rows.start }).collect();
     ends.extend([0, rows]);
     ends.sort_unstable();

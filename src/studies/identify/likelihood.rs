@@ -375,6 +375,13 @@ pub enum Change {
     },
 }
 
+impl Change {
+    /// Whether λ or the load differ before and after an instant.
+    pub(super) fn divides(&self) -> bool {
+        matches!(self, Self::Lambda(_) | Self::Load { .. })
+    }
+}
+
 /// Unbalance in a plane of the rotor.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Unbalance {

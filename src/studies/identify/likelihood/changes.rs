@@ -56,9 +56,8 @@ pub(super) struct Detected {
 /// Blocks with excessive innovations, and the most significant change.
 pub(super) fn inconsistent(finished: &Finished<'_>) -> (Vec<Contradiction>, Option<Detected>) {
     let (disturbed, excess) = disturbed(finished);
-    let nis: Vec<f64> = (0..finished.search.cases.len()).map(|r| finished.nis(r)).collect();
     // A disturbance looks like a change of the rows before or after it, which explains little of it.
-    (disturbed, change(finished, &nis).filter(|change| change.chi_square > MIN_EXPLAINED * excess))
+    (disturbed, change(finished, finished).filter(|change| change.chi_square > MIN_EXPLAINED * excess))
 }
 
 /// The most significant change of λ or load: at an instant, or of λ a linear one throughout a recording.
@@ -67,16 +66,16 @@ pub(super) fn inconsistent(finished: &Finished<'_>) -> (Vec<Contradiction>, Opti
 /// contribution of the step that remains, `J_n J⁻¹ b`, is no change and is subtracted. For a drift the blocks have weights `w`, `g = Σ w g_n`, with the
 /// covariance `Σ w² J_n − C J⁻¹ Cᵀ`, `C = Σ w J_n` (Lagrange multiplier tests).
 ///
-/// The normalised innovation squared where the fit holds, by recording, scales the noise if it exceeds 1.
-pub(super) fn change(finished: &Finished<'_>, nis: &[f64]) -> Option<Detected> {
+/// The normalised innovation squared of the rows that were fitted scales the noise if it exceeds 1.
+pub(super) fn change(finished: &Finished<'_>, fitted: &Finished<'_>) -> Option<Detected> {
     let search = &finished.search;
     let of = &finished.estimated;
     let (a, b) = search.equations(&finished.normal, of);
     let inverse_all = inverse(&a)?;
     let step = &inverse_all * b;
     let mut found: Option<Detected> = None;
-    for (r, nis) in nis.iter().enumerate() {
-        let dispersion = nis.max(1.0);
+    for r in 0..search.cases.len() {
+        let dispersion = fitted.nis(r).max(1.0);
         let layout = search.model.layout;
         let [mut until, mut weighted, mut squared] = [0; 3].map(|_| Normal::new(layout, search.cases.len()));
         // χ² of a change of these unknowns, and the change.

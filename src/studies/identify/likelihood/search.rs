@@ -542,21 +542,15 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
         let half: Vec<Vec<bool>> = masks.iter().map(of).collect();
         let mut held = Vec::new();
         let own = fit(recordings, &half, model, &mut held).ok().filter(|own| own.is_solution() && own.is_quiet())?;
-        let nis: Vec<f64> = (0..recordings.len()).map(|r| own.nis(r)).collect();
         let mut search = start(recordings, &masks, model, &held).ok()?;
         search.start_at(own.search.point());
         let finished = finish(search).ok()?;
-        let change = changes::change(&finished, &nis)?;
+        let change = changes::change(&finished, &own)?;
         Some((finished, change))
     };
     let halves = in_order(2, &|half| from(half == 1));
     let (finished, change) = halves.into_iter().flatten().max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
     Some((changes::leave_out(&mut masks, &finished, &change)?, masks))
-}
-
-fn at_least_half_remains(finished: &Finished<'_>, left_out: &[Contradiction]) -> bool {
-    let left_out: usize = left_out.iter().map(|of| of.rows.len()).sum();
-    2 * left_out <= finished.search.cases.iter().map(Case::rows).sum()
 }
 
 /// Fits the rows that remain, and compares the side of a change with them if that was left out last.
@@ -568,8 +562,7 @@ fn fit_rest<'a>(
     contradictions: &mut [Contradiction],
 ) -> Result<Finished<'a>, Failed> {
     let rest = fit(recordings, masks, model, held)?;
-    let is_change = |of: &&mut Contradiction| matches!(of.what, Change::Lambda(_) | Change::Load { .. });
-    if let Some(side) = contradictions.last_mut().filter(is_change) {
+    if let Some(side) = contradictions.last_mut().filter(|last| last.what.divides()) {
         changes::compare(recordings, side, &rest);
     }
     Ok(rest)
@@ -588,7 +581,9 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
         // Tests are meaningful only near a solution.
         let near = found.as_ref().ok().filter(|found| found.is_solution());
         let (disturbed, change) = near.map(changes::inconsistent).unwrap_or_default();
-        let is_minor = near.is_some_and(|found| !disturbed.is_empty() && at_least_half_remains(found, &disturbed));
+        let rows: usize = disturbed.iter().map(|of| of.rows.len()).sum();
+        let is_minor =
+            rows > 0 && near.is_some_and(|found| 2 * rows <= found.search.cases.iter().map(Case::rows).sum());
         // Where noise explains the motion, a change seems to be elsewhere, or is not seen at all.
         let is_sound = near.is_some_and(|found| found.is_quiet() || (is_minor && change.is_none()));
         // In a comparison of descriptions, magnets that push decide.
