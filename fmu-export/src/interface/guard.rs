@@ -1,53 +1,34 @@
 //! The entry guard: every call on an instance passes it.
 
 use std::any::Any;
-use std::cell::UnsafeCell;
 use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, TryLockError};
 
 use super::component::{Component, Outcome, Problem};
 use super::logger::Category;
 use super::sequence::{Rule, State};
 use super::{Interface, name_of};
 
-/// Target of the importer's pointer: an instance, and whether a call on it is in progress.
+/// Target of the importer's pointer: an instance, locked during a call on it.
 ///
 /// The standard forbids concurrent calls, yet loggers call back into their instance, and importers share instances between
 /// threads. Such a call is refused, so that it never sees an instance during a change.
-struct Guarded<I: Interface> {
-    busy: AtomicBool,
-    component: UnsafeCell<Component<I>>,
-}
+type Guarded<I> = Mutex<Component<I>>;
 
-impl<I: Interface> Guarded<I> {
-    /// Begins a call, unless one is in progress.
-    fn begin(&self) -> Option<Call<'_, I>> {
-        // Constructed only if no call is in progress, because its end admits the next call.
-        (!self.busy.swap(true, Ordering::Acquire)).then(|| Call(self))
-    }
-}
-
-/// A call in progress; its end admits the next one.
-struct Call<'g, I: Interface>(&'g Guarded<I>);
-
-impl<I: Interface> Call<'_, I> {
-    fn component(&mut self) -> &mut Component<I> {
-        // SAFETY: `busy` admits one call at a time, and only a call accesses the component.
-        unsafe { &mut *self.0.component.get() }
-    }
-}
-
-impl<I: Interface> Drop for Call<'_, I> {
-    fn drop(&mut self) {
-        self.0.busy.store(false, Ordering::Release);
+/// Begins a call, unless one is in progress. The end of the call, when the result is dropped, admits the next one.
+fn begin<I: Interface>(guarded: &Guarded<I>) -> Option<MutexGuard<'_, Component<I>>> {
+    match guarded.try_lock() {
+        Ok(component) => Some(component),
+        // No panic leaves a call, which catches its own.
+        Err(TryLockError::Poisoned(poisoned)) => Some(poisoned.into_inner()),
+        Err(TryLockError::WouldBlock) => None,
     }
 }
 
 /// Passes a new instance to the importer.
 pub(crate) fn hand_out<I: Interface>(component: Component<I>) -> *mut c_void {
-    let guarded = Guarded { busy: AtomicBool::new(false), component: UnsafeCell::new(component) };
-    Box::into_raw(Box::new(guarded)).cast()
+    Box::into_raw(Box::new(Guarded::new(component))).cast()
 }
 
 /// Frees an instance. An instance freed by its own logger during a call is leaked, because the call still uses it.
@@ -57,10 +38,7 @@ pub(crate) fn hand_out<I: Interface>(component: Component<I>) -> *mut c_void {
 pub(crate) unsafe fn take_back<I: Interface>(component: *mut c_void) {
     let guarded = component.cast::<Guarded<I>>();
     // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
-    let Some(busy) = (unsafe { guarded.as_ref() }).map(|guarded| guarded.busy.swap(true, Ordering::Acquire)) else {
-        return;
-    };
-    if !busy {
+    if unsafe { guarded.as_ref() }.is_some_and(|guarded| begin(guarded).is_some()) {
         // SAFETY: `hand_out` made the pointer of a box; no call is in progress, and by contract none follows.
         let guarded = unsafe { Box::from_raw(guarded) };
         let _ = catch_unwind(AssertUnwindSafe(|| drop(guarded)));
@@ -80,11 +58,11 @@ pub(crate) unsafe fn enter<F: Rule>(
 ) -> <F::Standard as Interface>::Status {
     // SAFETY: a pointer that is not null is, by this function's contract, a live instance.
     let guarded = unsafe { component.cast::<Guarded<F::Standard>>().as_ref() };
-    let Some(mut call) = guarded.and_then(Guarded::<F::Standard>::begin) else {
+    let Some(mut component) = guarded.and_then(begin) else {
         // This cannot be reported: the logger belongs to the instance, and may be the caller.
         return F::Standard::ERROR;
     };
-    let component = call.component();
+    let component = &mut *component;
     if function.states() & component.stage.state as u8 == 0 {
         let problem = out_of_sequence(component, function);
         return failed(component, function, problem);
