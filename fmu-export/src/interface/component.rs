@@ -62,6 +62,11 @@ impl<I: Interface> Component<I> {
         found.unwrap_or_else(|| format!("value reference {reference}"))
     }
 
+    /// The error for reading a variable as another type.
+    pub(crate) fn wrong_type(&self, reference: u32, wanted: &str, found: &Value) -> Problem {
+        Problem::Call(format!("{} is not of type {wanted} but {}", self.name_of(reference), found.type_name()))
+    }
+
     pub(crate) fn setup(&mut self, start_s: f64, stop_s: Option<f64>) -> Outcome {
         if start_s.is_nan() || start_s.abs() > LATEST_START_S {
             return Err(Problem::Call(format!(
@@ -142,10 +147,7 @@ impl<I: Interface> Component<I> {
         let mut texts = Vec::new();
         for index in indices {
             let found = self.instance.get(*index as usize).map_err(Problem::call)?;
-            let Value::String(text) = found else {
-                let name = self.name_of(*index);
-                return Err(Problem::Call(format!("{name} is not of type String but {}", found.type_name())));
-            };
+            let Value::String(text) = found else { return Err(self.wrong_type(*index, "String", &found)) };
             // A zero byte would end the string for the importer; a blank keeps the remainder readable.
             texts.push(CString::new(text.replace('\0', " ")).expect("zero bytes were replaced"));
         }

@@ -18,7 +18,7 @@ unsafe fn get<T: CValue>(
     function: Function,
     (references, count): (*const fmi2ValueReference, usize),
     values: *mut T,
-    take: impl Fn(&Value) -> Option<T>,
+    take: impl Fn(Value) -> Result<T, Value>,
     type_name: &str,
 ) -> fmi2Status {
     let body = |component: &mut Component| {
@@ -31,17 +31,12 @@ unsafe fn get<T: CValue>(
             if let Value::Real(number) = found {
                 finite_result(component, *reference, number)?;
             }
-            *value = take(&found).ok_or_else(|| Problem::Call(wrong_type(component, *reference, type_name, &found)))?;
+            *value = take(found).map_err(|found| component.wrong_type(*reference, type_name, &found))?;
         }
         Ok(())
     };
     // SAFETY: the component meets the contract of the exported function.
     unsafe { enter(component, function, body) }
-}
-
-/// The error for reading a variable as another type.
-fn wrong_type(component: &Component, reference: fmi2ValueReference, wanted: &str, found: &Value) -> String {
-    format!("{} is not of type {wanted} but {}", component.name_of(reference), found.type_name())
 }
 
 /// Writes the variables of one type: all of them, or none if one is refused.
@@ -89,13 +84,6 @@ c_functions! {
     }
 }
 
-/// The value if it is of one type.
-macro_rules! only {
-    ($kind:ident) => {
-        |value: &Value| if let Value::$kind(value) = value { Some((*value).into()) } else { None }
-    };
-}
-
 /// Functions that read or write the variables of one type, by [`get`] or [`set`].
 macro_rules! accessors {
     ($($about:literal $name:ident: $type:ident = $function:ident($of:ty), $way:ident($($how:expr),+);)*) => {
@@ -110,11 +98,12 @@ macro_rules! accessors {
 }
 
 accessors! {
-    "Reads Real variables." fmi2GetReal: fmi2GetRealTYPE = GetReal(*mut fmi2Real), get(only!(Real), "Real");
+    "Reads Real variables." fmi2GetReal: fmi2GetRealTYPE = GetReal(*mut fmi2Real), get(f64::try_from, "Real");
     "Reads Integer and Enumeration variables."
-    fmi2GetInteger: fmi2GetIntegerTYPE = GetInteger(*mut fmi2Integer), get(only!(Integer), "Integer");
+    fmi2GetInteger: fmi2GetIntegerTYPE = GetInteger(*mut fmi2Integer), get(i32::try_from, "Integer");
     "Reads Boolean variables."
-    fmi2GetBoolean: fmi2GetBooleanTYPE = GetBoolean(*mut fmi2Boolean), get(only!(Boolean), "Boolean");
+    fmi2GetBoolean: fmi2GetBooleanTYPE = GetBoolean(*mut fmi2Boolean),
+        get(|value| bool::try_from(value).map(fmi2Boolean::from), "Boolean");
     "Writes Real variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
      used: a parameter at the end of initialization. An input may be missing, like a sensor's reading: the model decides."
     fmi2SetReal: fmi2SetRealTYPE = SetReal(*const fmi2Real), set(|value| Ok(Value::Real(value)));

@@ -5,6 +5,7 @@ use std::borrow::Cow;
 use super::Component;
 use crate::fmi3::bindings::*;
 use crate::fmi3::sequence::Function;
+use crate::instance::AccessError;
 use crate::interface::arguments::{CValue, boolean, elements, elements_mut, finite_result, text_value};
 use crate::interface::c_functions;
 use crate::interface::component::{Outcome, Problem};
@@ -50,26 +51,30 @@ pub(super) fn wrong_count(name: &str, found: usize, wanted: usize) -> Problem {
     Problem::Call(format!("{name} = {found} is refused: the value references stand for {wanted} values"))
 }
 
-/// The name of a type in FMI 3.0.
+/// The type of FMI 3.0 as which variables are read and written.
 fn type_name(data_type: &Type) -> &'static str {
     match data_type {
         Type::Real { .. } => "Float64",
         Type::Integer { .. } => "Int32",
-        Type::Enumeration { .. } => "Enumeration (Int64)",
+        Type::Enumeration { .. } => "Int64",
         Type::Boolean { .. } => "Boolean",
         Type::String { .. } => "String",
     }
 }
 
 /// Whether a variable is of the type that a function reads or writes.
-fn check(component: &Component, index: u32, fits: impl Fn(&Type) -> bool, asked: &str) -> Outcome {
+fn check(component: &Component, index: u32, asked: &str) -> Outcome {
     let variables = component.model.variables();
     let (name, found) = match variables.get(index as usize) {
-        Some(variable) if fits(&variable.data_type) => return Ok(()),
         Some(variable) => (variable.name.as_ref(), type_name(&variable.data_type)),
         None if index as usize == variables.len() => ("time", "Float64"),
-        None => return Err(Problem::Call(format!("there is no variable with value reference {index}"))),
+        None => return Err(Problem::call(AccessError::Unknown(index as usize))),
     };
+    if found == asked {
+        return Ok(());
+    }
+    // Only enumerations have this type.
+    let found = if found == "Int64" { "Enumeration (Int64)" } else { found };
     Err(Problem::Call(format!("{name} is not of type {asked} but {found}")))
 }
 
@@ -102,14 +107,21 @@ unsafe fn get<T: CValue>(
     unsafe { enter(instance, function, body) }
 }
 
-/// Reads a variable after its type was checked.
-fn value(component: &mut Component, index: u32) -> Result<Value, Problem> {
-    component.instance.get(index as usize).map_err(Problem::call)
+/// Reads a variable of one type.
+fn value<T: TryFrom<Value>>(component: &mut Component, index: u32, asked: &str) -> Result<T, Problem> {
+    check(component, index, asked)?;
+    let found = component.instance.get(index as usize).map_err(Problem::call)?;
+    // A value whose type differs from that in the table is a defect.
+    T::try_from(found).map_err(|_| Problem::Run(format!("{} has a value of another type", component.name_of(index))))
 }
 
-/// A value whose type differs from that in the table, which is a defect.
-fn type_mismatch<T>(component: &Component, index: u32) -> Result<T, Problem> {
-    Err(Problem::Run(format!("{} has a value of another type", component.name_of(index))))
+/// Reads a Float64 variable, or the time.
+fn float(component: &mut Component, index: u32) -> Result<f64, Problem> {
+    if index as usize == component.model.variables().len() {
+        return Ok(component.stage.time_s);
+    }
+    let value = value(component, index, "Float64")?;
+    finite_result(component, index, value)
 }
 
 /// Writes the variables of one type: all of them, or none if one is refused.
@@ -121,7 +133,7 @@ unsafe fn set<T: CValue + Copy>(
     function: Function,
     (references, count): References,
     (values, n_values): (*const T, usize),
-    (fits, asked): (impl Fn(&Type) -> bool, &str),
+    asked: &str,
     wrap: impl Fn(T) -> Result<Value, String>,
 ) -> fmi3Status {
     let body = |component: &mut Component| {
@@ -136,7 +148,7 @@ unsafe fn set<T: CValue + Copy>(
             if *index as usize == component.model.variables().len() {
                 return Err(Problem::call("time cannot be set: it follows from the steps"));
             }
-            check(component, *index, &fits, asked)?;
+            check(component, *index, asked)?;
             wrap(*value).map_err(|why| Problem::Call(format!("{}: {why}", component.name_of(*index))))?;
         }
         let setting = |at: usize| (indices[at] as usize, wrap(values[at]).expect("all values were checked"));
@@ -159,30 +171,10 @@ unsafe fn none_of(
     let body = |component: &mut Component| {
         // SAFETY: the array meets the contract of the exported function.
         let references = unsafe { elements("valueReferences", references, count)? };
-        references.iter().try_for_each(|index| check(component, *index, |_| false, asked))
+        references.iter().try_for_each(|index| check(component, *index, asked))
     };
     // SAFETY: the instance meets the contract of the exported function.
     unsafe { enter(instance, function, body) }
-}
-
-fn is_float(data_type: &Type) -> bool {
-    matches!(data_type, Type::Real { .. })
-}
-
-fn is_integer(data_type: &Type) -> bool {
-    matches!(data_type, Type::Integer { .. })
-}
-
-fn is_enumeration(data_type: &Type) -> bool {
-    matches!(data_type, Type::Enumeration { .. })
-}
-
-fn is_boolean(data_type: &Type) -> bool {
-    matches!(data_type, Type::Boolean { .. })
-}
-
-fn is_string(data_type: &Type) -> bool {
-    matches!(data_type, Type::String { .. })
 }
 
 c_functions! {
@@ -200,23 +192,12 @@ c_functions! {
                 (elements("valueReferences", valueReferences, nValueReferences)?, elements_mut("values", values, nValues)?)
             };
             let indices = indices_of(component, references, "nValues", nValues)?;
-            indices.iter().try_for_each(|index| check(component, *index, is_string, "String"))?;
+            indices.iter().try_for_each(|index| check(component, *index, "String"))?;
             component.read_texts(&indices, values)
         };
         // SAFETY: the instance meets this module's contract.
         unsafe { enter(instance, Function::GetString, body) }
     }
-}
-
-/// Reads a variable of one type.
-macro_rules! only {
-    ($kind:ident, $fits:ident, $asked:literal) => {
-        |component: &mut Component, index: u32| {
-            check(component, index, $fits, $asked)?;
-            let Value::$kind(value) = value(component, index)? else { return type_mismatch(component, index) };
-            Ok(value.into())
-        }
-    };
 }
 
 /// Functions that read or write the variables of one type, by [`get`] or [`set`].
@@ -243,35 +224,25 @@ accessors! {
     "Reads Float64 variables, the time among them."
     fmi3GetFloat64: fmi3GetFloat64TYPE = GetFloat64(*mut fmi3Float64), get(float);
     "Reads Int32 variables."
-    fmi3GetInt32: fmi3GetInt32TYPE = GetInt32(*mut fmi3Int32), get(only!(Integer, is_integer, "Int32"));
+    fmi3GetInt32: fmi3GetInt32TYPE = GetInt32(*mut fmi3Int32), get(|component, index| value(component, index, "Int32"));
     "Reads Enumeration variables."
-    fmi3GetInt64: fmi3GetInt64TYPE = GetInt64(*mut fmi3Int64), get(only!(Integer, is_enumeration, "Int64"));
+    fmi3GetInt64: fmi3GetInt64TYPE = GetInt64(*mut fmi3Int64),
+        get(|component, index| value::<i32>(component, index, "Int64").map(i64::from));
     "Reads Boolean variables."
-    fmi3GetBoolean: fmi3GetBooleanTYPE = GetBoolean(*mut fmi3Boolean), get(only!(Boolean, is_boolean, "Boolean"));
+    fmi3GetBoolean: fmi3GetBooleanTYPE = GetBoolean(*mut fmi3Boolean),
+        get(|component, index| value::<bool>(component, index, "Boolean").map(fmi3Boolean::from));
     "Writes Float64 variables: all of them, or none if one is refused. Values that are not finite are refused where they are\n\
      used: a parameter at the end of initialization. An input may be missing, like a sensor's reading: the model decides."
-    fmi3SetFloat64: fmi3SetFloat64TYPE = SetFloat64(*const fmi3Float64),
-        set((is_float, "Float64"), |value| Ok(Value::Real(value)));
+    fmi3SetFloat64: fmi3SetFloat64TYPE = SetFloat64(*const fmi3Float64), set("Float64", |value| Ok(Value::Real(value)));
     "Writes Int32 variables: all of them, or none if one is refused."
-    fmi3SetInt32: fmi3SetInt32TYPE = SetInt32(*const fmi3Int32), set((is_integer, "Int32"), |value| Ok(Value::Integer(value)));
+    fmi3SetInt32: fmi3SetInt32TYPE = SetInt32(*const fmi3Int32), set("Int32", |value| Ok(Value::Integer(value)));
     "Writes Enumeration variables: all of them, or none if one is refused."
-    fmi3SetInt64: fmi3SetInt64TYPE = SetInt64(*const fmi3Int64), set((is_enumeration, "Int64"), item);
+    fmi3SetInt64: fmi3SetInt64TYPE = SetInt64(*const fmi3Int64), set("Int64", item);
     "Writes Boolean variables: all of them, or none if one is refused."
     fmi3SetBoolean: fmi3SetBooleanTYPE = SetBoolean(*const fmi3Boolean),
-        set((is_boolean, "Boolean"), |value| boolean(value, "fmi3"));
+        set("Boolean", |value| boolean(value, "fmi3"));
     "Writes String variables, in UTF-8: all of them, or none if one is refused."
-    fmi3SetString: fmi3SetStringTYPE = SetString(*const fmi3String), set((is_string, "String"), |value| text_value(value));
-}
-
-/// Reads a Float64 variable, or the time.
-fn float(component: &mut Component, index: u32) -> Result<f64, Problem> {
-    if index as usize == component.model.variables().len() {
-        return Ok(component.stage.time_s);
-    }
-    match value(component, index)? {
-        Value::Real(value) => finite_result(component, index, value),
-        _ => check(component, index, is_float, "Float64").and_then(|()| type_mismatch(component, index)),
-    }
+    fmi3SetString: fmi3SetStringTYPE = SetString(*const fmi3String), set("String", |value| text_value(value));
 }
 
 fn item(value: fmi3Int64) -> Result<Value, String> {
