@@ -1,8 +1,8 @@
 //! The models of one binary, by GUID.
 
+use std::ffi::CStr;
 use std::sync::{Arc, Mutex, Once, PoisonError};
 
-#[cfg(feature = "fmi3")]
 use crate::description::Standard;
 use crate::instance::ModelType;
 
@@ -38,43 +38,30 @@ impl Fmus {
         self.models().iter().find(|model| model.info.name == name).cloned()
     }
 
-    /// The model of a GUID.
-    #[cfg(feature = "fmi2")]
-    pub(crate) fn by_guid(&'static self, guid: &str) -> Option<Arc<ModelType>> {
-        self.models().iter().find(|model| model.guid() == guid).cloned()
-    }
-
-    /// All GUIDs with their models, for messages.
-    #[cfg(feature = "fmi2")]
-    pub(crate) fn guids(&'static self) -> String {
-        let listed: Vec<_> =
-            self.models().iter().map(|model| format!("{} ({})", model.guid(), model.info.name)).collect();
-        listed.join(" or ")
-    }
-
-    /// The model and the standard of an instantiation token of FMI 3.0.
-    #[cfg(feature = "fmi3")]
-    pub(crate) fn by_token(&'static self, token: &str) -> Option<(Arc<ModelType>, Standard)> {
+    /// The model and the standard of a GUID or an instantiation token, which is passed as the argument of that name.
+    ///
+    /// # Errors
+    /// Those that there are; of several standards, only those of the first.
+    pub(crate) fn by_token(
+        &'static self,
+        standards: &[Standard],
+        argument: &str,
+        token: &CStr,
+    ) -> Result<(Arc<ModelType>, Standard), String> {
         let models = self.models();
-        // Descriptions with arrays are made only if no other token matches.
-        Standard::OF_FMI3.into_iter().find_map(|standard| {
-            let found = models.iter().find(|model| model.description(standard).token == token)?;
-            Some((found.clone(), standard))
-        })
-    }
-
-    /// All instantiation tokens of FMI 3.0 with their models, for messages.
-    #[cfg(feature = "fmi3")]
-    pub(crate) fn tokens(&'static self) -> String {
-        let listed: Vec<_> = self
-            .models()
-            .iter()
-            .map(|model| {
-                let token = &model.description(Standard::Fmi3 { arrays: false }).token;
-                format!("{token} ({})", model.info.name)
-            })
-            .collect();
-        listed.join(" or ")
+        let token = token.to_string_lossy();
+        // Descriptions of a standard are made only if no token of the former one matches.
+        for standard in standards {
+            if let Some(found) = models.iter().find(|model| model.description(*standard).token == token) {
+                return Ok((found.clone(), *standard));
+            }
+        }
+        let listed =
+            models.iter().map(|model| format!("{} ({})", model.description(standards[0]).token, model.info.name));
+        Err(format!(
+            "{argument} = {token} is unknown: model description and binary do not belong together; this binary has {}",
+            listed.collect::<Vec<_>>().join(" or ")
+        ))
     }
 
     /// The name of the library as known to cargo, with underscores.

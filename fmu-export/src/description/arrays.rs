@@ -88,7 +88,7 @@ fn grouped<'v>(variables: &'v [Variable], may_be_array: impl Fn(&str) -> bool) -
 
 /// The number of elements of each value reference; 0 for an element within an array.
 #[cfg(feature = "fmi3")]
-pub(crate) fn elements(variables: &[Variable]) -> Arc<[u32]> {
+pub(crate) fn elements_of(variables: &[Variable]) -> Arc<[u32]> {
     let mut elements = vec![0; variables.len()];
     for group in groups(variables, true) {
         elements[group.reference] = group.rows.len() as u32;

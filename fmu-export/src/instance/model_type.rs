@@ -134,12 +134,6 @@ impl ModelType {
     pub fn xml(&self) -> &str {
         &self.description(Standard::Fmi2).xml
     }
-
-    /// With arrays: the number of elements of each value reference, 0 within an array.
-    #[cfg(feature = "fmi3")]
-    pub(crate) fn elements(&self) -> Arc<[u32]> {
-        description::arrays::elements(&self.variables)
-    }
 }
 
 /// A value of the same type that differs.

@@ -10,7 +10,7 @@
 
 mod values;
 
-use std::ffi::{CStr, c_char};
+use std::ffi::c_char;
 use std::panic::catch_unwind;
 
 pub use values::*;
@@ -18,6 +18,7 @@ pub use values::*;
 use super::Fmi2;
 use super::bindings::*;
 use super::sequence::{Function, State};
+use crate::Standard;
 use crate::fmus::Fmus;
 use crate::interface::arguments::{elements, elements_mut, finite, finite_result, text};
 use crate::interface::component::Problem;
@@ -64,30 +65,31 @@ fn make(
     // SAFETY: the importer keeps the callbacks and the texts valid for the length of the call, the callbacks' content for the life of
     // the instance; null is checked.
     let (callbacks, name, guid, location) = unsafe { (functions.as_ref()?, text(name), text(guid), text(location)) };
-    let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
-    let logger = Logger::new(shown, callbacks.logger, callbacks.componentEnvironment, logging_on != fmi2False);
-    let refuse = |why: std::fmt::Arguments<'_>| {
-        logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
-        None
+    let name = name.filter(|name| !name.is_empty());
+    let logger = Logger::new(
+        name.unwrap_or(c"(no name)"),
+        callbacks.logger,
+        callbacks.componentEnvironment,
+        logging_on != fmi2False,
+    );
+    let model = || {
+        name.ok_or("instanceName is empty: expected a name")?;
+        if kind != fmi2Type::fmi2CoSimulation {
+            return Err(format!("fmuType = {} is refused: expected fmi2CoSimulation (1)", kind.0));
+        }
+        let guid = guid.ok_or("fmuGUID is null: expected the GUID of the model description")?;
+        fmus.by_token(&[Standard::Fmi2], "fmuGUID", guid)
     };
-    if name.is_none_or(CStr::is_empty) {
-        return refuse(format_args!("instanceName is empty: expected a name"));
+    match model() {
+        Ok((model, _)) => {
+            let resources = location.map(|uri| Resources::from_uri(&uri.to_string_lossy())).unwrap_or_default();
+            Some(hand_out(Component::new(model, resources, logger, ())))
+        }
+        Err(why) => {
+            logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
+            None
+        }
     }
-    if kind != fmi2Type::fmi2CoSimulation {
-        return refuse(format_args!("fmuType = {} is refused: expected fmi2CoSimulation (1)", kind.0));
-    }
-    let Some(guid) = guid else {
-        return refuse(format_args!("fmuGUID is null: expected the GUID of the model description"));
-    };
-    let Some(model) = guid.to_str().ok().and_then(|guid| fmus.by_guid(guid)) else {
-        return refuse(format_args!(
-            "fmuGUID = {} is unknown: model description and binary do not belong together; this binary has {}",
-            guid.to_string_lossy(),
-            fmus.guids()
-        ));
-    };
-    let resources = location.map(|location| Resources::from_uri(&location.to_string_lossy())).unwrap_or_default();
-    Some(hand_out(Component::new(model, resources, logger, ())))
 }
 
 /// `fmi2Instantiate` for a list of models: makes an instance of the model with that GUID, or sends the reason and returns null.

@@ -11,7 +11,7 @@
 mod refused;
 mod values;
 
-use std::ffi::{CStr, c_char};
+use std::ffi::c_char;
 use std::panic::catch_unwind;
 
 pub use refused::*;
@@ -21,6 +21,7 @@ use super::bindings::*;
 use super::sequence::{Function, State};
 use super::{Fmi3, Options};
 use crate::Standard;
+use crate::description::arrays::elements_of;
 use crate::fmus::Fmus;
 use crate::interface::arguments::{element_mut, elements, elements_mut, finite_result, text};
 use crate::interface::component::Problem;
@@ -54,31 +55,26 @@ pub struct Request {
 fn make(fmus: &'static Fmus, request: &Request) -> Option<fmi3Instance> {
     // SAFETY: the importer keeps the texts valid for the length of the call; null is checked.
     let (name, token, folder) = unsafe { (text(request.name), text(request.token), text(request.resources)) };
-    let shown = name.filter(|name| !name.is_empty()).unwrap_or(c"(no name)");
-    let logger = Logger::new(shown, request.log, request.environment, request.logging_on != 0);
-    let refuse = |why: std::fmt::Arguments<'_>| {
-        let function = "fmi3InstantiateCoSimulation";
-        logger.send(fmi3Status::fmi3Error, Category::StatusError, format_args!("{function}: {why}"));
-        None
+    let name = name.filter(|name| !name.is_empty());
+    let logger = Logger::new(name.unwrap_or_default(), request.log, request.environment, request.logging_on != 0);
+    let model = || {
+        name.ok_or("instanceName is empty: expected a name")?;
+        let token = token.ok_or("instantiationToken is null: expected the one of the model description")?;
+        fmus.by_token(&Standard::OF_FMI3, "instantiationToken", token)
     };
-    if name.is_none_or(CStr::is_empty) {
-        return refuse(format_args!("instanceName is empty: expected a name"));
+    match model() {
+        Ok((model, standard)) => {
+            let resources = folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
+            let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| elements_of(model.variables()));
+            let options = Options { event_mode: request.event_mode != 0, elements };
+            Some(hand_out(Component::new(model, resources, logger, options)))
+        }
+        Err(why) => {
+            let function = "fmi3InstantiateCoSimulation";
+            logger.send(fmi3Status::fmi3Error, Category::StatusError, format_args!("{function}: {why}"));
+            None
+        }
     }
-    let Some(token) = token else {
-        return refuse(format_args!("instantiationToken is null: expected the one of the model description"));
-    };
-    let found = token.to_str().ok().and_then(|token| fmus.by_token(token));
-    let Some((model, standard)) = found else {
-        return refuse(format_args!(
-            "instantiationToken = {} is unknown: model description and binary do not belong together; this binary has {}",
-            token.to_string_lossy(),
-            fmus.tokens()
-        ));
-    };
-    let resources = folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
-    let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| model.elements());
-    let options = Options { event_mode: request.event_mode != 0, elements };
-    Some(hand_out(Component::new(model, resources, logger, options)))
 }
 
 /// `fmi3InstantiateCoSimulation` for a list of models: makes an instance of the model with that token, or sends the reason and
