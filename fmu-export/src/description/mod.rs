@@ -4,6 +4,8 @@ pub(crate) mod arrays;
 mod fmi2;
 mod fmi3;
 
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
 use sha2::{Digest, Sha256};
 
 use crate::interface::logger::Category;
@@ -11,6 +13,7 @@ use crate::model::{Capabilities, Info};
 use crate::unit::Unit;
 use crate::variable::{Causality, Dependency, Enumeration, Type, Variability, Variable};
 use crate::xml::{Element, Page, element, real, write_base_unit};
+use arrays::Group;
 
 /// A version of the standard.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,15 +80,20 @@ pub fn write(info: &Info, capabilities: Capabilities, variables: &[Variable], st
     let token =
         format!("{{{}-{}-{}-{}-{}}}", &digits[..8], &digits[8..12], &digits[12..16], &digits[16..20], &digits[20..]);
     // In attributes, quotation marks are written as `&quot;`.
-    let attribute = match standard {
-        Standard::Fmi2 => "guid",
-        Standard::Fmi3 { .. } => "instantiationToken",
-    };
+    let attribute = identity(standard);
     let xml = xml.replacen(&format!(r#"{attribute}="""#), &format!(r#"{attribute}="{token}""#), 1);
     Description { token, xml }
 }
 
-fn causality(variable: &Variable) -> &'static str {
+/// The attribute of the GUID or token.
+fn identity(standard: Standard) -> &'static str {
+    match standard {
+        Standard::Fmi2 => "guid",
+        Standard::Fmi3 { .. } => "instantiationToken",
+    }
+}
+
+pub(crate) fn causality(variable: &Variable) -> &'static str {
     match variable.causality {
         Causality::Parameter => "parameter",
         Causality::Input => "input",
@@ -120,19 +128,44 @@ fn is_initial_unknown(variable: &Variable) -> bool {
     variable.is_computed() && (listed || variable.state || variable.derivative_of.is_some())
 }
 
-/// The root element; `identity` is the attribute of the GUID or token, initially empty.
-fn root(info: &Info, version: &str, identity: &'static str) -> Element {
+/// The root element, with an empty GUID or token.
+fn root(info: &Info, standard: Standard) -> Element {
     let given = |text: &'static str| Some(text).filter(|text| !text.is_empty());
     element("fmiModelDescription")
-        .with("fmiVersion", version)
+        .with("fmiVersion", standard.version())
         .with("modelName", info.name)
-        .with(identity, "")
+        .with(identity(standard), "")
         .with("description", info.description)
         .with_some("author", given(info.author))
         .with_some("version", given(info.version))
         .with_some("license", given(info.license))
         .with_some("generationTool", given(info.tool))
         .with("variableNamingConvention", "structured")
+}
+
+/// Units, enumerations, log categories, and the typical run; `prefix` begins the names of statuses.
+fn write_definitions(
+    page: &mut Page,
+    info: &Info,
+    prefix: &str,
+    units: Vec<&Unit>,
+    variables: &[Variable],
+    write_enumeration: fn(&mut Page, &Enumeration),
+) {
+    // The schema allows no empty lists.
+    if !units.is_empty() {
+        page.nest(element("UnitDefinitions"), |page| units.into_iter().for_each(|unit| write_unit(page, unit)));
+    }
+    let enumerations = enumerations(variables);
+    if !enumerations.is_empty() {
+        page.nest(element("TypeDefinitions"), |page| {
+            for enumeration in enumerations {
+                write_enumeration(page, enumeration);
+            }
+        });
+    }
+    write_log_categories(page, prefix);
+    page.empty(default_experiment(info));
 }
 
 fn write_unit(page: &mut Page, unit: &Unit) {
@@ -143,6 +176,13 @@ fn write_unit(page: &mut Page, unit: &Unit) {
             page.empty(tag.with_some("offset", (display.offset != 0.0).then(|| real(display.offset))));
         }
     });
+}
+
+fn write_items(page: &mut Page, enumeration: &Enumeration) {
+    for ((name, description), value) in enumeration.items.iter().zip(1..) {
+        let item = element("Item").with("name", *name).with("value", i32::to_string(&value));
+        page.empty(item.with("description", *description));
+    }
 }
 
 /// `prefix` begins the names of statuses.
@@ -173,6 +213,110 @@ fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
         }
     }
     enumerations
+}
+
+/// An element with the attributes of a variable that do not depend on its type.
+fn described(tag: &'static str, group: &Group<'_>) -> Element {
+    let variable = group.first();
+    element(tag)
+        .with("name", group.name)
+        .with("valueReference", group.reference.to_string())
+        .with("description", group.description())
+        .with("causality", causality(variable))
+        .with("variability", variability(variable))
+        .with_some("initial", initial(variable))
+}
+
+/// Adds the attributes of the type, except the start value.
+fn with_type(tag: Element, variable: &Variable) -> Element {
+    match &variable.data_type {
+        Type::Real { unit, display, nominal, min, max, .. } => tag
+            .with("unit", unit.name)
+            // FMI Library, used by several importers, refuses a display unit equal to the unit.
+            .with_some("displayUnit", display.filter(|display| *display != unit.name))
+            .with_some("min", min.map(real))
+            .with_some("max", max.map(real))
+            .with_some("nominal", (variable.causality != Causality::Independent).then(|| real(*nominal))),
+        Type::Integer { min, max, .. } => {
+            tag.with_some("min", min.map(|min| min.to_string())).with_some("max", max.map(|max| max.to_string()))
+        }
+        Type::Enumeration { items, .. } => tag.with("declaredType", items.name),
+        Type::Boolean { .. } | Type::String { .. } => tag,
+    }
+}
+
+/// The start value as a text.
+fn start(variable: &Variable) -> String {
+    match &variable.data_type {
+        Type::Real { start, .. } => real(*start),
+        Type::Integer { start, .. } | Type::Enumeration { start, .. } => start.to_string(),
+        Type::Boolean { start } => start.to_string(),
+        Type::String { start } => start.to_string(),
+    }
+}
+
+/// The number by which other elements refer to a row or its array, by the name of the row; `first` is that of the first variable.
+fn numbers<'v>(groups: &[Group<'v>], first: usize) -> HashMap<&'v str, usize> {
+    let numbers = |group: &Group<'v>| {
+        let number = group.reference + first;
+        group.rows.iter().map(move |row| (row.name.as_ref(), number))
+    };
+    groups.iter().flat_map(numbers).collect()
+}
+
+/// Outputs, derivatives of states, and initial unknowns as elements of these names, with their dependencies. `attribute` holds the
+/// number of the unknown.
+fn unknowns(
+    groups: &[Group<'_>],
+    numbers: &HashMap<&str, usize>,
+    [output, derivative, initial]: [&'static str; 3],
+    attribute: &'static str,
+) -> [Vec<Element>; 3] {
+    let number = |name: &str| numbers.get(name).copied();
+    let listed = |numbers: &mut dyn Iterator<Item = usize>| {
+        numbers.map(|number| number.to_string()).collect::<Vec<_>>().join(" ")
+    };
+    let unknown =
+        |tag, group: &Group<'_>| element(tag).with(attribute, numbers[group.first().name.as_ref()].to_string());
+    let dependent = |tag, group: &Group<'_>| {
+        let unknown = unknown(tag, group);
+        // Without `dependencies` it depends on all inputs and states.
+        let named: Option<Vec<_>> = group.rows.iter().map(|row| row.depends_on.as_ref()).collect();
+        let Some(named) = named else { return unknown };
+        let mut depends_on: BTreeMap<usize, Dependency> = BTreeMap::new();
+        for (name, how) in named.into_iter().flatten() {
+            let Some(number) = number(name) else { continue };
+            // If elements depend in different ways, the array depends in any way.
+            let known = depends_on.entry(number).or_insert(*how);
+            if *known != *how {
+                *known = Dependency::Any;
+            }
+        }
+        let kinds: Vec<_> = depends_on.values().map(|how| kind_of(*how)).collect();
+        unknown
+            .with("dependencies", listed(&mut depends_on.into_keys()))
+            .with_some("dependenciesKind", (!kinds.is_empty()).then(|| kinds.join(" ")))
+    };
+    let starting = |group: &Group<'_>| {
+        // Without `dependencies` an unknown depends on all knowns: parameters and inputs.
+        let from: Option<Vec<_>> = group.rows.iter().map(|row| row.starts_from.as_ref()).collect();
+        let from = from.map(|names| {
+            let known: BTreeSet<_> = names.into_iter().flatten().filter_map(|name| number(name)).collect();
+            listed(&mut known.into_iter())
+        });
+        unknown(initial, group).with_some("dependencies", from)
+    };
+    let outputs = groups.iter().filter(|group| group.first().causality == Causality::Output);
+    // In the order of the state vector.
+    let state = |group: &Group<'_>| group.first().derivative_of.as_ref().and_then(|state| number(state));
+    let mut derivatives: Vec<_> = groups.iter().filter(|group| state(group).is_some()).collect();
+    derivatives.sort_by_key(|group| state(group));
+    let initial_unknowns = groups.iter().filter(|group| is_initial_unknown(group.first()));
+    [
+        outputs.map(|group| dependent(output, group)).collect(),
+        derivatives.into_iter().map(|group| dependent(derivative, group)).collect(),
+        initial_unknowns.map(starting).collect(),
+    ]
 }
 
 fn kind_of(how: Dependency) -> &'static str {
