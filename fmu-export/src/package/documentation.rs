@@ -31,6 +31,12 @@ fn is_parameter(variable: &Variable, variability: Variability) -> bool {
     variable.causality == Causality::Parameter && variable.variability == variability
 }
 
+/// The groups of a model that are not empty, with the headings of their tables.
+fn groups(model: &ModelType) -> impl Iterator<Item = (&'static str, Vec<&Variable>)> {
+    let group = |belongs: Belongs| model.variables().iter().filter(|variable| belongs(variable)).collect::<Vec<_>>();
+    GROUPS.into_iter().map(move |(title, belongs)| (title, group(belongs))).filter(|(_, group)| !group.is_empty())
+}
+
 /// The content of the page, from the heading on.
 pub(super) fn body(model: &ModelType, standard: Standard, extras: &Extras) -> String {
     let info = &model.info;
@@ -46,12 +52,9 @@ pub(super) fn body(model: &ModelType, standard: Standard, extras: &Extras) -> St
                 (token) " " code { (model.description(standard).token) } "." }
             (PreEscaped(&extras.text))
             h2 { "Variables" }
-            @for (title, belongs) in GROUPS {
-                @let group: Vec<_> = model.variables().iter().filter(|variable| belongs(variable)).collect();
-                @if !group.is_empty() {
-                    h3 { (title) }
-                    (table(&group))
-                }
+            @for (title, group) in groups(model) {
+                h3 { (title) }
+                (table(&group))
             }
             @if !info.license.is_empty() {
                 h2 { "Licence" }
@@ -91,11 +94,7 @@ pub fn markdown<'m>(models: impl IntoIterator<Item = &'m ModelType>) -> String {
     let mut text = String::new();
     for model in models {
         text += &format!("\n## {}\n\n{}.\n", model.info.name, model.info.description);
-        for (title, belongs) in GROUPS {
-            let group: Vec<_> = model.variables().iter().filter(|variable| belongs(variable)).collect();
-            if group.is_empty() {
-                continue;
-            }
+        for (title, group) in groups(model) {
             text += &format!("\n### {title}\n\n| Name | Unit | Start | Description |\n|---|---|---|---|\n");
             for variable in group {
                 let (unit, start, description) = (unit(variable), start(variable), description(variable));
