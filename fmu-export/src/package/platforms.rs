@@ -92,15 +92,8 @@ pub fn by_name(name: &str) -> Result<&'static Platform, String> {
 /// The platform this program runs on, if FMI 2.0 has a name for it.
 pub fn own() -> Option<&'static Platform> {
     use std::env::consts::{ARCH, OS};
-    let name = match (OS, ARCH) {
-        ("linux", "x86_64") => "linux64",
-        ("linux", "aarch64") => "aarch64-linux",
-        ("windows", "x86_64") => "win64",
-        ("macos", "x86_64") => "darwin64",
-        ("macos", "aarch64") => "aarch64-darwin",
-        _ => return None,
-    };
-    by_name(name).ok()
+    let system = if OS == "macos" { "darwin" } else { OS };
+    PLATFORMS.iter().find(|platform| platform.tuple == format!("{ARCH}-{system}"))
 }
 
 /// Format of an executable file.

@@ -12,6 +12,7 @@ use zip::ZipArchive;
 
 use super::Member;
 use crate::ModelType;
+use crate::description::causality;
 use crate::variable::{Causality, Type, Value, Variable};
 use crate::xml::{Page, element, real, units, write_base_unit};
 
@@ -218,14 +219,10 @@ pub fn generation_tool(content: &[u8]) -> Option<String> {
 }
 
 fn write_connector(page: &mut Page, variable: &Variable) {
-    let kind = match variable.causality {
-        Causality::Parameter => "parameter",
-        Causality::Input => "input",
-        Causality::Output => "output",
-        Causality::CalculatedParameter => "calculatedParameter",
-        Causality::Local | Causality::Independent => return,
-    };
-    let tag = element("ssd:Connector").with("name", variable.name.as_ref()).with("kind", kind);
+    if matches!(variable.causality, Causality::Local | Causality::Independent) {
+        return;
+    }
+    let tag = element("ssd:Connector").with("name", variable.name.as_ref()).with("kind", causality(variable));
     page.nest(tag, |page| {
         page.empty(match &variable.data_type {
             Type::Real { unit, .. } => element("ssc:Real").with("unit", unit.name),
