@@ -15,7 +15,6 @@
 
 use std::sync::Arc;
 
-use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::component::Problem;
@@ -54,16 +53,8 @@ impl Stage {
         Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, failed: false, terminated: false };
 }
 
-/// A serialized [`Stage`].
-#[derive(Serialize, Deserialize)]
-struct Head {
-    state: u8,
-    time_s: f64,
-    start_s: f64,
-    stop_s: Option<f64>,
-    failed: bool,
-    terminated: bool,
-}
+/// A serialized [`Stage`]: its fields in order, with the state as a number.
+type Head = (u8, f64, f64, Option<f64>, bool, bool);
 
 impl Snapshot {
     /// Serializes the snapshot. Equal snapshots give equal bytes.
@@ -72,7 +63,7 @@ impl Snapshot {
     /// If the state of the model refuses to be written.
     pub(crate) fn write(&self) -> Result<Vec<u8>, Problem> {
         let Stage { state, time_s, start_s, stop_s, failed, terminated } = self.stage;
-        let head = Head { state: state as u8, time_s, start_s, stop_s, failed, terminated };
+        let head: Head = (state as u8, time_s, start_s, stop_s, failed, terminated);
         let mut content = postcard::to_stdvec(&head).expect("numbers can be written, and memory grows as needed");
         let refused = || Problem::Call("the state of the model cannot be written: serde refuses it".into());
         content.extend(self.instance.write().ok_or_else(refused)?);
@@ -99,7 +90,7 @@ impl Snapshot {
         let content = content(model, bytes)?;
         let (head, rest): (Head, _) =
             postcard::take_from_bytes(content).map_err(|error| format!("the content is damaged: {error}"))?;
-        let stage = head.stage()?;
+        let stage = stage(head)?;
         let mut instance = model.instantiate_with(resources.clone());
         instance
             .read(rest, stage.time_s, matches!(stage.state, State::StepMode | State::EventMode))
@@ -116,16 +107,13 @@ impl Snapshot {
     }
 }
 
-impl Head {
-    fn stage(&self) -> Result<Stage, String> {
-        let state = State::ALL.into_iter().find(|state| *state as u8 == self.state);
-        let state = state.ok_or_else(|| format!("the content is damaged: there is no state {}", self.state))?;
-        let Self { time_s, start_s, stop_s, failed, terminated, .. } = *self;
-        if !(time_s.is_finite() && start_s.is_finite()) || stop_s.is_some_and(f64::is_nan) {
-            return Err("the content is damaged: the times are not finite".into());
-        }
-        Ok(Stage { state, time_s, start_s, stop_s, failed, terminated })
+fn stage((number, time_s, start_s, stop_s, failed, terminated): Head) -> Result<Stage, String> {
+    let state = State::ALL.into_iter().find(|state| *state as u8 == number);
+    let state = state.ok_or_else(|| format!("the content is damaged: there is no state {number}"))?;
+    if !(time_s.is_finite() && start_s.is_finite()) || stop_s.is_some_and(f64::is_nan) {
+        return Err("the content is damaged: the times are not finite".into());
     }
+    Ok(Stage { state, time_s, start_s, stop_s, failed, terminated })
 }
 
 /// The content of a byte string with a valid frame.
