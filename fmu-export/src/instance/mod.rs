@@ -478,8 +478,8 @@ impl Instance {
         if !variable.takes(value) {
             return Err(AccessError::WrongType { name: variable.name.to_string(), asked: value.type_name() });
         }
-        if variable.is_checked_when_set() && !variable.holds(value) {
-            return Err(AccessError::Refused(variable.admits(value).err().into_iter().collect()));
+        if variable.is_checked_when_set() {
+            variable.admits(value).map_err(|finding| AccessError::Refused(vec![finding]))?;
         }
         Ok(())
     }
