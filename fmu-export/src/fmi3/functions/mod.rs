@@ -12,6 +12,7 @@ mod refused;
 mod values;
 
 use std::ffi::c_char;
+use std::iter::repeat_n;
 use std::panic::catch_unwind;
 
 pub use refused::*;
@@ -343,20 +344,13 @@ c_functions! {
                     elements_mut("values", values, nValues)?,
                 )
             };
+            let indices = indices_of(component, references, "nValues", nValues)?;
             // The order of a reference applies to all elements of its array.
-            let mut values = values.iter_mut();
-            let count: usize = references.iter().map(|reference| size_of_variable(component, *reference)).sum();
-            if count != nValues {
-                return Err(wrong_count("nValues", nValues, count));
-            }
-            for (reference, order) in references.iter().zip(orders) {
-                let indices = indices_of(component, std::slice::from_ref(reference), "nValues", size_of_variable(component, *reference))?;
-                for index in indices.iter() {
-                    let found = component.instance.output_derivative(*index as usize, *order).map_err(Problem::call)?;
-                    if let Some(value) = values.next() {
-                        *value = finite_result(component, *index, found)?;
-                    }
-                }
+            let sizes = references.iter().map(|reference| size_of_variable(component, *reference));
+            let orders: Vec<_> = orders.iter().zip(sizes).flat_map(|(order, size)| repeat_n(*order, size)).collect();
+            for ((index, order), value) in indices.iter().zip(orders).zip(values) {
+                let found = component.instance.output_derivative(*index as usize, order).map_err(Problem::call)?;
+                *value = finite_result(component, *index, found)?;
             }
             Ok(())
         };

@@ -29,14 +29,14 @@ pub(super) fn indices_of<'r>(
     // At most the importer's number of values, whatever the references.
     let mut indices = Vec::with_capacity(references.len().max(count).min(elements.len()));
     for reference in references {
-        let size = elements.get(*reference as usize).copied().unwrap_or(1);
+        let size = size_of_variable(component, *reference);
         if size == 0 {
             return Err(Problem::Call(format!(
                 "value reference {reference} is not that of a variable but lies within an array, as {}",
                 component.name_of(*reference)
             )));
         }
-        indices.extend((0..size).map(|at| reference.saturating_add(at)));
+        indices.extend((0..size as u32).map(|at| reference.saturating_add(at)));
     }
     if indices.len() == count { Ok(Cow::Owned(indices)) } else { Err(wrong_count(name, count, indices.len())) }
 }
@@ -47,7 +47,7 @@ pub(super) fn size_of_variable(component: &Component, reference: fmi3ValueRefere
     elements.and_then(|elements| elements.get(reference as usize)).map_or(1, |size| *size as usize)
 }
 
-pub(super) fn wrong_count(name: &str, found: usize, wanted: usize) -> Problem {
+fn wrong_count(name: &str, found: usize, wanted: usize) -> Problem {
     Problem::Call(format!("{name} = {found} is refused: the value references stand for {wanted} values"))
 }
 
