@@ -2,7 +2,7 @@
 
 use proc_macro2::TokenStream;
 use quote::quote;
-use syn::{Data, DeriveInput, Error, Fields, LitStr, Result};
+use syn::{Attribute, Data, DeriveInput, Error, Fields, Ident, LitStr, Result};
 
 use crate::attributes::{items, literal};
 use crate::names::description;
@@ -18,12 +18,7 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     if data.variants.is_empty() {
         return Err(Error::new(input.ident.span(), "an enumeration has at least one item"));
     }
-    let mut name = LitStr::new(&input.ident.to_string(), input.ident.span());
-    for attribute in input.attrs.iter().filter(|attribute| attribute.path().is_ident("choice")) {
-        for item in items(attribute, "choice", &["name"])? {
-            name = text(item.value.as_ref())?;
-        }
-    }
+    let name = name_of(&input.ident, &input.ident.to_string(), &input.attrs, "choice")?;
     let mut seen: Vec<String> = Vec::new();
     let (mut entries, mut variants, mut numbers) = (Vec::new(), Vec::new(), Vec::new());
     for (variant, number) in data.variants.iter().zip(1_i32..) {
@@ -33,12 +28,7 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
         if let Some((_, value)) = &variant.discriminant {
             return Err(Error::new_spanned(value, "the values of items count from 1 and cannot be chosen"));
         }
-        let mut item_name = LitStr::new(&lower(&variant.ident.to_string()), variant.ident.span());
-        for attribute in variant.attrs.iter().filter(|attribute| attribute.path().is_ident("item")) {
-            for item in items(attribute, "item", &["name"])? {
-                item_name = text(item.value.as_ref())?;
-            }
-        }
+        let item_name = name_of(&variant.ident, &lower(&variant.ident.to_string()), &variant.attrs, "item")?;
         if seen.contains(&item_name.value()) {
             return Err(Error::new(item_name.span(), format!("there are two items named `{}`", item_name.value())));
         }
@@ -74,9 +64,16 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
-fn text(value: Option<&syn::Expr>) -> Result<LitStr> {
-    let value = value.expect("a key without a value was refused");
-    literal(value).cloned().ok_or_else(|| Error::new_spanned(value, "expected a text"))
+/// The name that the attribute gives to an identifier, or else the default.
+fn name_of(ident: &Ident, default: &str, attributes: &[Attribute], attribute: &str) -> Result<LitStr> {
+    let mut name = LitStr::new(default, ident.span());
+    for found in attributes.iter().filter(|found| found.path().is_ident(attribute)) {
+        for item in items(found, attribute, &["name"])? {
+            let value = item.value.expect("a key without a value was refused");
+            name = literal(&value).cloned().ok_or_else(|| Error::new_spanned(&value, "expected a text"))?;
+        }
+    }
+    Ok(name)
 }
 
 /// A name that begins with a small letter.

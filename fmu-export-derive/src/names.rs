@@ -1,13 +1,15 @@
 //! Names and descriptions.
 
-use syn::{Attribute, Error, Expr, ExprLit, Lit, LitStr, Meta, Result};
+use syn::{Attribute, Error, LitStr, Meta, Result};
+
+use crate::attributes::literal;
 
 /// The first paragraph of a doc comment in one line, without the final full stop.
 pub fn description(attributes: &[Attribute]) -> String {
     let mut lines = Vec::new();
     for attribute in attributes.iter().filter(|attribute| attribute.path().is_ident("doc")) {
         if let Meta::NameValue(pair) = &attribute.meta
-            && let Expr::Lit(ExprLit { lit: Lit::Str(text), .. }) = &pair.value
+            && let Some(text) = literal(&pair.value)
         {
             lines.extend(text.value().split('\n').map(|line| line.trim().to_owned()));
         }
