@@ -201,14 +201,6 @@ impl Extras {
         self
     }
 
-    /// Checks that all files stay in their folders.
-    fn check(&self) -> Result<(), PackageError> {
-        let is_name = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(['\\', ':']);
-        let mut paths = self.licenses.iter().map(|(path, _)| path).chain(self.resources.iter().map(|(path, _)| path));
-        let outside = paths.find(|path| !path.split('/').all(is_name));
-        outside.map_or(Ok(()), |path| Err(PackageError::Outside(path.to_string())))
-    }
-
     /// Adds a file to the folder `resources`, which the model reads by [`Resources`](crate::Resources).
     pub fn resource(mut self, path: impl Into<Cow<'static, str>>, content: impl Into<Vec<u8>>) -> Self {
         self.resources.push((path.into(), Cow::Owned(content.into())));
@@ -330,6 +322,18 @@ fn remap(library: &mut [u8]) {
     }
 }
 
+/// Checks the table of a model, and that all its files stay in their folders.
+fn check(model: &ModelType, extras: &Extras) -> Result<(), PackageError> {
+    let problems = model.problems();
+    if !problems.is_empty() {
+        return Err(PackageError::Model { name: model.info.name, problems });
+    }
+    let is_name = |part: &str| !matches!(part, "" | "." | "..") && !part.contains(['\\', ':']);
+    let mut paths = extras.licenses.iter().map(|(path, _)| path).chain(extras.resources.iter().map(|(path, _)| path));
+    let outside = paths.find(|path| !path.split('/').all(is_name));
+    outside.map_or(Ok(()), |path| Err(PackageError::Outside(path.to_string())))
+}
+
 /// The FMU of a model by a standard, with its binaries. Its bytes depend only on the arguments.
 ///
 /// # Errors
@@ -340,12 +344,8 @@ pub fn fmu(
     binaries: &Binaries,
     extras: &Extras,
 ) -> Result<Vec<u8>, PackageError> {
+    check(model, extras)?;
     let name = model.info.name;
-    extras.check()?;
-    let problems = model.problems();
-    if !problems.is_empty() {
-        return Err(PackageError::Model { name, problems });
-    }
     let mut members = vec![Member::new("modelDescription.xml", model.description(standard).xml.as_str())];
     // In FMI 3.0 the picture belongs to the icons of terminals.
     let picture = match standard {

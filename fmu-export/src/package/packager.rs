@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::platforms::{self, Platform};
-use super::{Extras, PackageError, Written, binaries, fmu, library, platform, standards, trial, write};
+use super::{Extras, PackageError, Written, binaries, check, fmu, library, platform, standards, trial, write};
 use crate::{Fmus, ModelType, Standard};
 
 /// Writes the FMUs of each model, `Name.fmu` for FMI 2.0 and `Name_fmi3.fmu` for FMI 3.0, into a folder, which is created if
@@ -117,39 +117,36 @@ impl Packager {
     /// A mistake in a model, and whatever file cannot be read or written.
     pub fn write(self, folder: impl AsRef<Path>) -> Result<Vec<Written>, PackageError> {
         let models = self.fmus.models();
+        let models: Vec<_> = models.iter().map(|model| (model, (self.extras)(model))).collect();
         let standards = self.standards.clone().unwrap_or_else(|| standards(self.arrays));
         let mut files: Vec<String> = Vec::new();
-        for model in models.iter() {
-            let name = model.info.name;
+        for (model, extras) in &models {
             for standard in &standards {
-                let file = format!("{}.fmu", standard.file_stem(name));
+                let file = format!("{}.fmu", standard.file_stem(model.info.name));
                 if files.iter().any(|other| other.eq_ignore_ascii_case(&file)) {
                     return Err(PackageError::SameFile(file));
                 }
                 files.push(file);
             }
-            let problems = model.problems();
-            if !problems.is_empty() {
-                return Err(PackageError::Model { name, problems });
-            }
-            trial::start(model, &(self.extras)(model))?;
+            check(model, extras)?;
+            trial::start(model, extras)?;
         }
         let given = |platform: &'static Platform| self.others.iter().find(|(other, _)| *other == platform);
-        let own = match (platform().ok().and_then(given), &self.library) {
-            (Some((_, path)), _) => path.clone(),
-            (None, Some(path)) => path.clone(),
-            (None, None) => library::built_library(self.fmus.library())?,
+        let given = platform().ok().and_then(given).map(|(_, path)| path);
+        let own = match given.or(self.library.as_ref()) {
+            Some(path) => path.clone(),
+            None => library::built_library(self.fmus.library())?,
         };
         let binaries = binaries(&self.others, || Ok(own.clone()))?;
         if platform().is_ok() {
-            for model in models.iter() {
-                trial::load(&own, model, &(self.extras)(model))?;
+            for (model, extras) in &models {
+                trial::load(&own, model, extras)?;
             }
         }
         let mut archives = Vec::new();
-        for model in models.iter() {
+        for (model, extras) in &models {
             for standard in &standards {
-                archives.push(fmu(model, *standard, &binaries, &(self.extras)(model))?);
+                archives.push(fmu(model, *standard, &binaries, extras)?);
             }
         }
         write(files.into_iter().zip(archives).collect(), &binaries, folder.as_ref())
