@@ -30,11 +30,10 @@ impl Resources {
 
     /// A folder as a URI, as in FMI 2.0, for instance `file:///home/me/pump/resources`. Importers write one to four slashes.
     pub fn from_uri(uri: &str) -> Self {
-        let unusable = || Self(Err(format!("the importer gave the folder `resources` as `{uri}`").into()));
-        let Some(rest) = uri.get(..5).filter(|scheme| scheme.eq_ignore_ascii_case("file:")).map(|_| &uri[5..]) else {
-            return unusable();
+        let after_scheme = uri.split_at_checked(5).filter(|(scheme, _)| scheme.eq_ignore_ascii_case("file:"));
+        let Some(path) = after_scheme.and_then(|(_, path)| without_escapes(path)) else {
+            return Self(Err(format!("the importer gave the folder `resources` as `{uri}`").into()));
         };
-        let Some(path) = without_escapes(rest) else { return unusable() };
         // Two slashes precede a host name, which is empty or `localhost`; four are an empty host and a path with two.
         let path = path.strip_prefix("//localhost/").unwrap_or(path.trim_start_matches('/'));
         let has_drive = path.as_bytes().get(1) == Some(&b':');
@@ -79,18 +78,17 @@ impl Resources {
 
 /// A text with `%20` and the like replaced; `None` if that is no UTF-8.
 fn without_escapes(text: &str) -> Option<String> {
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut rest = text.as_bytes();
-    while let [first, after @ ..] = rest {
-        let code = after.get(..2).filter(|_| *first == b'%').and_then(|digits| std::str::from_utf8(digits).ok());
-        match code.and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
+    let mut parts = text.split('%');
+    let mut bytes = parts.next()?.as_bytes().to_vec();
+    for part in parts {
+        match part.get(..2).and_then(|digits| u8::from_str_radix(digits, 16).ok()) {
             Some(byte) => {
                 bytes.push(byte);
-                rest = &after[2..];
+                bytes.extend(&part.as_bytes()[2..]);
             }
             None => {
-                bytes.push(*first);
-                rest = after;
+                bytes.push(b'%');
+                bytes.extend(part.as_bytes());
             }
         }
     }
