@@ -256,7 +256,7 @@ pub fn binaries(
         if given[..index].iter().any(|(other, _)| other == platform) {
             return Err(PackageError::Twice(platform.name));
         }
-        read(&mut binaries, platform, path)?;
+        add(&mut binaries, platform, path, fs::read(path).map_err(at(path))?)?;
     }
     match platform() {
         Ok(platform) if !binaries.serve(platform) => read_built(&mut binaries, platform, &own()?)?,
@@ -266,11 +266,7 @@ pub fn binaries(
     Ok(binaries)
 }
 
-fn read(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
-    add(binaries, platform, path, fs::read(path).map_err(at(path))?)
-}
-
-/// As [`read`], for a library that was built here. Others are packaged unchanged.
+/// Adds a library that was built here. Others are packaged unchanged.
 fn read_built(binaries: &mut Binaries, platform: &'static Platform, path: &Path) -> Result<(), PackageError> {
     let mut content = fs::read(path).map_err(at(path))?;
     remap(&mut content);
