@@ -287,9 +287,7 @@ fn checks(attributes: &Attributes, of_type: &Type) -> TokenStream {
 fn steps(attributes: &Attributes, field: &Field) -> TokenStream {
     let mut steps = Vec::new();
     steps.push(match attributes.role {
-        Role::Parameter if attributes.has("calculated") && attributes.has("tunable") => quote!(.calculated().tunable()),
         Role::Parameter if attributes.has("calculated") => quote!(.calculated()),
-        Role::Parameter if attributes.has("tunable") => quote!(.tunable()),
         Role::Parameter => quote!(.fixed()),
         Role::Input => quote!(.input()),
         Role::Output => quote!(.output()),
@@ -304,7 +302,7 @@ fn steps(attributes: &Attributes, field: &Field) -> TokenStream {
         |text| quote!(#text),
     );
     steps.push(quote!(.description(#about)));
-    for flag in ["discrete", "exact", "state"].into_iter().filter(|flag| attributes.has(flag)) {
+    for flag in ["tunable", "discrete", "exact", "state"].into_iter().filter(|flag| attributes.has(flag)) {
         let flag = Ident::new(flag, attributes.span(flag));
         steps.push(quote!(.#flag()));
     }
