@@ -140,17 +140,12 @@ macro_rules! __export_fmi3 {
                 logMessage: fmi3LogMessageCallback,
                 _intermediateUpdate: fmi3IntermediateUpdateCallback,
             ) -> fmi3Instance {
-                let request = $crate::fmi3::functions::Request {
-                    name: instanceName,
-                    token: instantiationToken,
-                    resources: resourcePath,
-                    logging_on: loggingOn,
-                    event_mode: eventModeUsed,
-                    environment: instanceEnvironment,
-                    log: logMessage,
-                };
                 // SAFETY: the contract is the same.
-                unsafe { $crate::fmi3::functions::instantiate(&super::FMUS, request) }
+                unsafe {
+                    $crate::fmi3::functions::instantiate(
+                        &super::FMUS, instanceName, instantiationToken, resourcePath, loggingOn, eventModeUsed, instanceEnvironment, logMessage,
+                    )
+                }
             }
 
             $crate::__export_functions! { fmi3:

@@ -54,44 +54,6 @@ unsafe fn status<T>(
     unsafe { enter(component, function, body) }
 }
 
-fn make(
-    fmus: &'static Fmus,
-    name: fmi2String,
-    kind: fmi2Type,
-    (guid, location): (fmi2String, fmi2String),
-    functions: *const fmi2CallbackFunctions,
-    logging_on: fmi2Boolean,
-) -> Option<fmi2Component> {
-    // SAFETY: the importer keeps the callbacks and the texts valid for the length of the call, the callbacks' content for the life of
-    // the instance; null is checked.
-    let (callbacks, name, guid, location) = unsafe { (functions.as_ref()?, text(name), text(guid), text(location)) };
-    let name = name.filter(|name| !name.is_empty());
-    let logger = Logger::new(
-        name.unwrap_or(c"(no name)"),
-        callbacks.logger,
-        callbacks.componentEnvironment,
-        logging_on != fmi2False,
-    );
-    let model = || {
-        name.ok_or("instanceName is empty: expected a name")?;
-        if kind != fmi2Type::fmi2CoSimulation {
-            return Err(format!("fmuType = {} is refused: expected fmi2CoSimulation (1)", kind.0));
-        }
-        let guid = guid.ok_or("fmuGUID is null: expected the GUID of the model description")?;
-        fmus.by_token(&[Standard::Fmi2], "fmuGUID", guid)
-    };
-    match model() {
-        Ok((model, _)) => {
-            let resources = location.map(|uri| Resources::from_uri(&uri.to_string_lossy())).unwrap_or_default();
-            Some(hand_out(Component::new(model, resources, logger, ())))
-        }
-        Err(why) => {
-            logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
-            None
-        }
-    }
-}
-
 /// `fmi2Instantiate` for a list of models: makes an instance of the model with that GUID, or sends the reason and returns null.
 ///
 /// # Safety
@@ -105,7 +67,33 @@ pub unsafe fn instantiate(
     functions: *const fmi2CallbackFunctions,
     logging_on: fmi2Boolean,
 ) -> fmi2Component {
-    let made = catch_unwind(|| make(fmus, name, kind, (guid, location), functions, logging_on));
+    let made = catch_unwind(|| {
+        // SAFETY: the importer keeps the callbacks and the texts valid for the length of the call, the callbacks' content for the life of
+        // the instance; null is checked.
+        let (callbacks, name, guid, location) =
+            unsafe { (functions.as_ref()?, text(name), text(guid), text(location)) };
+        let name = name.filter(|name| !name.is_empty());
+        let shown = name.unwrap_or(c"(no name)");
+        let logger = Logger::new(shown, callbacks.logger, callbacks.componentEnvironment, logging_on != fmi2False);
+        let model = || {
+            name.ok_or("instanceName is empty: expected a name")?;
+            if kind != fmi2Type::fmi2CoSimulation {
+                return Err(format!("fmuType = {} is refused: expected fmi2CoSimulation (1)", kind.0));
+            }
+            let guid = guid.ok_or("fmuGUID is null: expected the GUID of the model description")?;
+            fmus.by_token(&[Standard::Fmi2], "fmuGUID", guid)
+        };
+        match model() {
+            Ok((model, _)) => {
+                let resources = location.map(|uri| Resources::from_uri(&uri.to_string_lossy())).unwrap_or_default();
+                Some(hand_out(Component::new(model, resources, logger, ())))
+            }
+            Err(why) => {
+                logger.send(fmi2Status::fmi2Error, Category::StatusError, format_args!("fmi2Instantiate: {why}"));
+                None
+            }
+        }
+    });
     // A panic has printed its message to standard error; there is no instance with a logger.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }

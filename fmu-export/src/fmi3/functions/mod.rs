@@ -35,56 +35,47 @@ use crate::resources::Resources;
 type Component = component::Component<Fmi3>;
 type Logger = logger::Logger<Fmi3>;
 
-/// An importer's request for an instance.
-pub struct Request {
-    /// Name of the instance.
-    pub name: fmi3String,
-    /// The token of the model description.
-    pub token: fmi3String,
-    /// Whether messages are wanted.
-    pub logging_on: fmi3Boolean,
-    /// Whether events are handled in event mode.
-    pub event_mode: fmi3Boolean,
-    /// The folder `resources`, as a path; null if there is none.
-    pub resources: fmi3String,
-    /// Passed back with every message.
-    pub environment: fmi3InstanceEnvironment,
-    /// Receives messages.
-    pub log: fmi3LogMessageCallback,
-}
-
-fn make(fmus: &'static Fmus, request: &Request) -> Option<fmi3Instance> {
-    // SAFETY: the importer keeps the texts valid for the length of the call; null is checked.
-    let (name, token, folder) = unsafe { (text(request.name), text(request.token), text(request.resources)) };
-    let name = name.filter(|name| !name.is_empty());
-    let logger = Logger::new(name.unwrap_or_default(), request.log, request.environment, request.logging_on != 0);
-    let model = || {
-        name.ok_or("instanceName is empty: expected a name")?;
-        let token = token.ok_or("instantiationToken is null: expected the one of the model description")?;
-        fmus.by_token(&Standard::OF_FMI3, "instantiationToken", token)
-    };
-    match model() {
-        Ok((model, standard)) => {
-            let resources = folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
-            let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| elements_of(model.variables()));
-            let options = Options { event_mode: request.event_mode != 0, elements };
-            Some(hand_out(Component::new(model, resources, logger, options)))
-        }
-        Err(why) => {
-            let function = "fmi3InstantiateCoSimulation";
-            logger.send(fmi3Status::fmi3Error, Category::StatusError, format_args!("{function}: {why}"));
-            None
-        }
-    }
-}
-
 /// `fmi3InstantiateCoSimulation` for a list of models: makes an instance of the model with that token, or sends the reason and
 /// returns null.
 ///
 /// # Safety
 /// The texts are null or end with a zero byte; callback and environment belong together and stay valid as long as the instance.
-pub unsafe fn instantiate(fmus: &'static Fmus, request: Request) -> fmi3Instance {
-    let made = catch_unwind(|| make(fmus, &request));
+#[allow(clippy::too_many_arguments, reason = "the standard has more")]
+pub unsafe fn instantiate(
+    fmus: &'static Fmus,
+    name: fmi3String,
+    token: fmi3String,
+    folder: fmi3String,
+    logging_on: fmi3Boolean,
+    event_mode: fmi3Boolean,
+    environment: fmi3InstanceEnvironment,
+    log: fmi3LogMessageCallback,
+) -> fmi3Instance {
+    let made = catch_unwind(|| {
+        // SAFETY: the importer keeps the texts valid for the length of the call; null is checked.
+        let (name, token, folder) = unsafe { (text(name), text(token), text(folder)) };
+        let name = name.filter(|name| !name.is_empty());
+        let logger = Logger::new(name.unwrap_or_default(), log, environment, logging_on != 0);
+        let model = || {
+            name.ok_or("instanceName is empty: expected a name")?;
+            let token = token.ok_or("instantiationToken is null: expected the one of the model description")?;
+            fmus.by_token(&Standard::OF_FMI3, "instantiationToken", token)
+        };
+        match model() {
+            Ok((model, standard)) => {
+                let resources =
+                    folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
+                let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| elements_of(model.variables()));
+                let options = Options { event_mode: event_mode != 0, elements };
+                Some(hand_out(Component::new(model, resources, logger, options)))
+            }
+            Err(why) => {
+                let function = "fmi3InstantiateCoSimulation";
+                logger.send(fmi3Status::fmi3Error, Category::StatusError, format_args!("{function}: {why}"));
+                None
+            }
+        }
+    });
     // A panic has printed its message to standard error; there is no instance with a logger.
     made.ok().flatten().unwrap_or(std::ptr::null_mut())
 }
