@@ -5,10 +5,10 @@ use std::ffi::c_void;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Mutex, MutexGuard, TryLockError};
 
+use super::Interface;
 use super::component::{Component, Outcome, Problem};
 use super::logger::Category;
 use super::sequence::{Rule, State};
-use super::{Interface, name_of};
 
 /// Target of the importer's pointer: an instance, locked during a call on it.
 ///
@@ -104,11 +104,13 @@ fn failed<F: Rule>(
 #[cold]
 #[inline(never)]
 fn out_of_sequence<F: Rule>(component: &Component<F::Standard>, function: F) -> Problem {
-    Problem::Call(format!(
-        "not allowed in the state `{}`; allowed in: {}",
-        name_of::<F::Standard>(component.stage.state),
-        where_allowed::<F::Standard>(function)
-    ))
+    let named = |states: u8| {
+        let states = F::Standard::STATES.iter().filter(|(state, _)| states & *state as u8 != 0);
+        states.map(|(_, name)| *name).collect::<Vec<_>>().join(", ")
+    };
+    let (state, allowed) = (named(component.stage.state as u8), named(function.states()));
+    let allowed = if allowed.is_empty() { "no state that occurs here" } else { &allowed };
+    Problem::Call(format!("not allowed in the state `{state}`; allowed in: {allowed}"))
 }
 
 /// A panic.
@@ -120,13 +122,6 @@ fn defect<I: Interface>(panic: &(dyn Any + Send)) -> Problem {
         panic_message(panic),
         I::RESET
     ))
-}
-
-/// The states in which a function may be called, for messages.
-fn where_allowed<I: Interface>(function: I::Function) -> String {
-    let states = I::STATES.iter().filter(|(state, _)| function.states() & *state as u8 != 0);
-    let states: Vec<_> = states.map(|(_, name)| *name).collect();
-    if states.is_empty() { "no state that occurs here".into() } else { states.join(", ") }
 }
 
 /// The message of a panic.

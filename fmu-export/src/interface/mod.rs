@@ -64,11 +64,6 @@ pub(crate) struct Message<'m, S> {
     pub text: &'m CStr,
 }
 
-/// The standard's name of a state.
-pub(crate) fn name_of<I: Interface>(state: State) -> &'static str {
-    I::STATES.iter().find(|(known, _)| *known == state).map_or("unknown", |(_, name)| name)
-}
-
 /// Declares functions for C, and checks at compile time that their types are those of the bindings.
 macro_rules! c_functions {
     ($(
