@@ -28,6 +28,17 @@ pub struct Platform {
     machine: u32,
 }
 
+impl Platform {
+    const fn new(name: &'static str, tuple: &'static str, words: &'static str, format: Format, machine: u32) -> Self {
+        let ending = match format {
+            Format::Elf => "so",
+            Format::Pe => "dll",
+            Format::MachO => "dylib",
+        };
+        Self { name, tuple, ending, words, format, machine }
+    }
+}
+
 impl fmt::Display for Platform {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} ({}, {})", self.name, self.words, self.format)
@@ -36,46 +47,11 @@ impl fmt::Display for Platform {
 
 /// All platforms, in the order in which archives hold them.
 pub const PLATFORMS: &[Platform] = &[
-    Platform {
-        name: "linux64",
-        tuple: "x86_64-linux",
-        ending: "so",
-        words: "Linux on x86-64",
-        format: Format::Elf,
-        machine: 62,
-    },
-    Platform {
-        name: "win64",
-        tuple: "x86_64-windows",
-        ending: "dll",
-        words: "Windows on x86-64",
-        format: Format::Pe,
-        machine: 0x8664,
-    },
-    Platform {
-        name: "darwin64",
-        tuple: "x86_64-darwin",
-        ending: "dylib",
-        words: "macOS on x86-64",
-        format: Format::MachO,
-        machine: 0x0100_0007,
-    },
-    Platform {
-        name: "aarch64-linux",
-        tuple: "aarch64-linux",
-        ending: "so",
-        words: "Linux on Arm",
-        format: Format::Elf,
-        machine: 183,
-    },
-    Platform {
-        name: "aarch64-darwin",
-        tuple: "aarch64-darwin",
-        ending: "dylib",
-        words: "macOS on Apple silicon",
-        format: Format::MachO,
-        machine: 0x0100_000c,
-    },
+    Platform::new("linux64", "x86_64-linux", "Linux on x86-64", Format::Elf, 62),
+    Platform::new("win64", "x86_64-windows", "Windows on x86-64", Format::Pe, 0x8664),
+    Platform::new("darwin64", "x86_64-darwin", "macOS on x86-64", Format::MachO, 0x0100_0007),
+    Platform::new("aarch64-linux", "aarch64-linux", "Linux on Arm", Format::Elf, 183),
+    Platform::new("aarch64-darwin", "aarch64-darwin", "macOS on Apple silicon", Format::MachO, 0x0100_000c),
 ];
 
 /// The platform of a name.
