@@ -246,7 +246,7 @@ fn with_type(tag: Element, variable: &Variable) -> Element {
 }
 
 /// The start value as a text.
-fn start(variable: &Variable) -> String {
+pub(crate) fn start(variable: &Variable) -> String {
     match &variable.data_type {
         Type::Real { start, .. } => real(*start),
         Type::Integer { start, .. } | Type::Enumeration { start, .. } => start.to_string(),

@@ -4,8 +4,7 @@ use maud::{DOCTYPE, PreEscaped, html};
 
 use super::Extras;
 use crate::variable::{Causality, Type, Variability, Variable};
-use crate::xml::real;
-use crate::{ModelType, Standard};
+use crate::{ModelType, Standard, description};
 
 const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1c2430}\
 table{border-collapse:collapse;width:100%;font-size:.9rem;margin:.5rem 0 1.5rem}\
@@ -137,11 +136,9 @@ fn start(variable: &Variable) -> String {
         return String::new();
     }
     match &variable.data_type {
-        Type::Real { start, .. } => real(*start),
-        Type::Integer { start, .. } => start.to_string(),
-        Type::Boolean { start } => start.to_string(),
         Type::String { start } => format!("\"{start}\""),
         Type::Enumeration { start, items } => items.item(*start).unwrap_or_default().into(),
+        _ => description::start(variable),
     }
 }
 
