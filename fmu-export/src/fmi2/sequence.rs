@@ -3,7 +3,7 @@
 use super::Fmi2;
 pub use crate::interface::sequence::State;
 use crate::interface::sequence::{
-    ALWAYS, ERROR, INITIALIZATION, INSTANTIATED, NEVER, Rule, STEP, TERMINATED, call_table,
+    ALWAYS, ERROR, INITIALIZATION, INSTANTIATED, NEVER, READ, RESULT, Rule, STEP, WRITE, call_table,
 };
 
 /// The states of this standard, with their names in messages.
@@ -24,29 +24,29 @@ call_table! { Fmi2, "fmi2";
     // After an error the standard allows only reset and free; importers terminate anyway, which is harmless.
     Terminate:                 STEP | ERROR,
     Reset:                     ALWAYS,
-    GetReal:                   INITIALIZATION | STEP | TERMINATED | ERROR,
-    GetInteger:                INITIALIZATION | STEP | TERMINATED | ERROR,
-    GetBoolean:                INITIALIZATION | STEP | TERMINATED | ERROR,
-    GetString:                 INITIALIZATION | STEP | TERMINATED | ERROR,
-    SetReal:                   INSTANTIATED | INITIALIZATION | STEP,
-    SetInteger:                INSTANTIATED | INITIALIZATION | STEP,
-    SetBoolean:                INSTANTIATED | INITIALIZATION | STEP,
-    SetString:                 INSTANTIATED | INITIALIZATION | STEP,
+    GetReal:                   READ,
+    GetInteger:                READ,
+    GetBoolean:                READ,
+    GetString:                 READ,
+    SetReal:                   WRITE,
+    SetInteger:                WRITE,
+    SetBoolean:                WRITE,
+    SetString:                 WRITE,
     GetFMUstate:               ALWAYS,
     SetFMUstate:               ALWAYS,
     FreeFMUstate:              ALWAYS,
     SerializedFMUstateSize:    ALWAYS,
     SerializeFMUstate:         ALWAYS,
     DeSerializeFMUstate:       ALWAYS,
-    GetDirectionalDerivative:  INITIALIZATION | STEP | TERMINATED | ERROR,
-    SetRealInputDerivatives:   INSTANTIATED | INITIALIZATION | STEP,
-    GetRealOutputDerivatives:  STEP | TERMINATED | ERROR,
+    GetDirectionalDerivative:  READ,
+    SetRealInputDerivatives:   WRITE,
+    GetRealOutputDerivatives:  RESULT,
     DoStep:                    STEP,
     // No step is ever in progress when a call arrives.
     CancelStep:                NEVER,
-    GetStatus:                 STEP | TERMINATED | ERROR,
-    GetRealStatus:             STEP | TERMINATED | ERROR,
-    GetIntegerStatus:          STEP | TERMINATED | ERROR,
-    GetBooleanStatus:          STEP | TERMINATED | ERROR,
-    GetStringStatus:           STEP | TERMINATED | ERROR,
+    GetStatus:                 RESULT,
+    GetRealStatus:             RESULT,
+    GetIntegerStatus:          RESULT,
+    GetBooleanStatus:          RESULT,
+    GetStringStatus:           RESULT,
 }

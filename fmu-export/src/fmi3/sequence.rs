@@ -3,7 +3,7 @@
 use super::Fmi3;
 pub use crate::interface::sequence::State;
 use crate::interface::sequence::{
-    ALWAYS, ERROR, EVENT, INITIALIZATION, INSTANTIATED, Rule, STEP, TERMINATED, call_table,
+    ALWAYS, ERROR, EVENT, INITIALIZATION, INSTANTIATED, READ, RESULT, Rule, STEP, WRITE, call_table,
 };
 
 /// The states of this standard, with their names in messages.
@@ -16,10 +16,6 @@ pub(super) const STATES: &[(State, &str)] = &[
     (State::Error, "error"),
 ];
 
-/// States in which values may be read.
-const READ: u8 = INITIALIZATION | EVENT | STEP | TERMINATED | ERROR;
-/// States in which values may be written.
-const WRITE: u8 = INSTANTIATED | INITIALIZATION | EVENT | STEP;
 /// Refused in any state, with a message that states the reason.
 const REFUSED: u8 = ALWAYS;
 
@@ -93,7 +89,7 @@ call_table! { Fmi3, "fmi3";
     GetNumberOfEventIndicators:      REFUSED,
     GetNumberOfContinuousStates:     REFUSED,
     EnterStepMode:                   EVENT,
-    GetOutputDerivatives:            EVENT | STEP | TERMINATED | ERROR,
+    GetOutputDerivatives:            RESULT,
     DoStep:                          STEP,
     ActivateModelPartition:          REFUSED,
 }

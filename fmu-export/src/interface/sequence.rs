@@ -29,9 +29,14 @@ pub(crate) const INITIALIZATION: u8 = State::InitializationMode as u8;
 pub(crate) const STEP: u8 = State::StepMode as u8;
 pub(crate) const TERMINATED: u8 = State::Terminated as u8;
 pub(crate) const ERROR: u8 = State::Error as u8;
-#[cfg(feature = "fmi3")]
 pub(crate) const EVENT: u8 = State::EventMode as u8;
 pub(crate) const ALWAYS: u8 = u8::MAX;
+/// States in which values may be read.
+pub(crate) const READ: u8 = INITIALIZATION | EVENT | STEP | TERMINATED | ERROR;
+/// States in which values may be written.
+pub(crate) const WRITE: u8 = INSTANTIATED | INITIALIZATION | EVENT | STEP;
+/// States in which the results of the last step may be read.
+pub(crate) const RESULT: u8 = EVENT | STEP | TERMINATED | ERROR;
 #[cfg(feature = "fmi2")]
 pub(crate) const NEVER: u8 = 0;
 
