@@ -164,8 +164,19 @@ fn write_definitions(
             }
         });
     }
-    write_log_categories(page, prefix);
-    page.empty(default_experiment(info));
+    page.nest(element("LogCategories"), |page| {
+        for category in Category::ALL {
+            let name = category.name().to_string_lossy();
+            page.empty(element("Category").with("name", name).with("description", category.description(prefix)));
+        }
+    });
+    page.empty(
+        element("DefaultExperiment")
+            .with("startTime", "0")
+            .with("stopTime", real(info.stop_s))
+            .with("tolerance", real(info.tolerance))
+            .with("stepSize", real(info.step_s)),
+    );
 }
 
 fn write_unit(page: &mut Page, unit: &Unit) {
@@ -183,24 +194,6 @@ fn write_items(page: &mut Page, enumeration: &Enumeration) {
         let item = element("Item").with("name", *name).with("value", i32::to_string(&value));
         page.empty(item.with("description", *description));
     }
-}
-
-/// `prefix` begins the names of statuses.
-fn write_log_categories(page: &mut Page, prefix: &str) {
-    page.nest(element("LogCategories"), |page| {
-        for category in Category::ALL {
-            let name = category.name().to_string_lossy();
-            page.empty(element("Category").with("name", name).with("description", category.description(prefix)));
-        }
-    });
-}
-
-fn default_experiment(info: &Info) -> Element {
-    element("DefaultExperiment")
-        .with("startTime", "0")
-        .with("stopTime", real(info.stop_s))
-        .with("tolerance", real(info.tolerance))
-        .with("stepSize", real(info.step_s))
 }
 
 fn enumerations(variables: &[Variable]) -> Vec<&'static Enumeration> {
