@@ -12,7 +12,7 @@ use crate::fmu::{FMUS, catalogue, find};
 use crate::machine::{self, MACHINES, Machine, PLANAR, SPINDLE};
 use crate::output::Format;
 use crate::report::frame;
-use crate::simulation::{Scenario, suggestion};
+use crate::simulation::{Element, Place, Scenario, suggestion};
 
 type Result<T> = std::result::Result<T, PackageError>;
 
@@ -172,8 +172,11 @@ fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> S
         settings: element.values(),
     });
     let elements: Vec<_> = elements.collect();
-    let inside = |name: &String| elements.iter().any(|element| element.name == *name);
-    let connections = scenario.connections().into_iter().filter(|connection| inside(&connection.to[0]));
+    let connections = scenario.connections().into_iter().filter(|[_, (to, _)]| *to < elements.len());
+    let names = |(element, variable): Place| {
+        let Element { name, model_type, .. } = &scenario.elements[element];
+        [name.clone(), model_type.variables()[variable].name.to_string()]
+    };
     let info = &scenario.plant().model_type.info;
     System {
         file: file.into(),
@@ -181,7 +184,7 @@ fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> S
         description: scenario.title.clone(),
         tool: info.tool.into(),
         parameters: parameters.into(),
-        connections: connections.map(|connection| [connection.from, connection.to]).collect(),
+        connections: connections.map(|connection| connection.map(names)).collect(),
         elements,
         step_s: scenario.step_s,
         stop_s: scenario.duration_s,

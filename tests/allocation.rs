@@ -69,7 +69,7 @@ impl Loop {
         }
         let started = |element| simulate::start(element).expect("parameters that are in order");
         let instances = scenario.elements.iter().map(started).collect();
-        Self { instances, wires: simulate::wires(&scenario), steps: 0 }
+        Self { instances, wires: scenario.connections(), steps: 0 }
     }
 
     /// Does one step of every instance; returns whether all succeeded.

@@ -230,14 +230,10 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
 
 /// All parameters and unconnected inputs of the loop.
 fn parameters(scenario: &Scenario) -> Vec<(&str, Vec<[String; 3]>)> {
-    let connections = scenario.connections();
     let of_element = |element: &Element| -> Vec<[String; 3]> {
-        let is_connected = |variable: &Variable| {
-            connections.iter().any(|connection| connection.to[0] == element.name && connection.to[1] == variable.name)
-        };
-        let own = element.model_type.variables().iter();
-        let own = own.filter(|variable| variable.is_settable() && !is_connected(variable));
-        own.map(|variable| {
+        let own = element.model_type.variables().iter().enumerate();
+        let own = own.filter(|(index, _)| scenario.settable(&element.path(*index)).is_ok());
+        own.map(|(_, variable)| {
             let value = element.value(&variable.name).expect("the variable is in the table");
             [variable.name.to_string(), shown(variable, value), variable.description.to_string()]
         })

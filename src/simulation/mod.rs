@@ -14,5 +14,5 @@ pub mod summary;
 pub mod synchronous;
 
 pub use recording::{Column, Recording};
-pub use scenario::{Element, Pair, Profile, Scenario, ScenarioError, suggestion};
+pub use scenario::{Element, Pair, Place, Profile, Scenario, ScenarioError, suggestion};
 pub use simulate::{Refused, Run, Stopped};

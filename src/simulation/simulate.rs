@@ -9,8 +9,7 @@ use fmu_export::{Instance, Step};
 
 use crate::invalid::Short;
 use crate::progress::Progress;
-use crate::simulation::scenario::{Connection, Element, Scenario, place};
-use crate::simulation::{Column, Recording};
+use crate::simulation::{Column, Element, Place, Recording, Scenario};
 
 /// A run, complete or ended early.
 #[derive(Clone, Debug, Default)]
@@ -41,9 +40,6 @@ pub enum Stopped {
 
 /// Memory limit of a recording, in bytes.
 const MOST_BYTES: f64 = 8e9;
-
-/// A variable: index of its element, and its own index.
-pub type Place = (usize, usize);
 
 /// Gets the time in s, and may change the values sent to the inputs.
 pub type Alter<'a> = &'a mut dyn FnMut(f64, &mut [Value]);
@@ -96,7 +92,7 @@ pub fn run_for(scenario: &Scenario, wanted: impl Fn(&str) -> bool) -> Result<Run
 /// As for [`run`].
 pub fn run_altered(scenario: &Scenario, wanted: &dyn Fn(&str) -> bool, alter: Alter<'_>) -> Result<Run, Refused> {
     let mut instances = instances(scenario)?;
-    let wires = wires(scenario);
+    let wires = scenario.connections();
     let mut run = Run::default();
     let outputs = outputs(scenario, wanted, &mut run.recording);
     check_memory(scenario, outputs.len())?;
@@ -272,23 +268,12 @@ pub fn start(element: &Element) -> Result<Instance, Vec<String>> {
     }
 }
 
-/// The connections: output to read, input to set.
-///
-/// # Panics
-/// If a connection is not between variables of the scenario.
-pub fn wires(scenario: &Scenario) -> Vec<[Place; 2]> {
-    let found = |[element, variable]: [String; 2]| {
-        place(&scenario.elements, &element, &variable).expect("a variable of a model")
-    };
-    scenario.connections().into_iter().map(|Connection { from, to }| [from, to].map(found)).collect()
-}
-
 /// Adds a column for every wanted output and returns their variables.
 fn outputs(scenario: &Scenario, wanted: &dyn Fn(&str) -> bool, recording: &mut Recording) -> Vec<Place> {
     let mut found = Vec::new();
     for (at, element) in scenario.elements.iter().enumerate() {
         for (index, variable) in element.model_type.variables().iter().enumerate() {
-            let name = format!("{}.{}", element.name, variable.name);
+            let name = element.path(index);
             if variable.causality == Causality::Output && wanted(&name) {
                 found.push((at, index));
                 recording.columns.push(Column { name, unit: variable.unit_name().into(), values: Vec::new() });

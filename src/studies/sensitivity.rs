@@ -118,10 +118,10 @@ fn at_operating_point(scenario: &Scenario, lambda_nm2_a2: &[f64]) -> Result<Scen
 fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec<Vec<f64>>, String> {
     let unsettled = |why: String| format!("the loop does not settle: {why}");
     let readings = scenario.machine.readings;
-    let inputs = readings.iter().map(|reading| ["controller".to_owned(), reading.name.to_owned()]);
-    let connections = scenario.connections();
-    let places: Vec<usize> =
-        inputs.filter_map(|input| connections.iter().position(|connection| connection.to == input)).collect();
+    let inputs: Vec<_> = scenario.connections().into_iter().map(|[_, input]| scenario.path(input)).collect();
+    let carried_at =
+        |reading: &Reading| inputs.iter().position(|input| *input == format!("controller.{}", reading.name));
+    let places: Vec<usize> = readings.iter().filter_map(carried_at).collect();
     let [settling, window] = [settling_s, decay_s].map(|time_s| (time_s / scenario.step_s).ceil() as usize);
     let mut scenario = scenario.clone();
     scenario.duration_s = (settling + 2 * places.len() * window) as f64 * scenario.step_s;

@@ -91,9 +91,10 @@ fn estimators_beside_the_loop_differ_only_in_their_method() {
         assert_eq!(scenario.value(element, "method"), Some(Value::Integer(method)), "{element}");
         assert_eq!(scenario.value(element, "Tf"), Some(Value::Real(0.01)), "{element}");
     }
-    let to_paper = scenario.connections().into_iter().filter(|connection| connection.to[0] == "paper").count();
+    let connections = scenario.connections();
+    let to_paper = connections.iter().filter(|[_, (to, _)]| names[*to] == "paper").count();
     assert_eq!(to_paper, 7, "positions, currents, angle and speed reach it");
-    assert!(scenario.connections().iter().all(|connection| connection.from[0] != "paper"), "its outputs are free");
+    assert!(connections.iter().all(|[(from, _), _]| names[*from] != "paper"), "its outputs are free");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use fmu_export::variable::Value;
 use magnetic_bearing::machine::MACHINES;
-use magnetic_bearing::simulation::{Scenario, simulate};
+use magnetic_bearing::simulation::{Place, Scenario, simulate};
 use magnetic_bearing::studies::sensitivity::{Sensitivity, peak, table, zone};
 use nalgebra::{Complex, ComplexField};
 
@@ -42,8 +42,9 @@ fn lambda(scenario: &Scenario, element: &str, name: &str) -> Vec<f64> {
 fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f64> {
     /// 4·10⁻⁵ of the gap, with nonlinear effects of that order; ten times the amplitude saturates the amplifiers at 2 kHz.
     const AMPLITUDE_M: f64 = 0.02e-6;
-    let to = ["controller".to_owned(), scenario.machine.readings[reading].name.to_owned()];
-    let place = scenario.connections().iter().position(|connection| connection.to == to).expect("the reading is used");
+    let to = format!("controller.{}", scenario.machine.readings[reading].name);
+    let is_it = |[_, input]: &[Place; 2]| scenario.path(*input) == to;
+    let place = scenario.connections().iter().position(is_it).expect("the reading is used");
     let samples = (scenario.duration_s / scenario.step_s).round() as usize;
     let (mut sample, mut sum) = (0, Complex::new(0.0, 0.0));
     let mut alter = |time_s: f64, carried: &mut [Value]| {

@@ -71,8 +71,8 @@ pub struct ScenarioError {
 /// its beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Profile {
-    /// The variables, by index of element and variable.
-    pub targets: Vec<(usize, usize)>,
+    /// The variables.
+    pub targets: Vec<Place>,
     /// The instants, in seconds, increasing.
     pub time_s: Vec<f64>,
     /// A value for each instant, in the unit of the variables.
@@ -117,6 +117,11 @@ impl Element {
         read::position(&self.model_type, variable)
     }
 
+    /// The path of the variable of this index, such as `plant.lambda[1]`.
+    pub fn path(&self, index: usize) -> String {
+        format!("{}.{}", self.name, self.model_type.variables()[index].name)
+    }
+
     /// The start value of a variable.
     pub fn value(&self, variable: &str) -> Option<Value> {
         let index = self.index(variable)?;
@@ -135,11 +140,8 @@ impl Element {
     }
 }
 
-/// Finds a variable by the name of its element and its own name: index of the element, index of the variable.
-pub(super) fn place(elements: &[Element], element: &str, variable: &str) -> Option<(usize, usize)> {
-    let at = elements.iter().position(|candidate| candidate.name == element)?;
-    Some((at, elements[at].index(variable)?))
-}
+/// A variable: index of its element, and its own index.
+pub type Place = (usize, usize);
 
 /// A scenario, checked as far as possible without running it.
 #[derive(Clone)]
@@ -183,22 +185,23 @@ const LOOP: [([usize; 2], &[[&str; 2]]); 4] = [
     ([PLANT, ESTIMATOR], &[["omegam", "omega"]]),
 ];
 
-/// The output of an element that an input has been connected to, if any, by one of the pairs of names or by its own name.
-fn output<'a>(from: &'a Element, renamed: &[[&str; 2]], input: &Variable) -> Option<&'a Variable> {
+/// The output that a variable of the element `at` is connected to, if `from` is the source of such a connection: by one of the pairs of names
+/// or by its own name.
+fn output(from: &Element, renamed: &[[&str; 2]], input: &Variable) -> Option<usize> {
     let name = renamed.iter().find(|[_, name]| *name == input.name).map_or(&*input.name, |[name, _]| name);
-    let output = &from.model_type.variables()[from.index(name)?];
-    (input.causality == Causality::Input && output.causality == Causality::Output).then_some(output)
+    let output = from.index(name)?;
+    let is_output = from.model_type.variables()[output].causality == Causality::Output;
+    (input.causality == Causality::Input && is_output).then_some(output)
 }
 
-/// The output that a variable of an element is connected to, by element and variable name.
-fn source(elements: &[Element], at: usize, variable: &Variable) -> Option<[String; 2]> {
-    let routes = LOOP.iter().filter(|([_, sink], _)| *sink == at.min(ESTIMATOR));
-    let mut sources = routes.filter_map(|([from, _], renamed)| Some((elements.get(*from)?, *renamed)));
-    sources.find_map(|(from, renamed)| Some([from.name.clone(), output(from, renamed, variable)?.name.to_string()]))
+/// The output that a variable of an element is connected to.
+fn source(elements: &[Element], at: usize, variable: &Variable) -> Option<Place> {
+    let mut routes = LOOP.iter().filter(|([_, sink], _)| *sink == at.min(ESTIMATOR));
+    routes.find_map(|([from, _], renamed)| Some((*from, output(elements.get(*from)?, renamed, variable)?)))
 }
 
 /// Finds a variable that can be set by its path.
-fn settable(elements: &[Element], path: &str) -> Result<(usize, usize), String> {
+fn settable(elements: &[Element], path: &str) -> Result<Place, String> {
     let (name, key) = path.split_once('.').unwrap_or(("", path));
     let Some(at) = elements.iter().position(|element| element.name == name) else {
         let knowing = elements.iter().filter(|element| element.index(path).is_some());
@@ -216,15 +219,6 @@ fn settable(elements: &[Element], path: &str) -> Result<(usize, usize), String> 
     };
     permitted(elements, at, &variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
     Ok((at, index))
-}
-
-/// An output and the input connected to it, by element and variable name.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Connection {
-    /// Element and variable of the output.
-    pub from: [String; 2],
-    /// Element and variable of the input.
-    pub to: [String; 2],
 }
 
 impl Scenario {
@@ -318,23 +312,20 @@ impl Scenario {
         self.elements.iter().find(|element| element.name == name)
     }
 
-    /// The path of a variable, such as `plant.lambda[1]`, from the index of its element and its own index.
-    pub fn path(&self, (element, variable): (usize, usize)) -> String {
-        let element = &self.elements[element];
-        format!("{}.{}", element.name, element.model_type.variables()[variable].name)
+    /// The path of a variable, such as `plant.lambda[1]`.
+    pub fn path(&self, (element, variable): Place) -> String {
+        self.elements[element].path(variable)
     }
 
-    /// The connections, including those of the estimators beside the loop.
-    pub fn connections(&self) -> Vec<Connection> {
+    /// The connections, each from an output to an input, including those of the estimators beside the loop.
+    pub fn connections(&self) -> Vec<[Place; 2]> {
         let mut connections = Vec::new();
         for ([from, sink], renamed) in LOOP {
-            let Some(from) = self.elements.get(from) else { continue };
-            for (_, to) in self.elements.iter().enumerate().filter(|(at, _)| ESTIMATOR.min(*at) == sink) {
-                for input in to.model_type.variables() {
-                    let Some(output) = output(from, renamed, input) else { continue };
-                    let [from, to] =
-                        [(from, output), (to, input)].map(|(of, name)| [of.name.clone(), name.name.to_string()]);
-                    connections.push(Connection { from, to });
+            let Some(source) = self.elements.get(from) else { continue };
+            for (to, element) in self.elements.iter().enumerate().filter(|(to, _)| ESTIMATOR.min(*to) == sink) {
+                for (input, variable) in element.model_type.variables().iter().enumerate() {
+                    let output = output(source, renamed, variable);
+                    connections.extend(output.map(|output| [(from, output), (to, input)]));
                 }
             }
         }
@@ -358,11 +349,11 @@ impl Scenario {
         (0..self.machine.magnets()).filter(|k| self.uses(*k)).collect()
     }
 
-    /// Finds the variable of a path such as `plant.lambda[1]`: the index of its element and its own index.
+    /// Finds the variable of a path such as `plant.lambda[1]`.
     ///
     /// # Errors
     /// There is no such variable, or it cannot be set.
-    pub fn settable(&self, path: &str) -> Result<(usize, usize), String> {
+    pub fn settable(&self, path: &str) -> Result<Place, String> {
         settable(&self.elements, path)
     }
 

@@ -542,7 +542,10 @@ pub fn permitted(elements: &[Element], at: usize, variable: &Variable) -> Result
     if !variable.is_settable() {
         return Err("it is computed; only parameters and inputs can be set".into());
     }
-    source(elements, at, variable).map_or(Ok(()), |output| Err(format!("it is connected to {}", output.join("."))))
+    match source(elements, at, variable) {
+        Some((from, output)) => Err(format!("it is connected to {}", elements[from].path(output))),
+        None => Ok(()),
+    }
 }
 
 /// A number and the text after it.

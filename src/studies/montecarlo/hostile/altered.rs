@@ -49,10 +49,10 @@ pub struct Wires {
 impl Wires {
     /// The indices of a scenario.
     pub fn new(scenario: &Scenario) -> Self {
-        let connections = scenario.connections();
+        let inputs: Vec<_> = scenario.connections().iter().map(|[_, input]| scenario.path(*input)).collect();
         let to = |element: &str, wanted: &dyn Fn(&str) -> bool| -> Vec<usize> {
-            let is = |[to, name]: &[String; 2]| to == element && wanted(name);
-            (0..connections.len()).filter(|at| is(&connections[*at].to)).collect()
+            let is = |path: &str| path.split_once('.').is_some_and(|(to, name)| to == element && wanted(name));
+            (0..inputs.len()).filter(|at| is(&inputs[*at])).collect()
         };
         let is_position = |name: &str| ["Xm", "Ym", "Zm"].iter().any(|end| name.ends_with(end));
         let is_current = |name: &str| name.contains("im[");
