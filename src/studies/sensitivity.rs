@@ -125,42 +125,33 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
     let [settling, window] = [settling_s, decay_s].map(|time_s| (time_s / scenario.step_s).ceil() as usize);
     let mut scenario = scenario.clone();
     scenario.duration_s = (settling + 2 * places.len() * window) as f64 * scenario.step_s;
-    let mut settling_m: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
-    let mut read_m: Vec<Vec<f64>> = vec![Vec::new(); 2 * places.len()];
-    let mut sample = 0;
+    // After settling, each reading in turn has an error +ERROR_M, and a window later −ERROR_M.
+    let begins = |n: usize| [settling + 2 * n * window, settling + (2 * n + 1) * window];
+    let mut read_m: Vec<Vec<f64>> = vec![Vec::new(); places.len()];
     let mut alter = |_: f64, carried: &mut [Value]| {
-        let elapsed = sample.max(settling) - settling;
-        let (pulse, since) = ((elapsed / window).min(2 * places.len() - 1), elapsed % window);
-        if sample < settling {
-            for (values_m, place) in settling_m.iter_mut().zip(&places) {
-                values_m.push(carried[*place].clone().as_f64());
+        for (n, (read_m, place)) in read_m.iter_mut().zip(&places).enumerate() {
+            let mut reading_m = carried[*place].clone().as_f64();
+            if let Some(pulse) = begins(n).iter().position(|begin| *begin == read_m.len()) {
+                reading_m += [ERROR_M, -ERROR_M][pulse];
+                carried[*place] = Value::Real(reading_m);
             }
-        } else {
-            let place = places[pulse / 2];
-            let error_m = match (since, pulse % 2) {
-                (0, 0) => ERROR_M,
-                (0, _) => -ERROR_M,
-                _ => 0.0,
-            };
-            let reading_m = carried[place].clone().as_f64() + error_m;
-            read_m[pulse].push(reading_m);
-            carried[place] = Value::Real(reading_m);
+            read_m.push(reading_m);
         }
-        sample += 1;
     };
     let run = simulate::run_altered(&scenario, &|_| false, &mut alter).map_err(|refused| refused.0.join("; "))?;
     if let Some(error) = run.error {
         return Err(unsettled(error));
     }
-    for (values_m, reading) in settling_m.iter().zip(readings) {
-        let (last_m, before_m) = (values_m[settling - 1], values_m[settling - 1 - settling / 10]);
+    for (read_m, reading) in read_m.iter().zip(readings) {
+        let (last_m, before_m) = (read_m[settling - 1], read_m[settling - 1 - settling / 10]);
         let is_settled = (last_m - before_m).abs() <= DECAYED * ERROR_M && last_m.abs() <= CENTRED_M;
         if !is_settled {
             return Err(unsettled(format!("after {settling_s} s {} reads {last_m} m", reading.name)));
         }
     }
-    let response = |(pair, reading): (&[Vec<f64>], &Reading)| {
-        let response: Vec<f64> = pair[0].iter().zip(&pair[1]).map(|(up, down)| (up - down) / (2.0 * ERROR_M)).collect();
+    let response = |(n, (read_m, reading)): (usize, (&Vec<f64>, &Reading))| {
+        let [up_m, down_m] = begins(n).map(|begin| &read_m[begin..begin + window]);
+        let response: Vec<f64> = up_m.iter().zip(down_m).map(|(up, down)| (up - down) / (2.0 * ERROR_M)).collect();
         if response.iter().any(|h| !h.is_finite()) {
             return Err(format!("the response to an error of {} is not finite", reading.name));
         }
@@ -171,7 +162,7 @@ fn responses(scenario: &Scenario, [settling_s, decay_s]: [f64; 2]) -> Result<Vec
         }
         Ok(response)
     };
-    read_m.chunks(2).zip(readings).map(response).collect()
+    read_m.iter().zip(readings).enumerate().map(response).collect()
 }
 
 /// The peaks with the first guess of λ and with the true λ, a row for each sensor; and messages about missing functions.
