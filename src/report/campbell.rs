@@ -43,13 +43,12 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
         response.line(Line::new(name, colour::MAGNETS[bearing]), &rpm[1..], &amplitude);
     }
 
-    let alone = |plot: Plot| vec![(String::new(), plot)];
     let of_frequencies = "Natural frequencies of the rigid shaft over its speed. Gyroscopic moments raise those that whirl with the rotor and \
                           lower those that whirl against it. Unbalance excites forward whirl where its line meets that of the speed.";
     let of_response = "Orbit of the shaft in the bearings under its unbalance.";
     let figures = [
-        Figure::new("campbell", "Natural frequencies", alone(frequencies), of_frequencies.into()),
-        Figure::new("response", "Response to the unbalance", alone(response), of_response.into()),
+        Figure::new("campbell", "Natural frequencies", vec![frequencies], of_frequencies.into()),
+        Figure::new("response", "Response to the unbalance", vec![response], of_response.into()),
     ];
     let answer = html! { p.verdict { (whirl.critical_in_words(greatest_rpm)) } };
     let report = Report { title: "Campbell diagram", command, tables: vec![table.clone()], ..Report::default() };

@@ -30,16 +30,16 @@ pub(super) struct Figure {
     pub(super) title: String,
     /// The corresponding figures of the paper.
     paper: Option<&'static str>,
-    /// Plots side by side, each with its title.
-    plots: Vec<(String, Plot)>,
+    /// Plots side by side.
+    plots: Vec<Plot>,
     /// Caption.
     caption: String,
 }
 
 impl Figure {
-    /// A figure from its anchor, heading, titled plots and caption; empty plots are left out.
-    pub(super) fn new(id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: String) -> Figure {
-        let plots = plots.into_iter().filter(|(_, plot)| !plot.is_empty()).collect();
+    /// A figure from its anchor, heading, plots and caption; empty plots are left out.
+    pub(super) fn new(id: &'static str, title: &str, mut plots: Vec<Plot>, caption: String) -> Figure {
+        plots.retain(|plot| !plot.is_empty());
         Figure { id, title: title.into(), paper: None, plots, caption }
     }
 
@@ -48,9 +48,9 @@ impl Figure {
             figure id=(self.id) {
                 h2 { (self.title) }
                 div class=(if self.plots.len() > 1 { "panels two" } else { "panels" }) {
-                    @for (name, plot) in &self.plots {
+                    @for plot in &self.plots {
                         div {
-                            @if !name.is_empty() { h3 { (name) } }
+                            @if !plot.title.is_empty() { h3 { (plot.title) } }
                             (plot.html())
                         }
                     }
@@ -107,7 +107,7 @@ impl<'r> Signals<'r> {
     }
 
     /// A plot for each method and bearing, with a title that tells it apart.
-    fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<(String, Plot)> {
+    fn of_methods(&self, plot: impl Fn(&str, usize) -> Plot) -> Vec<Plot> {
         let bearings = self.scenario.machine.bearings;
         let of_method = |[element, label]: &[String; 2]| {
             let of_bearing = |(b, bearing): (usize, &Bearing)| {
@@ -116,7 +116,7 @@ impl<'r> Signals<'r> {
                     (1, _) => title_of(bearing),
                     _ => titled(label, bearing),
                 };
-                (title, plot(element, b))
+                plot(element, b).title(title)
             };
             bearings.iter().enumerate().map(of_bearing).collect::<Vec<_>>()
         };
@@ -163,7 +163,7 @@ impl<'r> Signals<'r> {
     }
 
     /// A figure, or a sentence instead if all plots are empty.
-    fn figure(&self, id: &'static str, title: &str, plots: Vec<(String, Plot)>, caption: &str) -> Figure {
+    fn figure(&self, id: &'static str, title: &str, plots: Vec<Plot>, caption: &str) -> Figure {
         let mut figure = Figure::new(id, title, plots, caption.into());
         if figure.plots.is_empty() {
             figure.caption = "Not drawn: the recording has no usable signals for it.".into();
@@ -377,11 +377,10 @@ fn condition(run: &Signals) -> Option<Figure> {
     }
     let caption = "The condition number of the equations solved: the factor by which errors of the data may grow.";
     let title = "How well the data determine the estimates";
-    (!plot.is_empty()).then(|| run.figure("condition", title, vec![(String::new(), plot)], caption))
+    (!plot.is_empty()).then(|| run.figure("condition", title, vec![plot], caption))
 }
 
 fn tracking(run: &Signals) -> Figure {
-    const MOMENT: PlotUnit = PlotUnit { name: "N·m", factor: 1.0 };
     let machine = run.scenario.machine;
     let truth = |name: &str| Line::new(name, colour::INK).dashed().width(1.0);
     let mut plots = Vec::new();
@@ -390,7 +389,7 @@ fn tracking(run: &Signals) -> Figure {
         let mut plot = run.plot(&reading.axis[..1], PlotUnit::MICROMETRE);
         run.column(&mut plot, Line::new("position", colour::MAGNETS[0]), &format!("plant.{position}"));
         run.column(&mut plot, truth("reference"), &format!("controller.{reference}"));
-        plots.push((format!("Position along {}", reading.axis), plot));
+        plots.push(plot.title(format!("Position along {}", reading.axis)));
     }
     let errors = evaluation::errors(machine, run.recording).unwrap_or_default();
     for (b, bearing) in machine.bearings.iter().enumerate() {
@@ -400,14 +399,14 @@ fn tracking(run: &Signals) -> Figure {
         for ((reading, error), colour) in of_bearing.zip(colour::MAGNETS) {
             run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
         }
-        plots.push((titled("Tracking error", bearing), plot));
+        plots.push(plot.title(titled("Tracking error", bearing)));
     }
     for (n, (coordinate, observed)) in machine.coordinates.iter().zip(machine.of_loads("p", "Hat")).enumerate() {
-        let (quantity, unit) = machine.either(n, ("force", PlotUnit::NEWTON), ("moment", MOMENT));
+        let (quantity, unit) = machine.either(n, ("force", PlotUnit::NEWTON), ("moment", PlotUnit::NEWTON_METRE));
         let mut plot = run.plot(quantity, unit).height(260.0);
         run.column(&mut plot, Line::new("observed", colour::MAGNETS[2]), &format!("controller.{observed}"));
         run.column(&mut plot, truth("true"), &format!("plant.{}", coordinate.perturbation));
-        plots.push((format!("Perturbation {}", machine.direction(n)), plot));
+        plots.push(plot.title(format!("Perturbation {}", machine.direction(n))));
     }
     let caption = "Positions and references, the errors, and the estimated perturbations beside the true ones. A wrong λ \
                    is a perturbation to the observer.";
@@ -416,12 +415,12 @@ fn tracking(run: &Signals) -> Figure {
 
 fn currents(run: &Signals) -> Figure {
     let mut plots = Vec::new();
-    let mut add = |name: String, quantity: &str, unit: PlotUnit, columns: Option<Vec<&[f64]>>| {
-        let mut plot = run.plot(quantity, unit);
+    let mut add = |title: String, quantity: &str, unit: PlotUnit, columns: Option<Vec<&[f64]>>| {
+        let mut plot = run.plot(quantity, unit).title(title);
         for (k, column) in columns.into_iter().flatten().enumerate() {
             run.line(&mut plot, Line::new(&format!("{quantity}{}", INDEX[k]), colour::MAGNETS[k]), column);
         }
-        plots.push((name, plot));
+        plots.push(plot);
     };
     for bearing in run.scenario.machine.bearings {
         add(titled("Measured currents", bearing), "i", PlotUnit::AMPERE, run.of_magnets("plant", bearing, "im"));
@@ -447,7 +446,8 @@ fn orbit(run: &Signals) -> Option<Figure> {
     let mut plots = Vec::new();
     for (b, bearing) in machine.bearings.iter().enumerate().filter(|(_, of)| of.is_radial) {
         let at = machine.readings_of(b);
-        let (mut path, mut errors) = (axes(""), axes("error"));
+        let mut path = axes("").title(titled("Orbit", bearing));
+        let mut errors = axes("error").title(titled("Error", bearing));
         let position = run.all("plant", &positions[at.clone()]);
         let error = all_errors.as_ref().map(|all| all[at.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
         for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
@@ -468,8 +468,7 @@ fn orbit(run: &Signals) -> Option<Figure> {
                 errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
             }
         }
-        plots.push((titled("Orbit", bearing), path));
-        plots.push((titled("Error", bearing), errors));
+        plots.extend([path, errors]);
     }
     let caption =
         "The orbit in the plane of the bearing and its distance from the reference trajectory, over two revolutions.";
@@ -493,7 +492,7 @@ fn clearance(run: &Signals) -> Option<Figure> {
         distance = distance.range(1, [0.0, 1.1 * most]);
         run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
         distance.level(clearance_m, "clearance");
-        plots.push((titled("Distance from the centre", bearing), distance));
+        plots.push(distance.title(titled("Distance from the centre", bearing)));
         let axes = if bearing.is_radial { &["Y", "Z"][..] } else { &["X"] };
         let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
         let push_n = run.all("plant", &names).map(|forces| lengths(&forces)).unwrap_or_default();
@@ -501,7 +500,7 @@ fn clearance(run: &Signals) -> Option<Figure> {
             touched = true;
             let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);
             run.line(&mut push, Line::new("backup bearing", colour::MAGNETS[1]).unlisted(), &push_n);
-            plots.push((titled("Force of the backup bearing", bearing), push));
+            plots.push(push.title(titled("Force of the backup bearing", bearing)));
         }
     }
     let caption =
@@ -511,15 +510,14 @@ fn clearance(run: &Signals) -> Option<Figure> {
 
 /// The identified unbalance beside the true one.
 fn unbalance(run: &Signals) -> Option<Figure> {
-    const GRAM_MILLIMETRE: PlotUnit = PlotUnit { name: "g·mm", factor: 1e6 };
-    let mut plot = run.plot("unbalance", GRAM_MILLIMETRE).height(260.0);
+    let mut plot = run.plot("unbalance", PlotUnit::GRAM_MILLIMETRE).height(260.0);
     for (plane, name) in run.scenario.machine.of_planes("magnitude").iter().enumerate() {
         let line = Line::new(&format!("plane {}", plane + 1), colour::MAGNETS[plane]);
         run.column(&mut plot, line, &format!("{}.{name}", run.best));
         plot.level(run.scenario.real(name)?, "");
     }
     let caption = "Identified unbalance; dashed: the truth.";
-    (!plot.is_empty()).then(|| run.figure("unbalance", "Unbalance", vec![("Magnitude".to_owned(), plot)], caption))
+    (!plot.is_empty()).then(|| run.figure("unbalance", "Unbalance", vec![plot.title("Magnitude")], caption))
 }
 
 /// The sensitivity functions of all axes, before and after the update.
@@ -549,7 +547,7 @@ fn sensitivity(run: &Signals) -> Option<Figure> {
             plot.level(limit, &format!("zone {zone}: below {limit} ({:.1} dB)", 20.0 * limit.log10()));
         }
         let is_compared = run.sensitivities.len() > 1;
-        plots.push((if is_compared { format!("With λ {stretch} the update") } else { String::new() }, plot));
+        plots.push(if is_compared { plot.title(format!("With λ {stretch} the update")) } else { plot });
     }
     let caption = "Gain from an error of one position sensor to its reading, with the rotor in the centre under the static load, from the \
                    response in time. Zones of ISO 14839-3.";

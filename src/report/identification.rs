@@ -120,7 +120,7 @@ fn budget(found: &Identification, machine: &Machine) -> Figure {
             let parts: Vec<f64> = lines.iter().map(|line| line.contribution[k]).collect();
             plot.bars(NAMES[number], colour::MAGNETS[number], &names, &parts, true);
         }
-        (bearing.name().to_owned(), plot.height(90.0 + 38.0 * names.len() as f64))
+        plot.title(bearing.name()).height(90.0 + 38.0 * names.len() as f64)
     };
     let caption = "Contribution of each bench parameter to the standard deviation of λ: with its tolerance if one is stated, \
                    otherwise with that of a typical bench, which is not in the ± above.";
@@ -154,10 +154,9 @@ impl<'s> Drawn<'s> {
 
     /// λ over the recording: the answer with its parts, and the on-line estimate for comparison.
     fn constants(&self, found: &Identification, track: Option<&Track>) -> Figure {
-        let mut on_line = track.map(|track| self.bands(track)).unwrap_or_default();
-        on_line.retain(|(_, plot)| !plot.is_empty());
-        let has_on_line = !on_line.is_empty();
+        let mut on_line = track.map(|track| self.bands(track)).unwrap_or_default().into_iter();
         let mut plots = Vec::new();
+        let mut has_on_line = false;
         for (bearing, magnets) in self.samples.machine.magnets_of_bearings() {
             let bearing = bearing.name();
             let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
@@ -177,16 +176,16 @@ impl<'s> Drawn<'s> {
                 whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
             }
             let of = |what: &str| if bearing.is_empty() { what.to_owned() } else { format!("{bearing}: {what}") };
-            plots.push((of("Maximum likelihood"), whole));
-            let mut own = on_line.iter_mut().filter(|(of, _)| bearing.is_empty() || of == bearing);
-            if let Some((_, on_line)) = own.next() {
+            plots.push(whole.title(of("Maximum likelihood")));
+            if let Some(mut on_line) = on_line.next().filter(|plot| !plot.is_empty()) {
+                has_on_line = true;
                 for (number, k) in magnets.enumerate() {
                     let line = Line::new("maximum likelihood", colour::MAGNETS[number]);
                     let line = line.group(NAMES[number]).dashed().width(1.0).unlisted();
                     let all = [self.instant(0), self.instant(self.time_s.len())];
                     on_line.line(line, &all, &[found.lambda[k].value; 2]);
                 }
-                plots.push((of("On-line estimator"), on_line.clone()));
+                plots.push(on_line.title(of("On-line estimator")));
             }
         }
         let mut caption = String::from(
@@ -240,14 +239,14 @@ impl<'s> Drawn<'s> {
         let length_s = if turns_s.is_finite() && turns_s < 1.0 { turns_s } else { WITHOUT_TURNING_S };
         let rows = end.saturating_sub((length_s / self.samples.step_s) as usize)..end;
         let plots = self.samples.machine.readings.iter().enumerate().map(|(axis, Reading { axis: name, .. })| {
-            let mut plot = Plot::new(("time", self.unit), (name, PlotUnit::MICROMETRE));
+            let mut plot = Plot::new(("time", self.unit), (name, PlotUnit::MICROMETRE)).title(*name);
             let time_s = &self.time_s[rows.clone()];
             let measured = &self.samples.position_m[axis][rows.clone()];
             let predicted: Vec<f64> =
                 measured.iter().zip(&errors[axis][rows.clone()]).map(|(measured, error)| measured - error).collect();
             plot.line(Line::new("measured", colour::MAGNETS[0]).width(3.0), time_s, measured);
             plot.line(Line::new("predicted", colour::INK).dashed().width(1.2), time_s, &predicted);
-            ((*name).to_owned(), plot)
+            plot
         });
         let caption = "The end of the recording: measured positions beside those that the identified model predicts from the samples before.";
         Figure::new("positions", "Measured and predicted positions", plots.collect(), caption.to_owned() + self.which)
@@ -266,7 +265,7 @@ impl<'s> Drawn<'s> {
         let caption = "Measured minus predicted positions: noise if the model describes the motion. Bars: the amplitudes of their components at \
                        multiples of the rotor's speed, relative to the noise of one sample; those well above zero are run-out or forces that the \
                        model does not have.";
-        let plots = vec![("Over time".into(), over_time), ("Harmonics of the speed".into(), harmonics)];
+        let plots = vec![over_time.title("Over time"), harmonics.title("Harmonics of the speed")];
         Figure::new("residuals", "Residuals", plots, caption.to_owned() + self.which)
     }
 
@@ -279,7 +278,7 @@ impl<'s> Drawn<'s> {
             for (k, current) in own.filter(|(_, current)| !current.is_empty()) {
                 plot.line(Line::new(["i₁", "i₂", "i₃", "i₄"][k], colour::MAGNETS[k]), &self.time_s, current);
             }
-            (bearing.name().to_owned(), plot)
+            plot.title(bearing.name())
         };
         let plots = self.samples.machine.bearings.iter().map(of_bearing).collect();
         Figure::new("currents", "Currents", plots, format!("As recorded.{}", self.which))
@@ -302,11 +301,11 @@ impl<'s> Drawn<'s> {
         slow.line(Line::new("slow force", colour::MAGNETS[0]).group("slow force"), &self.time_s, &force);
         let mut errors = self.over_time("prediction error", PlotUnit::MICROMETRE);
         errors.line(Line::new("one sample ahead", colour::MAGNETS[1]).width(1.0), &self.time_s, &errors_m);
-        let left = vec![("Slow force".into(), shaded(slow)), ("Prediction errors".into(), shaded(errors))];
+        let left = vec![shaded(slow).title("Slow force"), shaded(errors).title("Prediction errors")];
         let caption = format!("Shaded intervals were left out.{}", self.which);
         let of_force = "The force that the law does not explain, with a band of two standard deviations, and the errors of predictions.";
         [
-            Figure::new("recorded", "Positions", vec![(String::new(), shaded(position))], caption),
+            Figure::new("recorded", "Positions", vec![shaded(position)], caption),
             Figure::new("slow", "Unexplained force", left, of_force.to_owned() + self.which),
         ]
     }
@@ -323,19 +322,18 @@ impl<'s> Drawn<'s> {
             let machine = track.machine;
             let is_valid = track.of("valid");
             let valid = |j: usize| is_valid[j] == 1.0;
-            let mut unbalance = self.over_time("unbalance", PlotUnit { name: "g·mm", factor: 1e6 });
+            let mut unbalance = self.over_time("unbalance", PlotUnit::GRAM_MILLIMETRE);
             for (name, colour) in machine.of_planes("magnitude").iter().zip(colour::MAGNETS) {
                 let label = name.trim_end_matches(".magnitude");
                 line(&mut unbalance, track, name, Line::new(label, colour), valid);
             }
             let mut load = self.over_time("static load", PlotUnit::NEWTON);
-            let mut moment = self.over_time("static moment", PlotUnit { name: "N·m", factor: 1.0 });
+            let mut moment = self.over_time("static moment", PlotUnit::NEWTON_METRE);
             for (n, name) in machine.of_loads("p", "Hat").iter().enumerate() {
                 let own = Line::new(&machine.direction(n), colour::MAGNETS[n % 3]);
                 line(machine.either(n, &mut load, &mut moment), track, name, own, valid);
             }
-            let mut plots = vec![("Unbalance".into(), unbalance), ("Static load".into(), load)];
-            plots.extend((!moment.is_empty()).then(|| ("Static moment".into(), moment)));
+            let plots = vec![unbalance.title("Unbalance"), load.title("Static load"), moment.title("Static moment")];
             let caption = "As identified together with the force constants.";
             figures.push(Figure::new("unbalance", "Unbalance and static load", plots, caption.into()));
         }
@@ -345,12 +343,12 @@ impl<'s> Drawn<'s> {
         }
         let caption = "For predictionError the normalised innovation squared, 1 if model and noise describe the data; for the paper's methods the \
                        part of the motion that is left over.";
-        figures.push(Figure::new("residuals", "Residuals", vec![(String::new(), residual)], caption.into()));
+        figures.push(Figure::new("residuals", "Residuals", vec![residual], caption.into()));
         figures
     }
 
     /// Valid λ̂ of an on-line method with their bands, bearing by bearing.
-    fn bands(&self, track: &Track) -> Vec<(String, Plot)> {
+    fn bands(&self, track: &Track) -> Vec<Plot> {
         let names = ["lambdaHat", "lambdaStdTotal"].map(|name| track.machine.of_magnets(name));
         let mut magnets = names[0].iter().zip(&names[1]);
         let of_bearing = |bearing: &Bearing| {
@@ -363,8 +361,7 @@ impl<'s> Drawn<'s> {
                 let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃", "λ̂₄"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
                 plot.line(line, time_s, &lambda);
             }
-            let title = if bearing.prefix.is_empty() { track.name() } else { bearing.name() };
-            (title.to_owned(), plot)
+            plot.title(if bearing.prefix.is_empty() { track.name() } else { bearing.name() })
         };
         track.machine.bearings.iter().map(of_bearing).collect()
     }

@@ -56,6 +56,10 @@ impl PlotUnit {
     pub const LAMBDA: PlotUnit = PlotUnit { name: "10⁻⁶ N·m²/A²", factor: 1e6 };
     /// Forces.
     pub const NEWTON: PlotUnit = PlotUnit { name: "N", factor: 1.0 };
+    /// Moments.
+    pub const NEWTON_METRE: PlotUnit = PlotUnit { name: "N·m", factor: 1.0 };
+    /// Unbalances.
+    pub const GRAM_MILLIMETRE: PlotUnit = PlotUnit { name: "g·mm", factor: 1e6 };
     /// Currents.
     pub const AMPERE: PlotUnit = PlotUnit { name: "A", factor: 1.0 };
     /// Voltages.
@@ -109,6 +113,8 @@ impl Line {
 /// A plot: lines, levels, instants and intervals between two axes.
 #[derive(Clone, Debug)]
 pub struct Plot {
+    /// Heading above the plot; may be empty.
+    pub(super) title: String,
     units: [PlotUnit; 2],
     traces: Vec<Json>,
     shapes: Vec<Json>,
@@ -134,12 +140,17 @@ impl Plot {
             "xaxis": {"title": title(x), "ticksuffix": suffix, "showticksuffix": "last"}, "yaxis": {"title": title(y)},
         });
         let (traces, shapes) = (Vec::new(), Vec::new());
-        Plot { units: [x.1, y.1], traces, shapes, layout, height_px: 300.0, over_time: false }
+        Plot { title: String::new(), units: [x.1, y.1], traces, shapes, layout, height_px: 300.0, over_time: false }
     }
 
     /// An empty plot over time, linked to all others over time on the page.
     pub fn over_time(unit: PlotUnit, y: (&str, PlotUnit)) -> Plot {
         Plot { over_time: true, ..Plot::new(("time", unit), y) }
+    }
+
+    /// With this heading.
+    pub fn title(self, title: impl Into<String>) -> Plot {
+        Plot { title: title.into(), ..self }
     }
 
     /// With this height in pixels.
