@@ -31,7 +31,7 @@ pub fn page(command: &str, whirl: &Whirl, greatest_rpm: f64, table: &Table) -> S
         frequencies.line(line("forward"), &rpm, &of(1));
     }
     let synchronous: Vec<f64> = rpm.iter().map(|rpm| rpm / 60.0).collect();
-    frequencies.line(Line::new("speed (1×)", colour::INK).dashed().width(1.0), &rpm, &synchronous);
+    frequencies.line(Line::new("speed (1×)", colour::INK).dashed(), &rpm, &synchronous);
     for (mode, rpm) in whirl.critical_rpm(greatest_rpm) {
         frequencies.instant(rpm, &format!("critical {mode}"));
     }

@@ -23,6 +23,8 @@ const SAME_SPEED: f64 = 0.01;
 pub struct Stretch {
     /// `before` or `after` the update, or `end of the run`.
     pub name: &'static str,
+    /// The name as a heading.
+    pub(super) title: &'static str,
     /// First sample.
     pub from: usize,
     /// One past the last sample.
@@ -30,15 +32,6 @@ pub struct Stretch {
 }
 
 impl Stretch {
-    /// The name as a heading.
-    pub fn title(&self) -> &'static str {
-        match self.name {
-            "before" => "Before the update",
-            "after" => "After the update",
-            _ => "End of the run",
-        }
-    }
-
     /// The part of a signal in the interval.
     pub(super) fn of<'v>(&self, values: &'v [f64]) -> &'v [f64] {
         &values[self.from..self.to]
@@ -97,15 +90,15 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
         let last = stretch.to - 1;
         (theta[last] - theta[stretch.from]) / (time_s[last] - time_s[stretch.from])
     };
-    let after = Stretch { name: "after", from: begin(end), to: end };
-    let before = update(recording).map(|update| Stretch { name: "before", from: begin(update), to: update });
+    let after = Stretch { name: "after", title: "After the update", from: begin(end), to: end };
+    let before = |to: usize| Stretch { name: "before", title: "Before the update", from: begin(to), to };
     let comparable = |before: &Stretch| {
         let speeds = [speed(before), speed(&after)];
         before.to <= after.from && (speeds[0] - speeds[1]).abs() <= SAME_SPEED * speeds[0].abs()
     };
-    match before.filter(comparable) {
+    match update(recording).map(before).filter(comparable) {
         Some(before) => vec![before, after],
-        None => vec![Stretch { name: "end of the run", ..after }],
+        None => vec![Stretch { name: "end of the run", title: "End of the run", ..after }],
     }
 }
 

@@ -19,8 +19,8 @@ const FRAMES: usize = 6000;
 const REQUIRED_M: [(f64, &str); 2] = [(1e-6, "1 µm, for circles"), (3e-6, "3 µm, for other paths")];
 /// Runs up to this length, in s, have a time axis in milliseconds.
 const SHORT_S: f64 = 2.0;
-/// Subscripts of the magnets.
-const INDEX: [&str; 4] = ["₁", "₂", "₃", "₄"];
+/// Subscripts of the magnets of a bearing.
+pub(super) const INDEX: [&str; 4] = ["₁", "₂", "₃", "₄"];
 
 /// A figure: plots and their caption.
 pub(super) struct Figure {
@@ -218,7 +218,7 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
         let dotted = Line::new(&format!("{name} not valid"), colour::MAGNETS[k]).dotted().unlisted().group(&group);
         run.line(&mut plot, dotted, &where_shown(lambda, not_valid));
         run.line(&mut plot, Line::new(&name, colour::MAGNETS[k]).group(&group).width(2.0), &shown);
-        let line = Line::new(&format!("true λ{}", INDEX[k]), colour::MAGNETS[k]).dashed().width(1.0).unlisted();
+        let line = Line::new(&format!("true λ{}", INDEX[k]), colour::MAGNETS[k]).dashed().unlisted();
         plot.line(line.group(&group), &run.ends_s(), &[truth[k]; 2]);
     }
     plot
@@ -289,7 +289,7 @@ fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
 pub(super) fn views(run: &Signals) -> Markup {
     let of = |[from, to]: [f64; 2]| [from, to].map(|end| end * time_unit(run.ends_s()[1]).factor);
     let stretch =
-        |stretch: &Stretch| (stretch.title(), of([stretch.from, stretch.to - 1].map(|at| run.recording.time_s[at])));
+        |stretch: &Stretch| (stretch.title, of([stretch.from, stretch.to - 1].map(|at| run.recording.time_s[at])));
     let views: Vec<_> =
         [("Whole run", of(run.ends_s()))].into_iter().chain(run.stretches.iter().map(stretch)).collect();
     html! {
@@ -359,7 +359,7 @@ fn errors(run: &Signals) -> Figure {
         }
         for (k, stated) in of_ratios(element, b, "lambdaStdTotal", |ratio| 2.0 * ratio) {
             let line = Line::new(&format!("2 std {}", k + 1), colour::MAGNETS[k]).group(&format!("λ{}", k + 1));
-            run.line(&mut plot, line.dashed().width(1.0).unlisted(), &positive(&stated));
+            run.line(&mut plot, line.dashed().unlisted(), &positive(&stated));
         }
         plot
     });
@@ -382,7 +382,7 @@ fn condition(run: &Signals) -> Option<Figure> {
 
 fn tracking(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
-    let truth = |name: &str| Line::new(name, colour::INK).dashed().width(1.0);
+    let truth = |name: &str| Line::new(name, colour::INK).dashed();
     let mut plots = Vec::new();
     let names = machine.positions().into_iter().zip(machine.of_references());
     for (reading, (position, reference)) in machine.readings.iter().zip(names) {
@@ -453,19 +453,19 @@ fn orbit(run: &Signals) -> Option<Figure> {
         for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
             for (plot, signals) in [(&mut path, &position), (&mut errors, &error)] {
                 if let Some([y, z]) = signals.as_deref() {
-                    plot.line(Line::new(stretch.title(), colour), stretch.of(y), stretch.of(z));
+                    plot.line(Line::new(stretch.title, colour), stretch.of(y), stretch.of(z));
                 }
             }
         }
         let reference = run.all("controller", &references[at]);
         if let (Some([y, z]), Some(last)) = (reference.as_deref(), run.stretches.last()) {
-            path.line(Line::new("reference", colour::INK).dashed().width(1.0), last.of(y), last.of(z));
+            path.line(Line::new("reference", colour::INK).dashed(), last.of(y), last.of(z));
         }
         if run.paper.is_some() {
             for (radius, name) in REQUIRED_M {
                 let circle =
                     |of: fn(f64) -> f64| (0..=120).map(|i| radius * of(TAU * f64::from(i) / 120.0)).collect::<Vec<_>>();
-                errors.line(Line::new(name, colour::SOFT).dashed().width(1.0), &circle(f64::cos), &circle(f64::sin));
+                errors.line(Line::new(name, colour::SOFT).dashed(), &circle(f64::cos), &circle(f64::sin));
             }
         }
         plots.extend([path, errors]);

@@ -8,7 +8,7 @@ use serde_json::Value as Json;
 use crate::estimation::{Hold, Method, Verdict};
 use crate::machine::{Bearing, Machine, Reading};
 use crate::report::evaluation::{REVOLUTIONS, WITHOUT_TURNING_S};
-use crate::report::figures::{Figure, time_unit, where_shown};
+use crate::report::figures::{Figure, INDEX, time_unit, where_shown};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
 use crate::report::{Report, cards};
 use crate::simulation::Scenario;
@@ -181,7 +181,7 @@ impl<'s> Drawn<'s> {
                 has_on_line = true;
                 for (number, k) in magnets.enumerate() {
                     let line = Line::new("maximum likelihood", colour::MAGNETS[number]);
-                    let line = line.group(NAMES[number]).dashed().width(1.0).unlisted();
+                    let line = line.group(NAMES[number]).dashed().unlisted();
                     let all = [self.instant(0), self.instant(self.time_s.len())];
                     on_line.line(line, &all, &[found.lambda[k].value; 2]);
                 }
@@ -276,7 +276,7 @@ impl<'s> Drawn<'s> {
             let mut plot = self.over_time("i", PlotUnit::AMPERE);
             let own = currents.by_ref().take(bearing.magnets).enumerate();
             for (k, current) in own.filter(|(_, current)| !current.is_empty()) {
-                plot.line(Line::new(["i₁", "i₂", "i₃", "i₄"][k], colour::MAGNETS[k]), &self.time_s, current);
+                plot.line(Line::new(&format!("i{}", INDEX[k]), colour::MAGNETS[k]), &self.time_s, current);
             }
             plot.title(bearing.name())
         };
@@ -358,7 +358,7 @@ impl<'s> Drawn<'s> {
                 let lambda = where_shown(track.of(lambda), |j| valid[j] == 1.0);
                 let time_s = &track.outputs.time_s;
                 plot.band(NAMES[k], colour::BANDS[k], time_s, &lambda, track.of(std));
-                let line = Line::new(["λ̂₁", "λ̂₂", "λ̂₃", "λ̂₄"][k], colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
+                let line = Line::new(&format!("λ̂{}", INDEX[k]), colour::MAGNETS[k]).group(NAMES[k]).width(2.0);
                 plot.line(line, time_s, &lambda);
             }
             plot.title(if bearing.prefix.is_empty() { track.name() } else { bearing.name() })

@@ -79,10 +79,10 @@ impl Line {
         }))
     }
 
-    /// Dashed, for a reference.
+    /// Dashed and thin, for a reference.
     pub fn dashed(mut self) -> Line {
         self.0["line"]["dash"] = json!("dash");
-        self
+        self.width(1.0)
     }
 
     /// Dotted, for invalid values.
