@@ -87,13 +87,12 @@ pub fn is_modulation_recommended([alone, modulated]: &[Precision; 2]) -> bool {
     worst_in_the_end(alone) > WORTH * worst_in_the_end(modulated)
 }
 
-/// Parameters and frequencies of the modulation: one for all magnets, or those of the scenario for several groups of magnets.
+/// Parameters of the modulation and their frequencies in Hz.
 fn frequencies(scenario: &Scenario) -> Vec<(String, f64)> {
-    let names = scenario.machine.of_groups("F0.modulationFrequency");
-    if let [name] = &names[..] {
-        return vec![(name.clone(), MODULATION.1)];
-    }
-    names.into_iter().map(|name| (name.clone(), scenario.number("controller", &name))).collect()
+    let mut modulated = scenario.clone();
+    cases::modulation(&mut modulated, MODULATION.0, MODULATION.1);
+    let names = scenario.machine.of_groups("F0.modulationFrequency").into_iter();
+    names.map(|name| (name.clone(), modulated.number("controller", &name))).collect()
 }
 
 /// The recommendation in a sentence.
