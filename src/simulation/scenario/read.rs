@@ -410,7 +410,7 @@ impl Assignment<'_> {
                 refused.push(format!("{value} is not the same for {name}.{other} as for {}: {wanted}", text.of[0]));
             }
         }
-        let rises = time_s.windows(2).all(|pair| pair[0] < pair[1]) && time_s.iter().all(|time| time.is_finite());
+        let rises = time_s.is_sorted_by(|one, next| one < next);
         if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
             refused.push("expected as many values as times, at least one, with increasing times".into());
         }

@@ -16,11 +16,13 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Arc;
 
+use crate::estimation::Method;
 use crate::machine::Bearing;
 use crate::simulation::{Refused, Scenario, Stopped, simulate};
 use crate::studies::parallel::in_order_shown;
 use crate::studies::statistics::{median, rms};
 use crate::table::Table;
+use crate::variables::Choice;
 use cases::{Draw, TOLERANCES};
 use figures::{CONFIDENT, Figures, IDENTIFIABLE, Trial, Worst, judge, touched, worst};
 use offline::Offline;
@@ -162,10 +164,7 @@ pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], noise_known: bool, runs: usize) -> Study {
     let mut scenario = base.clone();
     scenario.remove_compared();
-    let model = scenario.estimator().model_type.clone();
-    for method in model.variables().iter().filter(|variable| variable.name == "method") {
-        scenario.set("estimator", "method", method.start());
-    }
+    scenario.set("estimator", "method", Method::default().number());
     cases::noise(&mut scenario, noise, noise_known);
     Study {
         title: title.into(),
