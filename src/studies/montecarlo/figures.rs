@@ -117,8 +117,8 @@ struct Estimate {
 
 /// The profile of a true λ by its name, if it changes.
 fn profile_of<'a>(scenario: &'a Scenario, lambda: &str) -> Option<&'a Profile> {
-    let path = format!("plant.{lambda}");
-    scenario.profiles.iter().find(|profile| profile.targets.iter().any(|target| scenario.path(*target) == path))
+    let place = scenario.settable(&format!("plant.{lambda}")).ok()?;
+    scenario.profiles.iter().find(|profile| profile.targets.contains(&place))
 }
 
 /// The estimates for the magnets in use; `None` if the recording lacks outputs of the estimator.

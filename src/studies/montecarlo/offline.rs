@@ -225,13 +225,12 @@ pub fn studies(runs: usize) -> Vec<Study> {
         let offline = Offline { tolerances, fixed: None };
         studies.push(bench(&format!("bench error {}", names.join(" and ")), offline, NOISE, &[1.0], runs));
     }
-    let mixed = |of: fn(&(&str, f64, f64)) -> f64| -> Vec<f64> {
-        let value =
-            |parameter: &BenchParameter| MIXED.iter().find(|(name, ..)| *name == parameter.name).map_or(0.0, of);
-        PARAMETERS.iter().map(value).collect()
-    };
-    let errors = mixed(|(_, error, _)| *error);
-    let tolerances = mixed(|(.., std)| *std).into_iter().enumerate().filter(|(_, std)| *std > 0.0).collect();
+    let (mut errors, mut tolerances) = (vec![0.0; PARAMETERS.len()], Vec::new());
+    for (name, error, std) in MIXED {
+        let at = likelihood::by_name(&PARAMETERS, name).expect("a parameter of the bench");
+        errors[at] = error;
+        tolerances.push((at, std));
+    }
     studies.push(bench("mixed bench", Offline { tolerances, fixed: Some(errors) }, NOISE, &[1.0], runs));
     let tolerances: Vec<_> = PARAMETERS.iter().map(|parameter| parameter.typical).enumerate().collect();
     let offline = Offline { tolerances, fixed: None };
