@@ -336,8 +336,7 @@ impl Machine {
 
     /// Names of the positions of the rotor along the axes of the readings.
     pub fn positions(&self) -> Vec<String> {
-        let names = self.of_readings("").into_iter();
-        names.map(|name| if name.ends_with('.') { X.into() } else { name }).collect()
+        self.readings.iter().map(|reading| reading.name.trim_end_matches('m').to_owned()).collect()
     }
 
     /// Names of the readings.

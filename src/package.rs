@@ -24,7 +24,7 @@ pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
 /// # Errors
 /// An unknown name, with the nearest known one; a duplicate.
 pub fn machines(names: &[impl AsRef<str>]) -> std::result::Result<Vec<&'static Machine>, String> {
-    let known = MACHINES.map(|machine| machine.name.to_owned());
+    let known = MACHINES.map(|machine| machine.name);
     let mut machines: Vec<&Machine> = Vec::new();
     for name in names.iter().map(AsRef::as_ref) {
         let unknown = || format!("{name} is not a machine; {}", suggestion(name, &known));

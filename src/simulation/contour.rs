@@ -7,7 +7,8 @@ use nalgebra::{DMatrix, DVector};
 
 use crate::bearing::array;
 use crate::control::reference::{Contour, HARMONICS};
-use fmu_export::unit::{METRE, RADIAN};
+use crate::simulation::scenario::from_unit;
+use fmu_export::unit::{METRE, RADIAN, Unit};
 
 /// Unknowns per axis: the mean, a cosine and a sine per harmonic.
 const UNKNOWNS: usize = 2 * HARMONICS + 1;
@@ -31,14 +32,13 @@ pub fn read(text: &str) -> Result<Fit, String> {
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(text.as_bytes());
     let head = reader.headers().map_err(|error| error.to_string())?.clone();
     let wanted = "expected the header theta [deg],Y [um],Z [um]";
-    let column = |name: &str, unit: fmu_export::unit::Unit| {
+    let column = |name: &str, unit: Unit| -> Result<(usize, f64), String> {
         let found = head.iter().enumerate().find_map(|(index, cell)| {
             let (title, unit) = cell.split_once('[')?;
             (title.trim() == name).then_some((index, unit.trim_end_matches(']').trim().to_owned()))
         });
         let (index, given) = found.ok_or_else(|| format!("there is no column {name} with its unit: {wanted}"))?;
-        let column = unit.convert(1.0, &given).map(|factor| (index, factor));
-        column.ok_or_else(|| format!("the unit {given} is not one of {}", unit.names().collect::<Vec<_>>().join(", ")))
+        Ok((index, from_unit(1.0, &given, &unit)?))
     };
     let columns = [column("theta", RADIAN)?, column("Y", METRE)?, column("Z", METRE)?];
     let mut points: Vec<[f64; 3]> = Vec::new();

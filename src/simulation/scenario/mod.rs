@@ -12,7 +12,7 @@ use std::sync::Arc;
 use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variable};
 
-pub use self::read::{ALIKE, knows, leaves, likeness, names, number_and_unit, suggestion, text};
+pub use self::read::{ALIKE, from_unit, knows, leaves, likeness, names, number_and_unit, suggestion, text};
 use self::read::{permitted, unknown};
 use crate::estimation::Method;
 use crate::machine::{self, Machine};
@@ -215,7 +215,7 @@ fn settable(elements: &[Element], path: &str) -> Result<Place, String> {
     let variables = elements[at].model_type.variables();
     let Some(index) = elements[at].index(key) else {
         let settable = variables.iter().filter(|variable| variable.is_settable());
-        return Err(unknown(name, key, &settable.map(|variable| variable.name.to_string()).collect::<Vec<_>>()));
+        return Err(unknown(name, key, &settable.map(|variable| &*variable.name).collect::<Vec<_>>()));
     };
     permitted(elements, at, &variables[index]).map_err(|why| format!("{path} is refused: {why}"))?;
     Ok((at, index))

@@ -1,5 +1,7 @@
 //! Reads scenarios from TOML. From top to bottom: the document, its values, and the elements that receive them.
 
+use std::borrow::Borrow;
+use std::collections::HashSet;
 use std::path::Path;
 
 use fmu_export::ModelType;
@@ -13,7 +15,7 @@ use crate::fmu;
 use crate::machine::{self, AXIAL, MACHINES, PLANAR};
 use crate::simulation::contour::{self, Fit};
 use crate::simulation::simulate;
-use crate::variables::{Choice, numbers};
+use crate::variables::{Choice, Unit, numbers};
 
 /// Keys required to run a scenario.
 pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
@@ -100,11 +102,10 @@ impl Document {
         }
         let document = Self::of(&mut table, findings);
         let spanned = toml::de::DeTable::parse(text).ok();
-        let known: Vec<_> = Self::KEYS.iter().map(|key| (*key).to_owned()).collect();
         for key in table.keys() {
             let found = spanned.as_ref().and_then(|spanned| spanned.get_ref().get_key_value(key.as_str()));
             let line = found.map_or(0, |(key, _)| text[..key.span().start].matches('\n').count() + 1);
-            let suggestion = suggestion(key, &known);
+            let suggestion = suggestion(key, Self::KEYS);
             findings.push(format!("{key} in line {line}: there is no key of this name; {suggestion}"));
         }
         document
@@ -188,7 +189,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
 
     let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { machine::find(&document.machine) };
     let machine = machine.unwrap_or_else(|| {
-        let names = MACHINES.map(|machine| machine.name.to_owned());
+        let names = MACHINES.map(|machine| machine.name);
         let (given, suggestion) = (&document.machine, suggestion(&document.machine, &names));
         findings.push(format!("machine = \"{given}\" is refused: expected one of {}; {suggestion}", names.join(", ")));
         &MACHINES[0]
@@ -234,12 +235,12 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     changes.iter().for_each(|(path, value)| assignment.change(path, value));
     assignment.compare(&document.compare);
     let mut profiles = Vec::new();
+    let mut followed = HashSet::new();
     for (number, text) in (1..).zip(&document.profile) {
         match assignment.profile(text) {
             Ok(profile) => {
-                for (n, (target, path)) in profile.targets.iter().zip(&text.of).enumerate() {
-                    let before = profiles.iter().flat_map(|other: &Profile| &other.targets);
-                    if before.chain(&profile.targets[..n]).any(|other| other == target) {
+                for (target, path) in profile.targets.iter().zip(&text.of) {
+                    if !followed.insert(*target) {
                         let finding = format!("[[profile]] number {number}: {path} follows a profile already");
                         assignment.findings.push(finding);
                     }
@@ -502,7 +503,7 @@ pub fn names(models: &[&ModelType]) -> Vec<String> {
 }
 
 /// The finding about an unknown variable.
-pub fn unknown(table: &str, key: &str, known: &[String]) -> String {
+pub fn unknown(table: &str, key: &str, known: &[impl Borrow<str>]) -> String {
     format!("[{table}] {key}: there is no variable of this name; {}", suggestion(key, known))
 }
 
@@ -515,21 +516,23 @@ pub fn likeness(one: &str, other: &str) -> f64 {
 }
 
 /// The known name nearest to an unknown one, and their likeness.
-fn nearest<'k>(key: &str, known: &'k [String]) -> Option<(f64, &'k String)> {
-    let alike = known.iter().map(|name| (likeness(name, key), name)).filter(|(likeness, _)| *likeness > 0.0);
+fn nearest<'k>(key: &str, known: &'k [impl Borrow<str>]) -> Option<(f64, &'k str)> {
+    let known = known.iter().map(Borrow::borrow);
+    let alike = known.map(|name| (likeness(name, key), name)).filter(|(likeness, _)| *likeness > 0.0);
     alike.max_by(|one, other| one.0.total_cmp(&other.0))
 }
 
 /// The known name that an unknown one probably means.
-fn likely(key: &str, known: &[String]) -> Option<String> {
-    if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name == array)) {
+fn likely(key: &str, known: &[impl Borrow<str>]) -> Option<String> {
+    if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name.borrow() == *array))
+    {
         return Some(format!("{array} has no such element"));
     }
     nearest(key, known).filter(|(likeness, _)| *likeness > ALIKE).map(|(_, name)| format!("did you mean {name}?"))
 }
 
 /// Suggests a known name for an unknown one.
-pub fn suggestion(key: &str, known: &[String]) -> String {
+pub fn suggestion(key: &str, known: &[impl Borrow<str>]) -> String {
     let listed = || format!("known are {}", known.join(", "));
     likely(key, known).unwrap_or_else(|| match nearest(key, known) {
         Some((_, name)) => format!("{}; the nearest is {name}", listed()),
@@ -556,6 +559,12 @@ pub fn number_and_unit(text: &str) -> Option<(f64, &str)> {
     ends.rev().find_map(|end| Some((text[..end].trim().parse().ok()?, text[end..].trim())))
 }
 
+/// Converts a number in the unit `name` to another unit.
+pub fn from_unit(number: f64, name: &str, unit: &Unit) -> Result<f64, String> {
+    let wanted = || unit.names().collect::<Vec<_>>().join(", ");
+    unit.convert(number, name).ok_or_else(|| format!("the unit {name} is not one of {}", wanted()))
+}
+
 /// Converts a TOML value to the value of a variable. Numbers are in the unit of the interface; texts include their unit.
 pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
     match (data_type, value) {
@@ -567,11 +576,7 @@ pub fn convert(data_type: &Type, value: &toml::Value) -> Result<Value, String> {
                 "" => format!("expected a number in {}", unit.name),
                 _ => format!("{first} is not a number"),
             })?;
-            let name = if name.is_empty() { unit.name } else { name };
-            unit.convert(number, name).map(Value::Real).ok_or_else(|| {
-                let names: Vec<_> = unit.names().collect();
-                format!("the unit {name} is not one of {}", names.join(", "))
-            })
+            from_unit(number, if name.is_empty() { unit.name } else { name }, unit).map(Value::Real)
         }
         (Type::Real { unit, .. }, _) => Err(format!("expected a number in {}, or a text like \"1 {0}\"", unit.name)),
         (Type::Integer { .. }, toml::Value::Integer(value)) => {
