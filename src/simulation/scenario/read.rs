@@ -524,7 +524,8 @@ fn nearest<'k>(key: &str, known: &'k [impl Borrow<str>]) -> Option<(f64, &'k str
 
 /// The known name that an unknown one probably means.
 fn likely(key: &str, known: &[impl Borrow<str>]) -> Option<String> {
-    if let Some((array, _)) = key.split_once('[').filter(|(array, _)| known.iter().any(|name| name.borrow() == *array))
+    if let Some((array, _)) = key.split_once('[')
+        && known.iter().any(|name| name.borrow() == array)
     {
         return Some(format!("{array} has no such element"));
     }

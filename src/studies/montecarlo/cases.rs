@@ -261,30 +261,28 @@ pub static TOLERANCES: [Tolerance; 7] = [
     Tolerance::of("currentOffset", 0.01, "plant", |machine| machine.of_magnets("sensor.currentOffset")),
 ];
 
-/// Faults of a bench, one at a time: description, element, variables and their change; without variables, a backward force in N. A change
-/// in the estimator makes a stated value wrong.
-pub const FAULTS: [(&str, &str, &[&str], f64); 11] = [
-    ("gain of the position sensor y, +1 %", "plant", &["sensor.gainErrorY"], 0.01),
-    ("gain of both position sensors, +1 %", "plant", &["sensor.gainErrorY", "sensor.gainErrorZ"], 0.01),
-    ("gain of current sensor 1, +1 %", "plant", &["sensor.currentGainError[1]"], 0.01),
-    ("gap s stated 10 µm too large, 2 %", "estimator", &["s"], 1e-5),
-    ("mass stated 0.134 kg too large, 2 %", "estimator", &["m"], 0.134),
-    ("angle of magnet 2, 2°", "estimator", &["alpha[2]"], PI / 90.0),
-    ("offset of the position sensor y, 10 µm", "plant", &["sensor.offsetY"], 1e-5),
-    ("offset of the position sensor z, 10 µm", "plant", &["sensor.offsetZ"], 1e-5),
-    ("positions and currents 20 µs late", "plant", &["sensor.delay"], 2e-5),
-    ("force that turns backward, 1 N", "", &[], 1.0),
-    ("force that turns backward, 2 N", "", &[], 2.0),
+/// A fault of a bench: its description, and its effect on a scenario. A change in the estimator makes a stated value wrong.
+pub type Fault = (&'static str, fn(&mut Scenario));
+
+/// Faults to study one at a time.
+pub const FAULTS: [Fault; 11] = [
+    ("gain of the position sensor y, +1 %", |to| raise(to, "plant", &["sensor.gainErrorY"], 0.01)),
+    ("gain of both position sensors, +1 %", |to| raise(to, "plant", &["sensor.gainErrorY", "sensor.gainErrorZ"], 0.01)),
+    ("gain of current sensor 1, +1 %", |to| raise(to, "plant", &["sensor.currentGainError[1]"], 0.01)),
+    ("gap s stated 10 µm too large, 2 %", |to| raise(to, "estimator", &["s"], 1e-5)),
+    ("mass stated 0.134 kg too large, 2 %", |to| raise(to, "estimator", &["m"], 0.134)),
+    ("angle of magnet 2, 2°", |to| raise(to, "estimator", &["alpha[2]"], PI / 90.0)),
+    ("offset of the position sensor y, 10 µm", |to| raise(to, "plant", &["sensor.offsetY"], 1e-5)),
+    ("offset of the position sensor z, 10 µm", |to| raise(to, "plant", &["sensor.offsetZ"], 1e-5)),
+    ("positions and currents 20 µs late", |to| raise(to, "plant", &["sensor.delay"], 2e-5)),
+    ("force that turns backward, 1 N", |to| backward(to, 1.0, 0.0, 1.0)),
+    ("force that turns backward, 2 N", |to| backward(to, 2.0, 0.0, 1.0)),
 ];
 
-/// Makes one of the [`FAULTS`].
-pub fn fault(scenario: &mut Scenario, (_, element, variables, change): (&str, &str, &[&str], f64)) {
+/// Raises variables of an element by the same value.
+fn raise(scenario: &mut Scenario, element: &str, variables: &[&str], by: f64) {
     for variable in variables {
-        let value = scenario.number(element, variable) + change;
-        scenario.set(element, variable, value);
-    }
-    if variables.is_empty() {
-        backward(scenario, change, 0.0, 1.0);
+        scenario.set(element, variable, scenario.number(element, variable) + by);
     }
 }
 

@@ -263,9 +263,9 @@ pub fn studies(runs: usize) -> Vec<Study> {
             tolerances.iter().for_each(|tolerance| tolerance.draw(scenario, &mut draw));
         }));
     }
-    for fault in cases::FAULTS {
-        let study = of(&format!("One thing wrong: {}", fault.0), NOISE, false).at(&INSTANTS_S[1..]);
-        studies.push(study.with(|scenario| cases::fault(scenario, fault)));
+    for (title, fault) in cases::FAULTS {
+        let study = of(&format!("One thing wrong: {title}"), NOISE, false).at(&INSTANTS_S[1..]);
+        studies.push(study.with(fault));
     }
     for (noise_known, words) in NOISE_KNOWN {
         let title = format!("Step of λ by {} % at {} s, {words}", 100.0 * STEP.1, STEP.0);
