@@ -105,16 +105,15 @@ pub fn package(binaries: &Binaries, machines: &[&Machine], arrays: bool, folder:
             archives.push((file, package::fmu(model, standard, binaries, &extras(name))?));
         }
     }
-    let mut loops = Vec::new();
     for machine in machines {
         let name = format!("{}.ssp", machine.models[0].0);
         let mut members: Vec<Member> = systems(machine).iter().flat_map(System::members).collect();
         let fmus = machine.models.map(|(model, _)| format!("{model}.fmu"));
         let needed = archives.iter().filter(|(file, _)| fmus.contains(file));
         members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
-        loops.push((name.clone(), package::archive(&name, &members)?));
+        let archive = package::archive(&name, &members)?;
+        archives.push((name, archive));
     }
-    archives.extend(loops);
     for (name, _) in &archives {
         let path = folder.join(name);
         let format = if name.ends_with(".ssp") { Format::System } else { Format::Archive };

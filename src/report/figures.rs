@@ -184,8 +184,8 @@ pub(super) fn where_shown(values: &[f64], show: impl Fn(usize) -> bool) -> Vec<f
 }
 
 /// λ̂ of an element at a bearing, by its index, with a band of two standard deviations; dotted where it is not valid.
-fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> Plot {
-    let mut plot = run.plot("λ̂", PlotUnit::LAMBDA).height(height_px);
+fn lambda_plot(run: &Signals, element: &str, bearing: usize) -> Plot {
+    let mut plot = run.plot("λ̂", PlotUnit::LAMBDA);
     let machine = run.scenario.machine;
     let (magnets, bearing) = (machine.magnets_of(bearing), &machine.bearings[bearing]);
     let is_used = |k: usize| run.scenario.uses(magnets.start + k);
@@ -226,8 +226,8 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize, height_px: f64) -> 
 
 /// The animation, beside λ̂ of the best estimator at the first bearing.
 pub(super) fn first(run: &Signals) -> Markup {
-    let plot = lambda_plot(run, run.best, 0, 460.0);
-    let animation = animation(run, run.best);
+    let plot = lambda_plot(run, run.best, 0).height(460.0);
+    let animation = animation(run);
     let bearings = run.scenario.machine.bearings;
     html! {
         div.first {
@@ -249,8 +249,8 @@ pub(super) fn first(run: &Signals) -> Markup {
     }
 }
 
-/// The animation and its data at equidistant instants.
-fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
+/// The animation and its data at equidistant instants, with the best estimator.
+fn animation(run: &Signals) -> Option<(&'static str, Json)> {
     let of = |name: &str, factor: f64| run.recording.get(name).map(|values| run.frames(values, factor));
     let micro = |name: &str| of(name, 1e6);
     let frames = |columns: Vec<&[f64]>, factor: f64| -> Vec<Json> {
@@ -258,7 +258,7 @@ fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
     };
     let (scenario, machine) = (run.scenario, run.scenario.machine);
     let mut data = json!({
-        "t": run.frames(&run.recording.time_s, 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{element}.valid"), 1.0),
+        "t": run.frames(&run.recording.time_s, 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{}.valid", run.best), 1.0),
         "clearance": evaluation::clearance_m(scenario, &machine.bearings[0])? * 1e6, "timeFactor": time_unit(run.ends_s()[1]).factor,
         "events": run.events,
     });
@@ -268,7 +268,7 @@ fn animation(run: &Signals, element: &str) -> Option<(&'static str, Json)> {
         let own = json!({
             "y": micro("plant.Y")?, "z": micro("plant.Z")?, "refY": micro("controller.reference.Y"),
             "refZ": micro("controller.reference.Z"), "force": frames(run.of_magnets("plant", bearing, "F")?, 1.0),
-            "lambda": run.of_magnets(element, bearing, "lambdaHat").map(|columns| frames(columns, 1e6)),
+            "lambda": run.of_magnets(run.best, bearing, "lambdaHat").map(|columns| frames(columns, 1e6)),
             "contact": of("plant.touchdown.contact", 1.0), "alpha": alpha, "gap": scenario.real("s")? * 1e6,
         });
         ("orbit-animation", own)
@@ -321,7 +321,7 @@ pub(super) fn all(run: &Signals) -> Vec<Figure> {
 }
 
 fn estimates(run: &Signals) -> Figure {
-    let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing, 300.0));
+    let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing));
     let caption = "Estimates over time; all methods use the same samples. Solid where valid, with a band of two standard \
                    deviations; dotted and shaded where not; dashed: the truth.";
     let in_paper = match run.paper {
