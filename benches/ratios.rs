@@ -16,9 +16,9 @@ use fmu_export::fmi3::bindings::*;
 use fmu_export::{ModelType, Standard};
 use interleave::{candidate, shown, table};
 use libloading::{Library, Symbol};
+use magnetic_bearing::bearing::RotorConfig;
 use magnetic_bearing::control::controller::{Controller, ControllerConfigOf, ControllerInput};
 use magnetic_bearing::estimation::paper::window::{Sample, WindowSums};
-use magnetic_bearing::estimation::spindle::SpindleEstimator;
 use magnetic_bearing::estimation::{
     Estimator, EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorState, Method, Tolerance,
 };
@@ -219,7 +219,7 @@ fn steps(record: &[EstimatorInput]) {
     for (name, noise) in [("noise given", [1e-7, 1e-2]), ("noise estimated", [0.0; 2])] {
         let [position_noise_m, current_noise_a] = noise;
         let config = EstimatorConfigOf { position_noise_m, current_noise_a, ..EstimatorConfigOf::default() };
-        let estimator = SpindleEstimator::new(config).expect("valid parameters");
+        let estimator = Estimator::<RotorConfig<f64, 3>, 5, 8, 2>::new(config).expect("valid parameters");
         let (mut state, record, mut at) = (estimator.start(), spindle_record(), 0);
         candidates.push(candidate(format!("estimator of the spindle, {name}"), 1000, move |times| {
             for _ in 0..times {

@@ -4,9 +4,6 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::innovations::{Machine, Tolerances, WhiteningFilter};
-use super::models::prior;
-use super::prediction_error::PredictionError;
 use crate::bearing::{RotorConfig, Used, array};
 use crate::machine::Machine as Names;
 use crate::plant::PLANES;
@@ -392,43 +389,4 @@ pub type EstimatorOutput = EstimatorOutputOf<2, 3, 1>;
 /// Standard deviations of ki or ks, with the relative uncertainty of λ; 0 before the first sample.
 pub(super) fn stiffness_std<const K: usize>(stiffness: [f64; K], lambda_std: [f64; K], lambda: [f64; K]) -> [f64; K] {
     array::from_fn(|k| if lambda[k] > 0.0 { (stiffness[k] * lambda_std[k] / lambda[k]).abs() } else { 0.0 })
-}
-
-impl<G: Bearings, const K: usize> EstimatorConfigOf<G, K> {
-    /// The method for a rotor of this mass in kg; `machine` takes changes of parameters with these standard deviations.
-    pub(super) fn prediction_error<const N: usize, const M: usize, const U: usize, const T: usize, const R: usize>(
-        &self,
-        m_kg: f64,
-        machine: impl Fn([f64; R]) -> Machine<N, M, U>,
-        std: [f64; R],
-        lambda0: [f64; M],
-    ) -> PredictionError<N, M, U, T> {
-        let t = &self.tolerance;
-        let [gain, offset_m, current_a] = [t.position_gain, t.position_offset_m, t.current_offset_a];
-        let changed = |r: usize, change: f64| machine(array::from_fn(|s| if s == r { change } else { 0.0 }));
-        let is_any = std.iter().chain(&[gain, offset_m, current_a]).any(|std| *std > 0.0);
-        let tolerances = is_any.then(|| Tolerances {
-            variations: (0..R).map(|r| Machine::variation([changed(r, std[r]), changed(r, -std[r])])).collect(),
-            gain,
-            offset_m,
-            current_a,
-        });
-        let machine = machine([0.0; R]);
-        let mass = t.m_kg / m_kg;
-        PredictionError {
-            lambda0,
-            prior: prior(lambda0, machine.backward..U - N, t.backward_force_n),
-            filter: WhiteningFilter {
-                machine,
-                step_s: self.step_s,
-                hold: self.hold,
-                identify_unbalance: self.identify_unbalance,
-                identify_backward: t.backward_force_n > 0.0,
-                tolerances,
-            },
-            known_noise: [self.position_noise_m, self.current_noise_a],
-            // The mass and the gains of the currents scale λ.
-            scale_variance: mass * mass + 4.0 * t.current_gain * t.current_gain,
-        }
-    }
 }

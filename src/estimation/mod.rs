@@ -3,7 +3,7 @@
 //! In reading order: `config` holds parameters, inputs and outputs; `readings` detects missing samples and stuck sensors, `angle` filters the rotation,
 //! `motion` propagates states and covariances, `innovations` is the whitening filter, `sums` holds the normal equations and their solution, `models`
 //! compares models of change, `noise` estimates the noise, `validation` tests the result, and `prediction_error` combines them; `paper` holds the paper's
-//! two methods; `one_bearing` and [`spindle`] build machines from parameters, `parts` combines independent parts of a motion. This file runs the method.
+//! two methods; `rotor` builds the parts of a motion from parameters, `parts` combines them, `planar` selects the method. This file runs the method.
 
 mod angle;
 mod config;
@@ -11,12 +11,12 @@ mod innovations;
 mod models;
 mod motion;
 mod noise;
-mod one_bearing;
 pub mod paper;
 mod parts;
+mod planar;
 mod prediction_error;
 mod readings;
-pub mod spindle;
+mod rotor;
 mod sums;
 mod validation;
 
@@ -112,7 +112,7 @@ pub trait Estimation<const N: usize, const K: usize, const P: usize> {
 /// State between samples. Made by [`Estimator::start`]; valid only for estimators with the same parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "S: Saved, EstimatorOutputOf<N, K, P>: Saved")]
-pub struct EstimatorState<S = one_bearing::PlanarState, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
+pub struct EstimatorState<S = planar::PlanarState, const N: usize = 2, const K: usize = 3, const P: usize = 1> {
     reset_was_high: bool,
     readings: Readings<N, K>,
     method: S,

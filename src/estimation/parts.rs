@@ -5,8 +5,8 @@
 
 use libm::{atan2, sqrt};
 
-use super::one_bearing::Planar;
 use super::paper::Paper;
+use super::planar::Planar;
 use super::prediction_error::{PredictionError, PredictionErrorState};
 use super::{
     Body, CheckedSample, Estimation, EstimatorConfigOf, EstimatorOutputOf, Method, Names, Sample, SampleStatus, Verdict,
@@ -31,16 +31,16 @@ macro_rules! of_sizes {
     };
 }
 
-// Coordinates, magnets, bearings, results; for the first part: coordinates, magnets, unknowns, columns of tolerances, and uncertain parameters.
+// Coordinates, magnets, bearings, results; for the first part: coordinates, magnets, unknowns and columns of tolerances.
 of_sizes!(2, 3, 1, 1, check_bearing, Planar, |config| match config.method {
-    Method::PredictionError => Planar::PredictionError(config.parts::<2, 9, 11, 4>()),
+    Method::PredictionError => Planar::PredictionError(config.parts()),
     Method::Paper | Method::PaperLiteral => Planar::Paper(Paper::new(config)),
 });
-of_sizes!(2, 4, 1, 1, check_bearing, Parts<2, 4, 10, 13>, |config| config.parts::<2, 10, 13, 5>());
-of_sizes!(1, 2, 1, 1, check_bearing, Parts<1, 2, 3, 5>, |config| config.parts::<1, 3, 5, 1>());
-of_sizes!(5, 8, 3, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<5, 6, 18, 29, 15>());
-of_sizes!(5, 10, 3, 2, check_shaft, Parts<4, 8, 20, 33>, |config| config.parts_of_shaft::<5, 8, 20, 33, 17>());
-of_sizes!(4, 6, 2, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts_of_shaft::<4, 6, 18, 29, 15>());
+of_sizes!(2, 4, 1, 1, check_bearing, Parts<2, 4, 10, 13>, |config| config.parts());
+of_sizes!(1, 2, 1, 1, check_bearing, Parts<1, 2, 3, 5>, |config| config.parts());
+of_sizes!(5, 8, 3, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts());
+of_sizes!(5, 10, 3, 2, check_shaft, Parts<4, 8, 20, 33>, |config| config.parts());
+of_sizes!(4, 6, 2, 2, check_shaft, Parts<4, 6, 18, 29>, |config| config.parts());
 
 /// The motion with R coordinates and K magnets, and the axial one if that is a separate part.
 #[derive(Clone, Debug, PartialEq)]

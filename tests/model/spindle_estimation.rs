@@ -2,10 +2,10 @@
 
 use crate::five_axes::FiveAxes;
 use crate::prelude::*;
-use magnetic_bearing::estimation::spindle::SpindleEstimator;
 
 type Config = EstimatorConfigOf<RotorConfig<f64, 3>, 8>;
 type Input = EstimatorInputOf<5, 8>;
+type SpindleEstimator = Estimator<RotorConfig<f64, 3>, 5, 8, 2>;
 type State = StateOf<RotorConfig<f64, 3>, 5, 8, 2>;
 
 fn config(shaft: &FiveAxes, noise_known: bool) -> Config {

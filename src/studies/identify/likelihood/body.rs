@@ -5,7 +5,7 @@ use super::filter::passes;
 use super::rotor::{Describe, Description, Layout, Model};
 use super::search;
 use super::{Identified, Options, Part, Recording};
-use crate::bearing::{RotorConfig, array};
+use crate::bearing::{BearingConfig, RotorConfig, Shaft, array};
 use crate::estimation::Machine;
 use crate::plant::PLANES;
 
@@ -209,7 +209,11 @@ impl Part {
             alpha_rad.iter_mut().zip(&bench[angles.clone()]).for_each(|(alpha_rad, error)| *alpha_rad += error);
             let gap_m = gap_m * (1.0 + bench[gap]) + bench[iron];
             let m_kg = m_kg * (1.0 + bench[mass]) * dynamics.map_or(1.0, |at| 1.0 + bench[at]);
-            Description::of(&Machine::<N, K, U>::of_bearing(m_kg, gap_m, alpha_rad))
+            let shaft = Shaft { m_kg, transverse_kgm2: 0.0, polar_kgm2: 0.0 };
+            let alpha_rad = array::from_fn(|k| alpha_rad.get(k).copied().unwrap_or_default());
+            let bearings = [BearingConfig { gap_m, alpha_rad, ..BearingConfig::default() }];
+            let rotor = RotorConfig { shaft, extent_m: [0.0; 2], bearings };
+            description(Machine::<N, K, U>::of(&rotor, [0.0; PLANES]))
         };
         (Box::new(describe), varied)
     }
@@ -245,9 +249,13 @@ impl Part {
                 bearing.sensor_position_m += bench[sensors];
             }
             let planes_m = array::from_fn(|n| planes_m[n] + bench[plane + n]);
-            let machine = Machine::<4, K, U>::of_shaft(&geometry, planes_m);
-            Description::of(&machine.unwrap_or_else(|| unreachable!("sensors at different places")))
+            description(Machine::<4, K, U>::of(&geometry, planes_m))
         };
         (Box::new(describe), varied)
     }
+}
+
+/// Of a machine with sensors at different places.
+fn description<const N: usize, const K: usize, const U: usize>(machine: Option<Machine<N, K, U>>) -> Description {
+    Description::of(&machine.unwrap_or_else(|| unreachable!("sensors at different places")))
 }
