@@ -125,19 +125,6 @@ pub struct Geometry<T = f64, const N: usize = 2, const K: usize = 3> {
 }
 
 impl<T: Scalar, const N: usize, const K: usize> Geometry<T, N, K> {
-    /// The magnets of one bearing with the nominal gap in m: in the plane (y, z) at the angles `α_k` of P(3) in rad; in an axial bearing,
-    /// which needs no angles, the first towards +x and the second towards −x.
-    pub fn new(gap_m: T, alpha_rad: [T; K]) -> Self {
-        let directions = array::from_fn(|k| {
-            if N == 1 {
-                return [T::constant(if k == 0 { 1.0 } else { -1.0 }); N];
-            }
-            let (sin, cos) = alpha_rad[k].sine_cosine();
-            array::from_fn(|n| if n == 0 { sin } else { cos })
-        });
-        Self { gap_m: [gap_m; K], directions }
-    }
-
     /// `gap_k = s_k − d_k · q`, in m, with the rotor at the coordinates q; the bracket of P(4).
     ///
     /// A gap of 0 or less means contact.

@@ -18,8 +18,8 @@ struct Bearing<const K: usize>(Magnets, Geometry<f64, 2, K>);
 
 impl<const K: usize> Bearing<K> {
     fn new(gap_m: f64, alpha_rad: [f64; K]) -> Result<Self, Vec<Invalid>> {
-        Checks::all(|checks| Magnets::checked(gap_m, &alpha_rad, checks))
-            .map(|magnets| Self(magnets, Geometry::new(gap_m, alpha_rad)))
+        let geometry = Geometry { gap_m: [gap_m; K], directions: alpha_rad.map(|alpha| alpha.sine_cosine().into()) };
+        Checks::all(|checks| Magnets::checked(gap_m, &alpha_rad, checks)).map(|magnets| Self(magnets, geometry))
     }
 
     fn allocate(&self, force_n: [f64; 2], f0_n: &[f64]) -> [f64; K] {

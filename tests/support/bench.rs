@@ -5,6 +5,7 @@
 use std::f64::consts::{FRAC_PI_3, PI, TAU};
 
 use crate::support::runge_kutta;
+use magnetic_bearing::bearing::Scalar;
 use magnetic_bearing::bearing::magnet::{Geometry, Magnets, currents};
 use magnetic_bearing::control::controller::tracking_gains;
 use magnetic_bearing::control::observer::gains_of_three;
@@ -137,7 +138,8 @@ impl Bench {
     pub fn record(&self) -> Recorded {
         let rows = (self.seconds / self.step).round() as usize + 1;
         let magnets = Checks::all(|checks| Magnets::checked(self.s, &self.alpha, checks)).expect("magnets");
-        let geometry = Geometry::<f64, 2, 3>::new(self.s, self.alpha);
+        let directions = self.alpha.map(|alpha| alpha.sine_cosine().into());
+        let geometry = Geometry { gap_m: [self.s; 3], directions };
         let allocate = |force: [f64; 2]| {
             let mut forces = [0.0; 3];
             magnets.allocate(force, &[20.0], &mut forces);
