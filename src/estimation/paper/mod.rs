@@ -99,9 +99,8 @@ const CHANNELS: usize = SHAPE + 2;
 /// State between samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PaperState {
-    /// Samples since the start, and since the last gap in the data.
+    /// Samples since the start.
     samples: u64,
-    filled: u64,
     /// `1/gap_k²` at the last sample and at the one before, 1/m².
     inverse_square_gap: [[f64; MAGNETS]; 2],
     /// Currents of the last sample, A.
@@ -159,7 +158,6 @@ impl Paper {
     pub fn start(&self) -> PaperState {
         PaperState {
             samples: 0,
-            filled: 0,
             inverse_square_gap: [[0.0; MAGNETS]; 2],
             current_a: [0.0; MAGNETS],
             window: self.sums.start(),
@@ -176,7 +174,6 @@ impl Paper {
 
     /// A gap in the data: the window restarts because its integrals need every sample; the filters F keep their state.
     pub fn interrupt(&self, state: &mut PaperState) {
-        state.filled = 0;
         state.window.clear();
     }
 
@@ -188,7 +185,6 @@ impl Paper {
     /// Processes a sample, which must be finite and within the gap, and returns the verdict on the estimate.
     pub fn sample(&self, state: &mut PaperState, input: &EstimatorInput, output: &mut EstimatorOutput) -> Verdict {
         let sample = self.signals(state, input);
-        state.filled = state.filled.saturating_add(1);
         state.samples = state.samples.saturating_add(1);
         let integrals = self.sums.push(&mut state.window, &sample);
         let Some(integrals) = integrals.filter(|_| state.samples >= self.samples_until_epsilon) else {
@@ -232,9 +228,9 @@ impl Paper {
             if self.config.hold == Hold::Linear {
                 start[k] = square * w[k];
                 end[k] = start[k];
-            } else if state.filled > 0 {
+            } else if state.window.filled() > 0 {
                 // Within the interval 1/gap² is a parabola; the chord, lowered by one twelfth of the second difference, has the same area.
-                let bulge = if state.filled > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
+                let bulge = if state.window.filled() > 1 { (w[k] - 2.0 * w_last[k] + w_before[k]) / 12.0 } else { 0.0 };
                 start[k] = square * (w_last[k] - bulge);
                 end[k] = square * (w[k] - bulge);
             }

@@ -25,9 +25,9 @@ impl Window {
         self.filled = 0;
     }
 
-    /// Whether all nodes hold samples.
-    pub fn is_full(&self) -> bool {
-        self.filled == self.nodes
+    /// Number of nodes that hold samples.
+    pub fn filled(&self) -> usize {
+        self.filled
     }
 
     /// Appends one sample of each signal.
@@ -127,7 +127,7 @@ impl WindowSums {
         let [y, z] = sample.position;
         let [[s1, s2, s3], [e1, e2, e3]] = sample.squares;
         window.push(&[y, z, s1, s2, s3, e1, e2, e3]);
-        if !window.is_full() {
+        if window.filled < window.nodes {
             return None;
         }
         Some(array::from_fn(|row| {
