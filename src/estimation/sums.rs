@@ -363,8 +363,12 @@ pub fn inverse<const U: usize>(matrix: &Square<U>) -> Option<(Square<U>, f64)> {
         reduced.data.0[k][k] = -reciprocal;
     }
     let inverse = -reduced;
-    let norm = |m: &Square<U>| m.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max);
     Some((Square::from_fn(|r, c| scale[r] * inverse[(r, c)] * scale[c]), norm(&scaled) * norm(&inverse)))
+}
+
+/// The 1-norm of a matrix.
+pub fn norm<const U: usize>(matrix: &Square<U>) -> f64 {
+    matrix.column_iter().map(|column| column.abs().sum()).fold(0.0, f64::max)
 }
 
 /// Solves `aᵀ x = b` by elimination with pivoting.

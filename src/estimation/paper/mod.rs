@@ -25,6 +25,7 @@ use self::lowpass::{LowPass, LowPassState};
 use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
 use super::CONDITION_CAP;
 use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Verdict, WHOLE_NUMBER_TOLERANCE};
+use super::sums::norm;
 use crate::bearing::array;
 
 /// Magnets of the machine of the paper.
@@ -385,11 +386,6 @@ fn residual(channels: &Channels, x: &NormalVector) -> f64 {
     } else {
         RESIDUAL_CAP
     }
-}
-
-/// The 1-norm of a symmetric matrix.
-fn norm(p: &NormalMatrix) -> f64 {
-    (0..MAGNETS).map(|c| (0..MAGNETS).map(|r| p[(r, c)].abs()).sum::<f64>()).fold(0.0, f64::max)
 }
 
 /// `|N_y|² − |N_z|²` and `2 N_y·N_z`: both are zero on a circle.
