@@ -32,6 +32,7 @@ use crate::bearing::magnet::Magnets;
 use crate::bearing::shaft::has_x;
 use crate::bearing::{Rotor, array};
 use crate::control::observer::{Signal, SignalObserver, ahead};
+use crate::control::phase::Phase;
 use crate::invalid::{Checks, Short};
 use crate::machine::{Bearing, Machine};
 use crate::variables::unit::{HERTZ, METRE, RADIAN, RADIAN_PER_SECOND, SECOND};
@@ -252,48 +253,14 @@ impl Transition {
     }
 }
 
-/// The angle θ = ∫ω dt of a sampled reference, from 0 at the start.
-///
-/// Computed as base + ω·(count · T_s), with a new base when ω changes, so that it does not drift.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub(super) struct ReferenceAngle {
-    /// Number of samples taken.
-    samples: u64,
-    /// θ at the sample at which ω last changed, in rad.
-    base_rad: f64,
-    /// Number of that sample.
-    base_sample: u64,
-    /// Angular velocity since then, in rad/s.
-    omega_rad_s: f64,
-    /// θ at the last sample, in rad.
-    theta_rad: f64,
-}
-
-impl ReferenceAngle {
-    /// Advances to the next sample; ω applies from this sample on.
-    pub fn sample(&mut self, omega_rad_s: f64, step_s: f64) {
-        let since_base_s = (self.samples - self.base_sample) as f64 * step_s;
-        self.theta_rad = self.base_rad + self.omega_rad_s * since_base_s;
-        if omega_rad_s != self.omega_rad_s {
-            self.base_rad = self.theta_rad;
-            self.base_sample = self.samples;
-            self.omega_rad_s = omega_rad_s;
-        }
-        self.samples += 1;
-    }
-
-    /// θ a time after the last sample, in rad.
-    pub fn ahead_rad(&self, ahead_s: f64) -> f64 {
-        self.theta_rad + self.omega_rad_s * ahead_s
-    }
-}
-
 /// State of a [`Reference`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "[f64; N]: Saved, [Signal; N]: Saved")]
 pub struct ReferenceState<const N: usize> {
-    /// θ.
-    turning: ReferenceAngle,
+    /// Number of samples taken.
+    samples: u64,
+    /// θ = ∫ω dt, from 0 at the start, in rad.
+    angle: Phase,
     /// Coordinates at the first sample, in m or rad.
     first: [f64; N],
     /// Estimate of the external reference of each coordinate at the last sample.
@@ -301,9 +268,14 @@ pub struct ReferenceState<const N: usize> {
 }
 
 impl<const N: usize> ReferenceState<N> {
+    /// Number of the last sample, from 0.
+    fn last_sample(&self) -> u64 {
+        self.samples.max(1) - 1
+    }
+
     /// Whether the counts, for instance of a state read from a file, are consistent.
     pub(super) fn is_in_order(&self) -> bool {
-        self.turning.base_sample <= self.turning.samples && self.turning.samples < u64::MAX
+        self.samples < u64::MAX && self.angle.is_in_order(self.samples)
     }
 }
 
@@ -356,17 +328,21 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 
     /// The state before the first sample: θ = 0, an external reference at rest.
     pub fn start(&self) -> ReferenceState<N> {
-        ReferenceState { turning: ReferenceAngle::default(), first: [0.0; N], signal: [[0.0; 4]; N] }
+        ReferenceState { samples: 0, angle: Phase::default(), first: [0.0; N], signal: [[0.0; 4]; N] }
     }
 
     /// Advances to the next sample, at the measured coordinates; a lift begins at those of the first sample. `omega_rad_s` applies from
     /// this sample on; `external` is the external reference at this sample, assumed at rest at the first.
     pub fn sample(&self, state: &mut ReferenceState<N>, omega_rad_s: f64, coordinates: [f64; N], external: [f64; N]) {
-        let first = state.turning.samples == 0;
+        let first = state.samples == 0;
         if first {
             state.first = coordinates;
         }
-        state.turning.sample(omega_rad_s, self.step_s);
+        if omega_rad_s != state.angle.rate {
+            let base = state.angle.at(state.samples, self.step_s);
+            state.angle = Phase { base, base_sample: state.samples, rate: omega_rad_s };
+        }
+        state.samples += 1;
         if let Some(observer) = &self.observer {
             for (signal, value) in state.signal.iter_mut().zip(external) {
                 *signal = if first { [value, 0.0, 0.0, 0.0] } else { observer.update(*signal, value) };
@@ -384,8 +360,9 @@ impl<const N: usize, const B: usize> Reference<N, B> {
                 [x, v, a]
             });
         }
-        let t_s = (state.turning.samples.max(1) - 1) as f64 * self.step_s + ahead_s;
-        let curve = self.at(state.turning.ahead_rad(ahead_s), state.turning.omega_rad_s, t_s);
+        let t_s = state.last_sample() as f64 * self.step_s + ahead_s;
+        let omega_rad_s = state.angle.rate;
+        let curve = self.at(self.theta_rad(state) + omega_rad_s * ahead_s, omega_rad_s, t_s);
         self.config.transition.apply(curve, state.first, t_s)
     }
 
@@ -410,7 +387,7 @@ impl<const N: usize, const B: usize> Reference<N, B> {
 
     /// θ at the last sample, in rad.
     pub fn theta_rad(&self, state: &ReferenceState<N>) -> f64 {
-        state.turning.ahead_rad(0.0)
+        state.angle.at(state.last_sample(), self.step_s)
     }
 }
 

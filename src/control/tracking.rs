@@ -190,7 +190,7 @@ pub struct TrackingState<const N: usize, const K: usize, const G: usize> {
 impl<const N: usize, const K: usize, const G: usize> TrackingState<N, K, G> {
     /// Whether the counts, for instance of a state read from a file, are consistent.
     pub(super) fn is_in_order(&self) -> bool {
-        self.samples < u64::MAX && self.excitation.iter().all(|excitation| excitation.is_in_order(self.samples))
+        self.samples < u64::MAX && self.excitation.iter().all(|excitation| excitation.phase.is_in_order(self.samples))
     }
 }
 

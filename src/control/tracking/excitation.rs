@@ -19,6 +19,7 @@ use serde::{Deserialize, Serialize};
 use super::{TrackingConfig, TrackingState};
 use crate::bearing::Drive;
 use crate::control::controller::Controller;
+use crate::control::phase::Phase;
 use crate::invalid::{Checks, Short};
 use crate::machine::Machine;
 
@@ -27,19 +28,8 @@ use crate::machine::Machine;
 pub(crate) struct Excitation {
     /// `1 + a sin 2πφ` at the last sample.
     pub factor: f64,
-    /// φ at the sample at which f last changed, in revolutions, in [0, 1).
-    base_rev: f64,
-    /// Number of that sample.
-    base_sample: u64,
-    /// f since then, in Hz.
-    frequency_hz: f64,
-}
-
-impl Excitation {
-    /// Whether its count is consistent with a state after `samples` samples.
-    pub(super) fn is_in_order(&self, samples: u64) -> bool {
-        self.base_sample < samples.max(1)
-    }
+    /// φ, in revolutions, in [0, 1) when f changes, and f, in Hz.
+    pub phase: Phase,
 }
 
 /// Checks the frequencies of the modulation.
@@ -67,30 +57,24 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let frequency_hz = self.config.law.modulation_hz[g];
         let samples = state.samples;
         let excitation = &mut state.excitation[g];
-        // Count × step, so that φ does not drift.
-        let phase_rev = |excitation: &Excitation, sample: u64| {
-            wrapped(excitation.base_rev + excitation.frequency_hz * ((sample - excitation.base_sample) as f64 * step_s))
-        };
-        if frequency_hz != excitation.frequency_hz {
+        if frequency_hz != excitation.phase.rate {
             // f changes after the last commanded force.
-            (excitation.base_rev, excitation.base_sample) = match samples.checked_sub(1) {
-                Some(last) => (phase_rev(excitation, last), last),
+            let (base, base_sample) = match samples.checked_sub(1) {
+                Some(last) => (wrapped(excitation.phase.at(last, step_s)), last),
                 None => (self.first_phase_rev(frequency_hz), 0),
             };
-            excitation.frequency_hz = frequency_hz;
+            excitation.phase = Phase { base, base_sample, rate: frequency_hz };
         }
-        excitation.factor =
-            if modulation == 0.0 { 1.0 } else { 1.0 + modulation * libm::sin(TAU * phase_rev(excitation, samples)) };
+        let phase_rev = wrapped(excitation.phase.at(samples, step_s));
+        excitation.factor = if modulation == 0.0 { 1.0 } else { 1.0 + modulation * libm::sin(TAU * phase_rev) };
         excitation.factor
     }
 
     /// The modulation before the first sample.
     pub(super) fn excitation_at_start(&self) -> [Excitation; G] {
-        self.config.law.modulation_hz.map(|frequency_hz| Excitation {
-            factor: 1.0,
-            base_rev: self.first_phase_rev(frequency_hz),
-            base_sample: 0,
-            frequency_hz,
+        self.config.law.modulation_hz.map(|frequency_hz| {
+            let phase = Phase { base: self.first_phase_rev(frequency_hz), base_sample: 0, rate: frequency_hz };
+            Excitation { factor: 1.0, phase }
         })
     }
 
