@@ -4,7 +4,7 @@
 //! perturbation forces, and moments of a shaft that tilts. The generalised force is split among the bearings, which allocate it.
 
 pub use crate::control::tracking::{
-    Allocation, ControllerError, INSTANT_TOLERANCE, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
+    Allocation, ControllerError, PRELOAD_S, SMALLEST_GAP, UpdateMode, ramp_gains, tracking_gains,
 };
 
 use serde::{Deserialize, Serialize};

@@ -51,7 +51,7 @@ use crate::control::observer::{Estimate, pole};
 use crate::control::reference::RefPoint;
 use crate::invalid::{Checks, NotFinite, are_finite};
 use crate::machine::Machine;
-use crate::plant::check_step;
+use crate::plant::{INSTANT_TOLERANCE, check_step};
 use crate::variables::unit::{AMPERE, HERTZ, NEWTON, ONE, RADIAN_PER_SECOND, SECOND};
 use crate::variables::{Choice, LAMBDA, Saved, Variables};
 
@@ -68,9 +68,6 @@ const LEAST_FACTOR: f64 = 1e-6;
 ///
 /// The currents are then computed for this gap, which keeps them finite, and the output `saturated` is true.
 pub const SMALLEST_GAP: f64 = 0.01;
-
-/// Fraction of the sample time by which a sample may precede `update.time` and still perform the update.
-pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
 /// When the controller takes over the estimated force constants
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]

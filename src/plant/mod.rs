@@ -65,7 +65,7 @@ pub use forces::AtBearing;
 pub use substeps::{MOST_SUBSTEPS, SAFETY};
 pub use trajectory::{HIGHEST_ORDER, InputTrajectory};
 
-/// Fraction of the sensor step within which an instant counts as the end of a step.
+/// Fraction of the sample time within which two instants count as the same.
 pub const INSTANT_TOLERANCE: f64 = 1e-3;
 
 /// Fraction of the sensor step up to which a time difference is attributed to rounding and removed.
