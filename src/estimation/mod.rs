@@ -47,9 +47,6 @@ pub const CONDITION_CAP: f64 = 1.0e12;
 
 /// Rotor and bearings of a machine with N coordinates, K magnets and P parts, and its method of estimation.
 pub trait Body<const N: usize, const K: usize, const P: usize>: Bearings + Debug + PartialEq {
-    /// Names of axes, magnets and parts.
-    const MACHINE: &'static Names;
-
     /// Its method of estimation.
     type Method: Estimation<N, K, P> + Clone + Debug + PartialEq;
 
@@ -194,7 +191,8 @@ impl<G: Body<N, K, P>, const N: usize, const K: usize, const P: usize> Estimator
         state.reset_was_high = input.reset;
         let EstimatorConfigOf { step_s, method, identify_unbalance, .. } = self.config;
         // The paper's methods do not use the angle, and an axial bearing has no unbalance.
-        let identify_unbalance = identify_unbalance && G::MACHINE.planes > 0 && method == Method::PredictionError;
+        let identify_unbalance =
+            identify_unbalance && Names::of::<N, K>().planes > 0 && method == Method::PredictionError;
         let (readings, angle_and_speed) = (&mut state.readings, [input.theta_rad, input.omega_rad_s]);
         let in_gap = self.method.is_in_gap(input.position_m);
         let status = readings.update(input.position_m, input.current_a, angle_and_speed, step_s, in_gap);

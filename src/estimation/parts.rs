@@ -19,8 +19,6 @@ use crate::variables::Saved;
 macro_rules! of_sizes {
     ($n:literal, $k:literal, $b:literal, $p:literal, $check:ident, $method:ty, |$config:ident| $make:expr) => {
         impl Body<$n, $k, $p> for RotorConfig<f64, $b> {
-            const MACHINE: &'static Names = Names::of::<$n, $k>();
-
             type Method = $method;
 
             fn method($config: &EstimatorConfigOf<Self, $k>) -> Result<$method, Vec<Invalid>> {

@@ -34,12 +34,13 @@ where
     Values<G, N, K, P>: Saved,
     StateOf<G, N, K, P>: Saved + Send + Sync + 'static,
 {
-    const INFO: Info = info(&G::MACHINE.models[2]);
+    const INFO: Info = info(&Machine::of::<N, K>().models[2]);
     type Values = Values<G, N, K, P>;
     type State = StateOf<G, N, K, P>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        Values::placed(sampled(Self::Values::described(G::MACHINE), G::MACHINE))
+        let machine = Machine::of::<N, K>();
+        Values::placed(sampled(Self::Values::described(machine), machine))
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
