@@ -13,15 +13,6 @@ use crate::variables::unit::{
 };
 use crate::variables::{Choice, KILOGRAM_METRE, LAMBDA, OMEGA_RAD_S, Saved, Variables};
 
-/// The shortest window of the paper's methods, in sample times: the kernels must resolve three changes of sign.
-pub const MIN_INTERVALS: f64 = 8.0;
-
-/// Their longest window, in sample times: memory grows in proportion to it, rounding errors of the kernels with its cube.
-pub const MAX_INTERVALS: f64 = 1.0e5;
-
-/// Largest relative deviation of `T_f/T_s` from a whole number.
-pub(super) const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
-
 /// How the force constants are computed
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, Choice)]
 #[choice(name = "EstimationMethod")]

@@ -28,7 +28,7 @@ use serde::{Deserialize, Serialize};
 use self::config::stiffness_std;
 pub use self::config::{
     Bearings, EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf,
-    Hold, MAX_INTERVALS, MIN_INTERVALS, Method, Tolerance, Verdict,
+    Hold, Method, Tolerance, Verdict,
 };
 pub use self::innovations::Machine;
 use self::innovations::Sample;

@@ -8,20 +8,18 @@
 use libm::sin;
 use nalgebra::{SMatrix, SVector};
 
-use super::config::{MAX_INTERVALS, MIN_INTERVALS, WHOLE_NUMBER_TOLERANCE};
 use super::innovations::{Tolerances, WhiteningFilter};
 use super::models::prior;
 use super::motion::Square;
 use super::parts::Parts;
 use super::prediction_error::PredictionError;
-use super::{EstimatorConfigOf, Machine, Method, Names};
+use super::{EstimatorConfigOf, Machine, Method, Names, paper};
 use crate::bearing::array;
 use crate::bearing::magnet::{Geometry, SMALLEST_SINE};
 use crate::bearing::rotor::{Rotor, RotorConfig, SHORTEST_DISTANCE_M};
 use crate::bearing::shaft::generalised;
 use crate::invalid::Checks;
 use crate::plant::PLANES;
-use crate::variables::numbers;
 
 /// Relative standard deviation of a force constant that is fixed at its first guess.
 const FIXED_STD: f64 = 1.0e-3;
@@ -40,27 +38,9 @@ impl<const K: usize> EstimatorConfigOf<RotorConfig<f64, 1>, K> {
                 checks.number(sine >= SMALLEST_SINE, name, (*alpha, "rad"), wanted);
             }
         }
-        if self.method == Method::PredictionError {
-            return;
+        if self.method != Method::PredictionError {
+            paper::check(self, Names::of::<N, K>(), checks);
         }
-        for (name, value, unit) in numbers("tolerance.", &self.tolerance, Names::of::<N, K>()) {
-            let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance";
-            let unused = value == 0.0 || name == "tolerance.backwardForce";
-            checks.require(unused, name, format_args!("{value} {unit}"), wanted);
-        }
-        let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance";
-        checks.require(self.identify_unbalance, "identify.unbalance", self.identify_unbalance, wanted);
-        let (n, slack) = (self.window_s / self.step_s, WHOLE_NUMBER_TOLERANCE);
-        for (holds, wanted) in [
-            (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
-            (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
-            ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
-        ] {
-            checks.number(holds, "Tf", (self.window_s, "s"), wanted);
-        }
-        let is_long = self.epsilon_s >= self.window_s * (1.0 - slack);
-        let wanted = "at least Tf, the time to fill the first window";
-        checks.number(is_long, "epsilon", (self.epsilon_s, "s"), wanted);
     }
 }
 

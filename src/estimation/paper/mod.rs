@@ -24,12 +24,24 @@ use self::kernel::{ROWS_PER_AXIS, Weights};
 use self::lowpass::{LowPass, LowPassState};
 use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
 use super::CONDITION_CAP;
-use super::config::{EstimatorConfig, EstimatorInput, EstimatorOutput, Hold, Method, Verdict, WHOLE_NUMBER_TOLERANCE};
+use super::config::{EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorOutput, Hold, Method, Verdict};
 use super::sums::norm;
-use crate::bearing::array;
+use crate::bearing::{RotorConfig, array};
+use crate::invalid::Checks;
+use crate::machine::Machine;
+use crate::variables::numbers;
 
 /// Magnets of the machine of the paper.
 const MAGNETS: usize = 3;
+
+/// The shortest window of the paper's methods, in sample times: the kernels must resolve three changes of sign.
+const MIN_INTERVALS: f64 = 8.0;
+
+/// Their longest window, in sample times: memory grows in proportion to it, rounding errors of the kernels with its cube.
+const MAX_INTERVALS: f64 = 1.0e5;
+
+/// Largest relative deviation of `T_f/T_s` from a whole number.
+const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
 
 /// Largest condition number of a valid estimate; on the paper's orbit it is 17 to 32.
 const CONDITION_LIMIT: f64 = 60.0;
@@ -96,6 +108,28 @@ const LEVEL: usize = RATIO + MAGNETS + 1;
 const SHAPE: usize = LEVEL + MAGNETS;
 
 const CHANNELS: usize = SHAPE + 2;
+
+/// Reports parameters with which the paper's methods cannot be used, under their names in the interface.
+pub fn check<const K: usize>(config: &EstimatorConfigOf<RotorConfig, K>, machine: &Machine, checks: &mut Checks) {
+    for (name, value, unit) in numbers("tolerance.", &config.tolerance, machine) {
+        let wanted = "0, or method = predictionError, for the paper's methods have no use for a tolerance";
+        let unused = value == 0.0 || name == "tolerance.backwardForce";
+        checks.require(unused, name, format_args!("{value} {unit}"), wanted);
+    }
+    let wanted = "true, or method = predictionError, for the paper's methods identify no unbalance";
+    checks.require(config.identify_unbalance, "identify.unbalance", config.identify_unbalance, wanted);
+    let (n, slack) = (config.window_s / config.step_s, WHOLE_NUMBER_TOLERANCE);
+    for (holds, wanted) in [
+        (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
+        (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+        ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
+    ] {
+        checks.number(holds, "Tf", (config.window_s, "s"), wanted);
+    }
+    let is_long = config.epsilon_s >= config.window_s * (1.0 - slack);
+    let wanted = "at least Tf, the time to fill the first window";
+    checks.number(is_long, "epsilon", (config.epsilon_s, "s"), wanted);
+}
 
 /// State between samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
