@@ -188,12 +188,11 @@ impl Magnets {
         }
         let number = alpha_rad.len();
         let e = &directions[..number];
-        let parallel = (0..number).flat_map(|second| (0..second).map(move |first| (first, second)));
-        let mut parallel = parallel
-            .filter(|(first, second)| number == 3 && cross(e[*first], e[*second]).abs() < SMALLEST_SINE)
-            .peekable();
+        let twos = (0..number).flat_map(|second| (0..second).map(move |first| (first, second)));
+        let is_parallel = |first: usize, second: usize| cross(e[first], e[second]).abs() < SMALLEST_SINE;
+        let parallel: Vec<_> = twos.filter(|(first, second)| number == 3 && is_parallel(*first, *second)).collect();
         let null = null_vector(e);
-        if parallel.peek().is_none() && alpha_rad.iter().all(|alpha| alpha.abs() <= MOST_RAD) {
+        if parallel.is_empty() && alpha_rad.iter().all(|alpha| alpha.abs() <= MOST_RAD) {
             check_all_round(alpha_rad, e, &null, checks);
         }
         for (first, second) in parallel {
