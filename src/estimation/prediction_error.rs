@@ -616,17 +616,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         // Below one revolution per second the rotor counts as at rest.
         self.pace = if omega > TAU { omega * step_s / TAU } else { at_rest };
         self.revolution.passed += samples * self.pace;
-        let least = self.least_pace(step_s);
+        // Quarters and orders are counted at no less than 2250 rpm.
+        let least = self.pace.max(at_rest);
         self.passed += samples * least;
         self.quarter_samples += samples;
         // Revolutions of the rotor per revolution that is counted.
         let rotor_ratio = if omega > TAU { self.pace / least } else { 0.0 };
         self.validation.advance(samples * least, rotor_ratio);
-    }
-
-    /// Revolutions per sample, at least those at 2250 rpm; used to count quarters and orders.
-    fn least_pace(&self, step_s: f64) -> f64 {
-        self.pace.max(step_s / REVOLUTION_AT_REST_S)
     }
 
     /// Samples per revolution at the present speed.
