@@ -25,8 +25,6 @@
 //! All differences are those of rounded values, so that the sums telescope in floating point as well. The relative
 //! rounding error of `φ''` grows with N³: 1e-11 at N = 200, 2e-3 at 100 000.
 
-use serde::{Deserialize, Serialize};
-
 /// Number of rows that one axis contributes to P(18).
 pub const ROWS_PER_AXIS: usize = 3;
 
@@ -46,7 +44,7 @@ pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
 }
 
 /// Weights of one test function for the samples of a window; each vector has a weight for each of the N + 1 nodes, oldest first. Dimensionless.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Weights {
     /// `Σ position_j Z_j = T_f² ∫ φ_h Z̈ dτ`, exact for every motion.
     pub position: Vec<f64>,

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 ///
 /// F is stable for every step, ω_n > 0 and ζ > 0, and its DC gain is exactly one. The input is taken as constant over the step that ends now; the phase
 /// error of half a step has no effect because only ratios of outputs are used.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct LowPass {
     /// `(1 − ζωT − ω²T²/4)/(1 + ζωT + ω²T²/4)`: factor of the rate per step.
     rate_decay: f64,

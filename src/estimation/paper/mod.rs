@@ -415,8 +415,8 @@ fn residual(channels: &Channels, x: &NormalVector) -> f64 {
     let residual = (residual_square.max(0.0) / square).sqrt();
     if square.is_nan() || square <= 0.0 {
         1.0
-    } else if residual.is_finite() {
-        residual.min(RESIDUAL_CAP)
+    } else if residual < RESIDUAL_CAP {
+        residual
     } else {
         RESIDUAL_CAP
     }

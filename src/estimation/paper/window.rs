@@ -77,7 +77,7 @@ pub struct Integrals {
 }
 
 /// One sample of the signals that the paper's kernels weight.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sample {
     /// Position (Y, Z), m.
     pub position: [f64; 2],
