@@ -38,11 +38,11 @@ const LINE_HYSTERESIS: f64 = 0.5;
 /// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations are clipped to it.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Other orders that are tested, a quarter apart: the lowest one, in quarters of an order, the lowest relative to the rotor, and their number. They detect
-/// forces with a frequency of their own before these bias λ. Drifting λ and unbalance leave residuals nearer to the rotor speed, where harmonics are tested
-/// with a longer memory; at rest and along the axis, without rotation, the orders begin lower.
+/// Other orders that are tested, a quarter apart: the lowest one, in quarters of an order, those left out beside the rotor, and their number. They detect
+/// forces with a frequency of their own before these bias λ. Drifting λ and unbalance leave residuals near the rotor speed, where harmonics are tested
+/// with a longer memory.
 const FIRST_ORDER: f64 = 2.0;
-const FIRST_ROTOR_ORDER: f64 = 6.0;
+const BESIDE_ROTOR: f64 = 2.0;
 const ORDERS: usize = 15;
 
 /// Memory of these orders, revolutions: minimises the loss of a line between two of them (`M/(1 + (π M/4)²)` is greatest at 4/π).
@@ -186,9 +186,12 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.quarters[0]
     }
 
-    /// The first order, in quarters, a whole number because the angle is known modulo four revolutions.
-    fn first_order(&self) -> f64 {
-        if N == 1 { FIRST_ORDER } else { FIRST_ORDER.max((FIRST_ROTOR_ORDER * self.rotor_ratio).ceil()) }
+    /// The orders that are left out, from and up to, in quarters, whole numbers because the angle is known modulo four revolutions.
+    fn left_out(&self) -> [f64; 2] {
+        let ratio = if N == 1 { 0.0 } else { self.rotor_ratio };
+        // A slow rotor leaves out all orders below its own, and less above.
+        let [below, above] = if ratio > 1.0 { [BESIDE_ROTOR; 2] } else { [f64::INFINITY, BESIDE_ROTOR * ratio] };
+        [4.0 * ratio - below, 4.0 * ratio + above].map(|order| order.ceil().max(FIRST_ORDER))
     }
 
     /// Adds a fraction of a revolution, with this many revolutions of the rotor per revolution.
@@ -210,8 +213,13 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             add(&mut self.harmonics, cos_sin, cos_sin);
         }
         let quarter = FRAC_PI_2 * self.revolutions;
-        let [first, step] = [self.first_order() * quarter, quarter].map(angle::cos_sin);
-        add(&mut self.orders, first, step);
+        let ([from, to], step) = (self.left_out(), angle::cos_sin(quarter));
+        let (below, above) = self.orders.split_at_mut(((from - FIRST_ORDER) as usize).min(ORDERS));
+        for (first, lines) in [(FIRST_ORDER, below), (to, above)] {
+            if !lines.is_empty() {
+                add(lines, angle::cos_sin(first * quarter), step);
+            }
+        }
     }
 
     /// Adds the innovation of a settled estimate to the means.
@@ -247,7 +255,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             return;
         }
         // Above 0.4 of the sampling rate cosine and sine are not independent.
-        let orders = (1.6 * per_revolution - self.first_order()).clamp(0.0, ORDERS as f64) as usize;
+        let [from, to] = self.left_out();
+        let orders = (1.6 * per_revolution - FIRST_ORDER - (to - from)).clamp(0.0, ORDERS as f64) as usize;
         let greatest = |lines: &[Line<N, U, T>]| {
             lines.iter().map(|line| line.chi_square(found, changing, position_variance)).fold(0.0, f64::max)
         };
