@@ -386,6 +386,59 @@ fn an_empty_column_is_named() {
 }
 
 #[test]
+fn what_a_logger_lost_is_left_out() {
+    let good = Bench { rows: 2001, ..BENCH }.values();
+    let read = |change: &dyn Fn(&mut Vec<[f64; 8]>)| {
+        let mut values = good.clone();
+        change(&mut values);
+        let text = table(&[0, 1, 2, 3, 4, 5, 6], SI, [1.0; 8], &values).replace("NaN", "");
+        Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers")
+    };
+    let half_turn = good.iter().position(|row| (row[6] - std::f64::consts::PI).abs() < 0.02).expect("a row");
+    for (change, words) in [
+        // Beyond its ends the angle is not known.
+        (
+            &(|rows: &mut Vec<[f64; 8]>| rows[0][6] = f64::NAN) as &dyn Fn(&mut _),
+            "1 row before the first or after the last",
+        ),
+        (
+            &|rows: &mut Vec<[f64; 8]>| rows[1998..].iter_mut().for_each(|row| row[6] = f64::NAN),
+            "3 rows before the first",
+        ),
+        // A frame that was lost, with the angle and without.
+        (&|rows: &mut Vec<[f64; 8]>| rows[700][1..].fill(0.0), "positions and currents are 0: line 702"),
+        (&|rows: &mut Vec<[f64; 8]>| rows[700][1..6].fill(0.0), "positions and currents are 0: line 702"),
+        // A glitch of the angle, also to the other side of the shaft.
+        (&|rows: &mut Vec<[f64; 8]>| rows[800][6] = 0.0, "theta: an outlier at 80 ms"),
+        (&|rows: &mut Vec<[f64; 8]>| rows[half_turn][6] = 0.0, "theta: an outlier at"),
+        // An outlier on a slope.
+        (&|rows: &mut Vec<[f64; 8]>| rows[900][1] += 2e-5, "Ym: an outlier at 90 ms"),
+    ] {
+        let samples = read(change);
+        assert_contains(&samples.notes.join("\n"), &[words]);
+        let first = (samples.start_s / samples.step_s).round() as usize;
+        for (row, theta_rad) in samples.theta_rad.iter().enumerate() {
+            assert!((theta_rad - good[first + row][6]).abs() < 1e-3, "{words}: {theta_rad} rad in row {row}");
+        }
+        for (row, position_m) in samples.position_m[0].iter().enumerate() {
+            assert!((position_m - good[first + row][1]).abs() < 2e-6, "{words}: {position_m} m in row {row}");
+        }
+    }
+}
+
+#[test]
+fn a_recorder_faster_than_the_controller_is_named() {
+    let mut values = Bench { rows: 2001, ..BENCH }.values();
+    for row in 0..values.len() {
+        let held = values[row / 3 * 3];
+        values[row][1..6].copy_from_slice(&held[1..6]);
+    }
+    let text = table(&[0, 1, 2, 3, 4, 5, 6], SI, [1.0; 8], &values);
+    let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
+    assert_contains(&samples.notes.join("\n"), &["repeat the previous row", "--resample 300µs"]);
+}
+
+#[test]
 fn a_row_written_twice_is_excluded() {
     let text = BENCH.with_times("time [s]", |j| text(4, at(j)));
     let lines: Vec<&str> = text.lines().collect();

@@ -357,9 +357,10 @@ impl Answer {
     }
 }
 
-/// The force constants with their covariance.
+/// The force constants with their covariance, huge if the recording alone does not show that all magnets pull.
 fn estimates(of: &Identification) -> Own {
-    (DVector::from_iterator(of.lambda.len(), of.lambda.iter().map(|of| of.value)), of.lambda_covariance.clone())
+    let weight = if of.lambda.iter().all(|of| of.value > 0.0) { 1.0 } else { 1e12 };
+    (DVector::from_iterator(of.lambda.len(), of.lambda.iter().map(|of| of.value)), &of.lambda_covariance * weight)
 }
 
 /// How separate estimates from recordings of one bearing disagree, if they do.

@@ -1,7 +1,7 @@
 //! Sensor faults, detected in the columns without a model: readings that are stuck, clipped (stuck at the end of a range) or single outliers,
 //! and rows that a late logger repeats. They are left out.
 
-use super::units::significant;
+use super::units::{rounded_time, significant, time};
 use crate::studies::statistics::{median, quantile, range};
 
 /// Probability of a false alarm in a whole column of good readings.
@@ -23,10 +23,11 @@ const LISTED: usize = 3;
 /// A column of a recording with its name; names of positions end in m.
 pub(super) type Column<'a> = (&'a str, &'a mut Vec<f64>);
 
-/// Sets faulty readings and repeated rows to NaN. Returns notes on them; `instant` writes the time of a row.
-pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> String) -> Vec<String> {
+/// Sets faulty readings and repeated rows to NaN. Returns notes on them.
+pub(super) fn leave_out(columns: &mut [Column<'_>], start_s: f64, step_s: f64) -> Vec<String> {
+    let instant = |row: usize| time(start_s + row as f64 * step_s);
     // Repeated rows first: leaving out readings of one column would hide them.
-    let repetitions = leave_out_repetitions(columns);
+    let repetitions = leave_out_repetitions(columns, step_s);
     let mut notes = Vec::new();
     for (name, values) in columns.iter_mut() {
         let mut found = Vec::new();
@@ -41,10 +42,12 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
         }
         let [low, high] = range(&**values);
         let is_position = name.ends_with('m');
-        for rows in stuck(values) {
+        let stuck = stuck(values);
+        let returns = stuck.iter().filter(|rows| values[rows.start] == low).count();
+        for rows in stuck {
             let value = values[rows.start];
-            // A command held at its lower limit; no sensor range ends there.
-            if value == low && low > 0.0 && !is_position {
+            // A command held at its lower limit; no sensor range ends there, unless it is 0: a command returns to 0 often.
+            if value == low && (low > 0.0 || low == 0.0 && returns >= FEWEST_CLIPPED) && !is_position {
                 continue;
             }
             let how = if value == low || value == high { "clipped" } else { "stuck" };
@@ -56,12 +59,7 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
         }
         let outliers = outliers(values, if is_position { 0.0 } else { RARE });
         if let Some(first) = outliers.first() {
-            let (count, first) = (outliers.len(), instant(*first));
-            found.push(if count == 1 {
-                format!("an outlier at {first}")
-            } else {
-                format!("{count} outliers, the first at {first}")
-            });
+            found.push(outliers_in_words(outliers.len(), &instant(*first)));
             let beside = if is_position { 0 } else { BESIDE_OUTLIER };
             outliers.iter().for_each(|row| values[row - beside..=row + beside].fill(f64::NAN));
         }
@@ -74,6 +72,11 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], instant: impl Fn(usize) -> S
     }
     notes.extend(repetitions);
     notes
+}
+
+/// The number of outliers and the instant of the first.
+pub(super) fn outliers_in_words(count: usize, first: &str) -> String {
+    if count == 1 { format!("an outlier at {first}") } else { format!("{count} outliers, the first at {first}") }
 }
 
 /// Values at which a sensor is clipped, with their rows: a negative minimum or positive maximum, apart from outliers, [`CLIPPED`] times as frequent as
@@ -102,21 +105,31 @@ fn clipped(values: &[f64]) -> Vec<(f64, Vec<usize>)> {
     low.into_iter().chain(high).map(|end| (end, rows(end))).collect()
 }
 
-/// Leaves out rows that repeat the previous row, and the first of a run of zeros; none if most rows repeat, since nothing moves, without noise.
-fn leave_out_repetitions(columns: &mut [Column<'_>]) -> Option<String> {
+/// A larger part of rows that repeat the previous row may be due to a recorder that is faster than the controller.
+const REPEATED: f64 = 0.1;
+/// Beyond this part nothing moves.
+const MOST_REPEATED: f64 = 0.95;
+
+/// Leaves out rows that repeat the previous row; none if most rows repeat, since nothing moves, without noise.
+fn leave_out_repetitions(columns: &mut [Column<'_>], step_s: f64) -> Option<String> {
     let count = columns.first()?.1.len();
     let is_repeated = |row: usize| (1..count).contains(&row) && columns.iter().all(|(_, of)| of[row] == of[row - 1]);
-    let is_zero = |row: usize| columns.iter().all(|(_, values)| values[row] == 0.0);
-    let is_lost = |row: &usize| is_repeated(*row) || is_zero(*row) && is_repeated(*row + 1);
-    let rows: Vec<usize> = (0..count).filter(is_lost).collect();
-    if rows.is_empty() || 2 * rows.len() > count {
+    let rows: Vec<usize> = (0..count).filter(|row| is_repeated(*row)).collect();
+    let share = rows.len() as f64 / count as f64;
+    if rows.is_empty() || share > MOST_REPEATED {
         return None;
     }
-    for (_, values) in columns {
+    let is_left_out = share <= 0.5;
+    for (_, values) in columns.iter_mut().filter(|_| is_left_out) {
         rows.iter().for_each(|row| values[*row] = f64::NAN);
     }
-    let percent = significant(100.0 * rows.len() as f64 / count as f64, 2);
-    Some(format!("{} rows ({percent} %) repeat the previous row; left out.", rows.len()))
+    let mut note = format!("{} rows ({} %) repeat the previous row", rows.len(), significant(100.0 * share, 2));
+    note += if is_left_out { "; left out." } else { "." };
+    if share > REPEATED {
+        let pace = rounded_time(step_s / (1.0 - share), 3);
+        note += &format!(" If the recorder is faster than the controller: --resample {}.", pace.replace(' ', ""));
+    }
+    Some(note)
 }
 
 /// Runs of equal readings that are too long for chance: if a fraction p of the readings equals the one before, a run of n occurs in N
@@ -154,9 +167,9 @@ const BESIDE_OUTLIER: usize = 2;
 /// deviations, exceeded by normal noise in any row with a probability of [`CHANCE`]; the standard deviation is 1.4826 times the median
 /// distance nearby (Huber, *Robust Statistics*, section 5.1). The limit is at least `rare` times the 99 % quantile of all distances.
 fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
-    let off = |row: usize| {
-        let [a, b, c, d] = [values[row - 2], values[row - 1], values[row + 1], values[row + 2]];
-        values[row] - (4.0 * (b + c) - (a + d)) / 6.0
+    let off = |row: usize| match values.get(row.wrapping_sub(2)..=row + 2) {
+        Some([a, b, of, c, d]) => of - (4.0 * (b + c) - (a + d)) / 6.0,
+        _ => f64::NAN,
     };
     let sizes = |rows: std::ops::Range<usize>| -> Vec<f64> {
         rows.map(|row| off(row).abs()).filter(|off| off.is_finite()).collect()
@@ -178,11 +191,10 @@ fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
         let median = median(near);
         let is_outlier = |row: &usize| {
             let size = off(*row).abs();
-            median > 0.0
-                && size > (limit * median).max(rare * usual)
-                && 4.0 * (values[row + 1] - values[row - 1]).abs() < size
-                // Beside a step only the farther neighbours differ.
-                && 2.0 * (values[row + 1] - values[*row]).abs() > size
+            // An outlier makes its neighbours off by 2/3 of it, a step both of its sides alike.
+            let is_largest =
+                [row - 1, row + 1].iter().all(|beside| off(*beside).abs().is_nan() || off(*beside).abs() < 0.8 * size);
+            median > 0.0 && size > (limit * median).max(rare * usual) && is_largest
         };
         found.extend(block.filter(is_outlier));
     }

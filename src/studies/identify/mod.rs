@@ -35,7 +35,7 @@ pub use self::samples::{Rotation, Samples};
 use self::tolerance::plain;
 use self::track::chosen;
 pub use self::units::{duration_s, rate_s};
-use self::units::{rounded_time, significant, time};
+use self::units::{significant, time};
 use crate::bearing::{BearingConfig, RotorConfig, Shaft, array};
 use crate::estimation::Hold;
 use crate::machine::Machine;

@@ -134,6 +134,11 @@ impl Samples {
             samples.set_apart(signals.currents.clone().map(known).collect());
         }
         let mut theta = known(signals.theta);
+        let jumps = signals::leave_out_jumps(&mut theta);
+        if let Some(first) = jumps.first() {
+            let words = faults::outliers_in_words(jumps.len(), &time(start_s + first * step_s));
+            samples.notes.push(format!("theta: {words}; left out."));
+        }
         samples.wrap_rad = signals::unwrap(&mut theta);
         samples.set_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
         if let Some(currents) = apart {
@@ -154,7 +159,7 @@ impl Samples {
         if of.clone().all(|at| signals::is_at_samples(&known(at))) {
             let names = table.signals.list[of].iter().map(|signal| signal.name.as_str());
             let mut named: Vec<_> = names.zip(&mut columns).filter(|(_, values)| !values.is_empty()).collect();
-            self.notes.extend(faults::leave_out(&mut named, |row| time(self.start_s + row as f64 * self.step_s)));
+            self.notes.extend(faults::leave_out(&mut named, self.start_s, self.step_s));
         }
         let has_gaps = |(_, values): &(usize, &mut Vec<f64>)| values.iter().any(|value| value.is_nan());
         for (at, values) in columns.iter_mut().enumerate().filter(has_gaps) {

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use crate::estimation::Hold;
-use crate::studies::statistics::{median, range};
+use crate::studies::statistics::{median, quantile, range};
 
 /// Longest gap, in samples, across which the identification predicts; a longer one begins a new segment.
 const FILLED: usize = 3;
@@ -107,6 +107,28 @@ pub(super) fn fill(values: &mut [f64]) {
             values[at] = nodes.iter().map(|node| values[*node] * basis(node)).sum();
         }
     }
+}
+
+/// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count; returns their places.
+pub(super) fn leave_out_jumps(angle: &mut Known) -> Vec<f64> {
+    let turn = |from: f64, to: f64| (to - from) - ((to - from) / TAU).round() * TAU;
+    let distance = |of: &[(f64, f64)]| turn(of[0].1 + 0.5 * turn(of[0].1, of[2].1), of[1].1).abs();
+    let off: Vec<f64> = angle.windows(3).map(distance).collect();
+    if off.is_empty() {
+        return Vec::new();
+    }
+    let limit = 4.0 * quantile(off.clone(), 0.99);
+    // A reading that is off by e makes its neighbours off by half of it, a step both of its sides alike.
+    let is_jump = |at: &usize| {
+        let beside = [at.wrapping_sub(1), at + 1].map(|beside| off.get(beside).copied().unwrap_or(0.0));
+        off[*at] > limit && beside.iter().all(|beside| 1.5 * beside < off[*at])
+    };
+    let jumps: Vec<usize> = (0..off.len()).filter(is_jump).map(|at| at + 1).collect();
+    let places = jumps.iter().map(|at| angle[*at].0).collect();
+    for at in jumps.into_iter().rev() {
+        angle.remove(at);
+    }
+    places
 }
 
 /// Unwraps an angle; in gaps the rotor keeps its speed. Returns the jump of the recorded angle when it wraps, if all jumps are against its

@@ -142,10 +142,17 @@ pub(super) fn rounded_time(seconds: f64, digits: i32) -> String {
     time(significant(seconds, digits).parse().unwrap_or(seconds))
 }
 
+/// A time of a bench with its standard deviation, in µs.
+pub(super) fn with_std(seconds: f64, std_s: f64) -> String {
+    let [value, std] = [(seconds, 3), (std_s, 2)].map(|(of_s, digits)| significant(1e6 * of_s, digits));
+    format!("{value} ± {std} µs")
+}
+
 /// A number, rounded to significant digits, without trailing zeros.
 pub(super) fn significant(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
+        // Without the sign of a zero.
+        return format!("{}", value + 0.0);
     }
     let size = value.abs().log10().floor() as i32;
     if !(-4..15).contains(&size) {

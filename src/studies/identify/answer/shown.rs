@@ -35,7 +35,7 @@ impl Answer {
         let found = self.found.as_ref()?;
         let is_hidden = |line: &&BenchEstimate| !line.parameter.is_uncertain() && line.parameter.in_typical_bench;
         let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
-            let own = lambda.total_std / lambda.value;
+            let own = lambda.total_std / lambda.value.abs();
             let unstated = found.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
             unstated.fold(own * own, |sum, part| sum + part * part).sqrt()
         };
@@ -91,7 +91,7 @@ impl Answer {
         let stated = &self.question.stated;
         let mut rows = Vec::new();
         for ((name, lambda), typical) in stated.machine.symbols("λ").into_iter().zip(&found.lambda).zip(typical) {
-            rows.push(row(name, lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical * lambda.value)));
+            rows.push(row(name, lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical * lambda.value.abs())));
         }
         for (plane, unbalance) in (1..).zip(&found.unbalance) {
             let number = if found.unbalance.len() > 1 { plane.to_string() } else { String::new() };
@@ -185,7 +185,7 @@ impl Answer {
             "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
             "lambdaHat": per(&found.lambda, |of| of.value), "lambdaStd": per(&found.lambda, |of| of.noise_std),
             "lambdaStdTotal": per(&found.lambda, |of| of.total_std),
-            "lambdaStdTypical": typical.iter().zip(&found.lambda).map(|(part, of)| part * of.value).collect::<Vec<_>>(),
+            "lambdaStdTypical": typical.iter().zip(&found.lambda).map(|(part, of)| part * of.value.abs()).collect::<Vec<_>>(),
             "magnets": stated.machine.of_magnets("lambda"),
             "unbalance": one_or_all(found.unbalance.iter().map(unbalance).collect()),
             "told": stated.json(), "noise": noise(&found.conditions[0]),

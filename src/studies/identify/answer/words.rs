@@ -7,7 +7,8 @@ use crate::studies::identify::likelihood::{
     BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Hold, Identification,
     LAG, Recording, Suspect,
 };
-use crate::studies::identify::{Stated, plain, rounded_time, significant, time};
+use crate::studies::identify::units::with_std;
+use crate::studies::identify::{Stated, plain, significant, time};
 use crate::studies::statistics::range;
 use crate::variables::Choice;
 
@@ -15,10 +16,11 @@ use crate::variables::Choice;
 pub(super) fn valid(found: &Identification, stated: &Stated) -> String {
     let worst = found.lambda.iter().map(|lambda| lambda.total_std / lambda.value).fold(0.0, f64::max);
     let exact = |of: &BenchParameter| !of.is_uncertain() || [DELAY, LAG].contains(&plain(&of.name));
-    let on = if stated.bench().all(exact) {
-        " if the bench is exactly as stated; mind the budget"
-    } else {
-        ", the stated tolerances of the bench included"
+    let has_tolerance = stated.bench().any(|of| of.knowledge.tolerance().is_some());
+    let on = match stated.bench().all(exact) {
+        true => " if the bench is exactly as stated; mind the budget",
+        false if has_tolerance => ", the stated tolerances of the bench included",
+        false => " if the rest of the bench is exactly as stated; mind the budget",
     };
     format!("Valid: the force constants are known within {} %{on}.", significant(100.0 * worst, 2))
 }
@@ -54,7 +56,25 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
         words.extend(slow_force(found));
     }
     words.extend(effects(found));
+    words.extend(found.bench.iter().filter_map(unusual));
     words
+}
+
+/// A value of a bench in this many typical tolerances is not usual: effects that the model lacks, such as saturation and hysteresis, look like it.
+const UNUSUAL: f64 = 10.0;
+
+/// A remark on an estimated parameter that is far from its stated value.
+fn unusual(BenchEstimate { parameter, estimate, estimated, .. }: &BenchEstimate) -> Option<String> {
+    let times = estimate.value.abs() / parameter.typical;
+    let is_unusual = *estimated && parameter.in_typical_bench && times > UNUSUAL;
+    let (name, (factor, unit)) = (&parameter.name, shown(parameter));
+    let [value, times] = [estimate.value / factor, times].map(|of| significant(of, 2));
+    is_unusual.then(|| {
+        format!(
+            "{name} of {value} {unit} is {times} times what is usual on a bench: check it, since saturation or hysteresis of the magnets, which the \
+             model lacks, would look like that, and λ would be wrong."
+        )
+    })
 }
 
 /// Currents that are the same in every row: commands at their limit, or readings of a dead sensor.
@@ -71,8 +91,7 @@ pub fn constant_currents(current_a: &[Vec<f64>], machine: &Machine) -> Vec<Strin
 
 /// The size of a delay with its standard deviation, and its direction.
 fn later(delay: Estimate) -> [String; 2] {
-    let [value, std] = [delay.value.abs(), delay.total_std].map(|of_s| rounded_time(of_s, 2));
-    [format!("{value} ± {std}"), if delay.value > 0.0 { "later" } else { "earlier" }.to_owned()]
+    [with_std(delay.value.abs(), delay.total_std), if delay.value > 0.0 { "later" } else { "earlier" }.to_owned()]
 }
 
 /// How much later than stated the currents act, which delays the positions relative to them, and the gain in log-likelihood.
@@ -230,8 +249,8 @@ fn effects(found: &Identification) -> Vec<String> {
         match plain(name) {
             DYNAMICS => Some(dynamics_remark(along(name), 1.0 + value, total_std, "")),
             LAG => {
-                let [lag, std] = [(value, 3), (total_std, 2)].map(|(of_s, digits)| rounded_time(of_s, digits));
-                Some(format!("The currents{} follow what is recorded, with a lag of {lag} ± {std}.", along(name)))
+                let lag = with_std(value, total_std);
+                Some(format!("The currents{} follow what is recorded, with a lag of {lag}.", along(name)))
             }
             _ => None,
         }

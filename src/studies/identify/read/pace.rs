@@ -268,7 +268,8 @@ impl Times {
             notes.push(format!("Rows left out because their time stamps are wrong: {}.", listed(&discarded)));
         }
         if let Some(first) = holes.first() {
-            notes.push(format!("{lost} rows are missing at {} places, the first after line {first}.", holes.len()));
+            let places = if holes.len() == 1 { "1 place".into() } else { format!("{} places, the first", holes.len()) };
+            notes.push(format!("{lost} rows are missing at {places} after line {first}."));
         }
         Ok((place, notes))
     }

@@ -77,6 +77,7 @@ impl Table {
         let rows = first.map(Ok).into_iter().chain(std::iter::from_fn(|| next().transpose()));
         table.add_rows(rows.map(|row| row.map(|row| (line(&row), row))), columns.len())?;
         table.leave_out_repeated();
+        table.leave_out_lost();
         Ok(table)
     }
 
@@ -141,7 +142,7 @@ impl Table {
         if findings.is_empty() { Ok(()) } else { Err(Unusable(findings)) }
     }
 
-    /// Leaves out rows that repeat the previous row, including its stamp, if they are few and no other stamps are equal, as rounded ones would be.
+    /// Leaves out rows that repeat the previous row, including its stamp, if no other stamps are equal, as rounded ones would be.
     fn leave_out_repeated(&mut self) {
         let time_s = &self.columns[TIME_AT];
         let equal: Vec<usize> = (1..time_s.len()).filter(|row| time_s[*row] == time_s[*row - 1]).collect();
@@ -149,7 +150,7 @@ impl Table {
             let mut columns = self.columns.iter().filter(|column| !column.is_empty());
             columns.all(|column| column[*row].total_cmp(&column[*row - 1]).is_eq())
         };
-        if equal.is_empty() || 100 * equal.len() > time_s.len() || !equal.iter().all(is_repeated) {
+        if equal.is_empty() || !equal.iter().all(is_repeated) {
             return;
         }
         let lines: Vec<u32> = equal.iter().map(|row| self.lines[*row]).collect();
@@ -160,6 +161,27 @@ impl Table {
         self.lines = kept.iter().map(|row| self.lines[*row]).collect();
         self.notes
             .push(format!("Rows left out because they repeat the previous row with its time: {}.", listed(&lines)));
+    }
+
+    /// Leaves out the readings of rows after the first readings in which all positions and currents are 0: the logger has lost them.
+    fn leave_out_lost(&mut self) {
+        let of = self.signals.positions.start..self.signals.currents.end;
+        let is_zero = |row: &usize| {
+            let mut columns = self.columns[of.clone()].iter().filter(|column| !column.is_empty());
+            columns.all(|column| column[*row] == 0.0)
+        };
+        let lost: Vec<usize> = (0..self.lines.len()).skip_while(is_zero).filter(is_zero).collect();
+        if lost.is_empty() || 2 * lost.len() > self.lines.len() {
+            return;
+        }
+        for column in self.columns.iter_mut().skip(TIME_AT + 1).filter(|column| !column.is_empty()) {
+            for row in &lost {
+                // The angle may come from elsewhere.
+                column[*row] = if column[*row] == 0.0 { f64::NAN } else { column[*row] };
+            }
+        }
+        let lines: Vec<u32> = lost.iter().map(|row| self.lines[*row]).collect();
+        self.notes.push(format!("Rows left out because all positions and currents are 0: {}.", listed(&lines)));
     }
 
     /// Adds a row; its errors go to the findings.
