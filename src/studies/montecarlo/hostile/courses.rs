@@ -175,6 +175,17 @@ fn forces() -> Vec<Course> {
             });
         })
     };
+    // Within few revolutions such a force looks like another load.
+    let fast = Course::new("0.3 to 3 N at 50 Hz, 12 000 rpm", NotWrong, 0.5, |scenario, seed| {
+        cases::sample_time(scenario, 5e-5);
+        cases::modulation(scenario, 0.5, 110.0);
+        scale(scenario, "plant.unbalance.magnitude", 0.05);
+        scenario.set("plant", "omega", 12_000.0 * RPM);
+        scenario.set("controller", "reference.omega", 3420.0 * RPM);
+        scenario.set("plant", "perturbation.omega", TAU * 50.0);
+        let amplitude_n = Draw::new(seed).log_uniform(0.3, 3.0);
+        ["Y", "Z"].map(|axis| scenario.set("plant", &format!("perturbation.amplitude{axis}"), amplitude_n));
+    });
     let paper = |name: &str| Course {
         base: "paper",
         ..Course::new(&format!("the paper's simulation, {name} noise"), Valid, 1.0, unchanged)
@@ -196,6 +207,7 @@ fn forces() -> Vec<Course> {
         oscillating("0.5 to 8 N at 180 to 260 Hz", [0.5, 8.0], [180.0, 260.0]),
         narrow_band(140.0),
         narrow_band(230.0),
+        fast,
         Course::new("1 N forward at twice the speed", NotWrong, 1.0, |scenario, seed| {
             cases::turning(scenario, 2.0, 1.0, Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
         }),
