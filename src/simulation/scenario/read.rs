@@ -317,11 +317,20 @@ impl Assignment<'_> {
         let concerned: Vec<usize> = (0..self.elements.len()).filter(is_concerned).collect();
         let model = |at: &usize| &*self.elements[*at].model_type;
         let known: Vec<usize> = concerned.iter().copied().filter(|at| knows(model(at), key)).collect();
-        if known.is_empty() {
-            let names = names(&concerned.iter().map(model).collect::<Vec<_>>());
+        if known.is_empty() && Document::KEYS.contains(&path) {
+            let finding =
+                format!("[--set] {path}: it is a key of the file; --set changes {} and variables", REQUIRED.join(", "));
+            self.findings.push(finding);
+        } else if known.is_empty() {
+            let mut known = names(&concerned.iter().map(model).collect::<Vec<_>>());
+            if owner.is_none() {
+                for at in &concerned {
+                    known.extend(names(&[model(at)]).iter().map(|name| format!("{}.{name}", ELEMENTS[*at])));
+                }
+            }
             let element = ELEMENTS.into_iter().find(|name| owner == Some(*name)).unwrap_or("all");
-            let hint = likely(key, &names).or_else(|| foreign::owners(element, key));
-            let hint = hint.unwrap_or_else(|| suggestion(key, &names));
+            let hint = likely(key, &known).or_else(|| foreign::owners(element, key));
+            let hint = hint.unwrap_or_else(|| suggestion(key, &known));
             self.findings.push(format!("[--set] {path}: there is no variable of this name; {hint}"));
         }
         // Without an element, the name applies to all elements in which the variable can be set: the speed is an input of plant and
@@ -510,16 +519,15 @@ pub fn unknown(table: &str, key: &str, known: &[impl Borrow<str>]) -> String {
 /// Likeness above which a name is probably meant by another one.
 pub const ALIKE: f64 = 0.8;
 
+/// Number of names up to which a message lists all.
+const LISTED: usize = 20;
+
+/// Number of names that it lists of more.
+const NEAREST: usize = 3;
+
 /// Likeness of two names in any case (Jaro and Winkler), from 0 to 1.
 pub fn likeness(one: &str, other: &str) -> f64 {
     strsim::jaro_winkler(&one.to_lowercase(), &other.to_lowercase())
-}
-
-/// The known name nearest to an unknown one, and their likeness.
-fn nearest<'k>(key: &str, known: &'k [impl Borrow<str>]) -> Option<(f64, &'k str)> {
-    let known = known.iter().map(Borrow::borrow);
-    let alike = known.map(|name| (likeness(name, key), name)).filter(|(likeness, _)| *likeness > 0.0);
-    alike.max_by(|one, other| one.0.total_cmp(&other.0))
 }
 
 /// The known name that an unknown one probably means.
@@ -529,15 +537,20 @@ fn likely(key: &str, known: &[impl Borrow<str>]) -> Option<String> {
     {
         return Some(format!("{array} has no such element"));
     }
-    nearest(key, known).filter(|(likeness, _)| *likeness > ALIKE).map(|(_, name)| format!("did you mean {name}?"))
+    let nearest = known.iter().map(|name| (likeness(name.borrow(), key), name.borrow()));
+    let nearest = nearest.max_by(|one, other| one.0.total_cmp(&other.0));
+    nearest.filter(|(likeness, _)| *likeness > ALIKE).map(|(_, name)| format!("did you mean {name}?"))
 }
 
-/// Suggests a known name for an unknown one.
+/// Suggests known names for an unknown one: all, or the nearest if they are many.
 pub fn suggestion(key: &str, known: &[impl Borrow<str>]) -> String {
-    let listed = || format!("known are {}", known.join(", "));
-    likely(key, known).unwrap_or_else(|| match nearest(key, known) {
-        Some((_, name)) => format!("{}; the nearest is {name}", listed()),
-        None => listed(),
+    likely(key, known).unwrap_or_else(|| {
+        let mut names: Vec<&str> = known.iter().map(Borrow::borrow).collect();
+        if names.len() <= LISTED {
+            return format!("known are {}", names.join(", "));
+        }
+        names.sort_by(|one, other| likeness(other, key).total_cmp(&likeness(one, key)));
+        format!("the nearest are {}", names[..NEAREST].join(", "))
     })
 }
 
