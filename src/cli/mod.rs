@@ -21,6 +21,7 @@ use crate::report::frame;
 use crate::report::{campbell, experiment};
 use crate::simulation::{Pair, Recording, Scenario, ScenarioError, scenario, simulate, summary};
 use crate::studies::design;
+use crate::studies::identify::{Stated, tolerance};
 use crate::studies::montecarlo::{self, hostile, hostile::Case};
 use crate::studies::sensitivity;
 use crate::studies::sweep::Sweep;
@@ -303,7 +304,7 @@ fn run(command: Option<Command>) -> Result<()> {
         Some(Command::Identify(arguments)) => identify::run(&arguments),
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
             let noise = [position_noise, current_noise];
-            let scenario = Scenario::open(&scenario)?;
+            let scenario = open(&scenario, &[])?;
             // An axis has no speed, but is not kept in the centre.
             let rpm = speed.or(scenario.speed_rpm()).unwrap_or(3000.0);
             let conditions = design::Conditions { rpm, step_s: sample_time, noise, instant_s: at };
@@ -314,15 +315,13 @@ fn run(command: Option<Command>) -> Result<()> {
             Ok(())
         }
         Some(Command::Sensitivity { scenario, changes }) => {
-            let scenario = Scenario::open_with(&scenario, &changes)?;
-            simulate::check(&scenario)?;
+            let scenario = open(&scenario, &changes)?;
             let (table, missing) = sensitivity::table(&scenario);
             print::table(&table);
             if missing.is_empty() { Ok(()) } else { Err(missing.join("\n  ").into()) }
         }
         Some(Command::Whirl { scenario: name, stiffness, damping, to, report }) => {
-            let scenario = Scenario::open(&name)?;
-            simulate::check(&scenario)?;
+            let scenario = open(&name, &[])?;
             let whirl = Whirl::new(&scenario, stiffness, damping);
             let whirl = whirl.map_err(|why| refused(format!("{}: {why}", name.display())))?;
             let table = whirl::table(&whirl, to, SPEEDS).map_err(refused)?;
@@ -467,6 +466,24 @@ fn claim(destinations: &[Destination<'_>]) -> Result<()> {
     Ok(())
 }
 
+/// Opens a scenario that can be run, and checks its tolerances, which `identify` alone uses.
+fn open(name: &Path, changes: &[Pair]) -> Result<Scenario> {
+    let scenario = Scenario::open_with(name, changes)?;
+    simulate::check(&scenario)?;
+    if scenario.tolerance.is_empty() {
+        return Ok(scenario);
+    }
+    let mut stated = Stated::of(scenario.machine, scenario.estimator());
+    let finding = |(name, value): &Pair| {
+        // A parameter that cannot be asked for lacks a load, which only `identify` is given.
+        stated.ask(name).ok()?;
+        Some(format!("[tolerance]: {}", tolerance(name, value, &stated).err()?))
+    };
+    let findings: Vec<_> = scenario.tolerance.iter().filter_map(finding).collect();
+    let origin = name.display().to_string();
+    if findings.is_empty() { Ok(scenario) } else { Err(ScenarioError { origin, findings }.into()) }
+}
+
 fn simulate(arguments: &Simulation) -> Result<()> {
     let Simulation { scenario: name, changes, csv, json, report, .. } = arguments;
     let page = report.as_ref().map(|folder| folder.join("index.html"));
@@ -475,8 +492,7 @@ fn simulate(arguments: &Simulation) -> Result<()> {
         ("--json", json.as_deref(), Format::Json),
         ("--report", page.as_deref(), Format::Page),
     ])?;
-    let scenario = Scenario::open_with(name, changes)?;
-    simulate::check(&scenario)?;
+    let scenario = open(name, changes)?;
     simulate::check_rates(&scenario)?;
     let run = simulate::run(&scenario)?;
     say!("{}", scenario.title);
@@ -575,7 +591,7 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
         Ok(())
     };
     if let Some(name) = &arguments.scenario {
-        let (scenario, noise) = (Scenario::open(name)?, [position_noise, current_noise]);
+        let (scenario, noise) = (open(name, &[])?, [position_noise, current_noise]);
         simulate::check_rates(&scenario)?;
         return run_and_print(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
     }

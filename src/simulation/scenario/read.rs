@@ -254,6 +254,15 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     if !document.identify.is_empty() && machine.name != AXIAL.name {
         findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
     }
+    if !document.tolerance.is_empty() && machine.name == AXIAL.name {
+        findings.push(format!("[tolerance] is refused: the bench of the machine {} has none", AXIAL.name));
+    }
+    let readings = [machine.measured(), machine.of_magnets("im")].concat();
+    let signals: Vec<&str> = readings.iter().map(String::as_str).chain(["time", "theta", "omega"]).collect();
+    let columns = texts(&document.columns);
+    for (name, _) in columns.iter().filter(|(name, _)| !signals.contains(&&**name)) {
+        findings.push(format!("[columns] {name}: there is no signal of this name; {}", suggestion(name, &signals)));
+    }
     Scenario {
         title: document.title,
         description: document.description,
@@ -264,7 +273,7 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         profiles,
         balance_s,
         tolerance: texts(&document.tolerance),
-        columns: texts(&document.columns),
+        columns,
         identify: document.identify,
         changes: Vec::new(),
     }
