@@ -429,6 +429,10 @@ impl Assignment<'_> {
                 refused.push(format!("{value} is not the same for {name}.{other} as for {}: {wanted}", text.of[0]));
             }
         }
+        for &(at, index) in &targets {
+            let variable = &self.elements[at].model_type.variables()[index];
+            refused.extend(values.iter().filter_map(|value| variable.admits(value).err()).map(|why| why.to_string()));
+        }
         let rises = time_s.is_sorted_by(|one, next| one < next);
         if text.time.is_empty() || text.time.len() != text.value.len() || !rises {
             refused.push("expected as many values as times, at least one, with increasing times".into());
