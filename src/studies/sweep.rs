@@ -114,7 +114,7 @@ impl Sweep {
     pub fn open(path: &Path, scenario: Option<&Path>) -> Result<Self, ScenarioError> {
         let read = if path == Path::new("-") { io::read_to_string(io::stdin()) } else { fs::read_to_string(path) };
         let text = read.map_err(|error| refusal(path, error))?;
-        let (named, (columns, cases)) = if path.extension().is_some_and(|ending| ending == "toml") {
+        let (named, design) = if path.extension().is_some_and(|ending| ending == "toml") {
             let document: Document = toml::from_str(&text).map_err(|error| refusal(path, error))?;
             let named = document.scenario.as_deref().map(|name| beside(path, name));
             (named, draw(&document).map_err(|finding| refusal(path, finding))?)
@@ -125,6 +125,7 @@ impl Sweep {
         let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_compared();
+        let Design { columns, bounds, cases } = design;
         let mut names = HashSet::new();
         let finding = |column| {
             let (name, _) = split(column);
@@ -132,6 +133,15 @@ impl Sweep {
             scenario.settable(name).err().or(twice)
         };
         let mut findings: Vec<String> = columns.iter().map(String::as_str).filter_map(finding).collect();
+        if findings.is_empty() {
+            // Without ranges each cell is checked when its case is run.
+            let units = columns.iter().filter(|column| bounds.is_empty() && split(column).1.is_some());
+            let wrong = |column: &String| scenario.clone().assign(split(column).0, &cell_with_unit(column, "1")).err();
+            findings.extend(units.filter_map(wrong));
+            let within =
+                |(column, cell): &(String, String)| scenario.admits(split(column).0, &cell_with_unit(column, cell));
+            findings.extend(bounds.iter().filter_map(|bound| within(bound).err()));
+        }
         if cases.is_empty() {
             findings.push("the design has no cases".into());
         }
@@ -177,17 +187,9 @@ impl Sweep {
     fn scenario(&self, case: usize) -> Result<Scenario, String> {
         let mut scenario = self.scenario.clone();
         for (column, cell) in self.columns.iter().zip(&self.cases[case]) {
-            let (variable, unit) = split(column);
-            let cell = cell.trim();
-            if cell.is_empty() {
-                continue;
+            if !cell.trim().is_empty() {
+                scenario.assign(split(column).0, &cell_with_unit(column, cell.trim()))?;
             }
-            // A unit in the cell overrides that of the column.
-            let text = match unit {
-                Some(unit) if cell.parse::<f64>().is_ok() => format!("{cell} {unit}"),
-                _ => cell.to_owned(),
-            };
-            scenario.assign(variable, &text)?;
         }
         Ok(scenario)
     }
@@ -400,20 +402,36 @@ fn split(column: &str) -> (&str, Option<&str>) {
     }
 }
 
+/// A cell with its unit, which is that of the column unless it has its own.
+fn cell_with_unit(column: &str, cell: &str) -> String {
+    match split(column).1 {
+        Some(unit) if cell.parse::<f64>().is_ok() => format!("{cell} {unit}"),
+        _ => cell.to_owned(),
+    }
+}
+
+/// A design as a table.
+struct Design {
+    columns: Vec<String>,
+    /// Columns and cells that bound those drawn.
+    bounds: Vec<(String, String)>,
+    cases: Vec<Vec<String>>,
+}
+
 /// The cells of a CSV table.
-fn table(text: &str) -> Result<(Vec<String>, Vec<Vec<String>>), csv::Error> {
+fn table(text: &str) -> Result<Design, csv::Error> {
     let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).trim(csv::Trim::All).from_reader(text.as_bytes());
     let columns = reader.headers()?.iter().map(String::from).collect();
-    Ok((columns, reader.deserialize().collect::<Result<_, _>>()?))
+    Ok(Design { columns, bounds: Vec::new(), cases: reader.deserialize().collect::<Result<_, _>>()? })
 }
 
 /// Draws the cases of a design.
-fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> {
+fn draw(document: &Document) -> Result<Design, String> {
     if document.cases > MAX_CASES {
         return Err(format!("cases = {} is refused: expected at most {MAX_CASES}", document.cases));
     }
     let mut random = Pcg64::seed_from_u64(document.seed);
-    let mut columns = Vec::new();
+    let (mut columns, mut bounds) = (Vec::new(), Vec::new());
     let mut cases = vec![Vec::new(); document.cases];
     for (path, range) in leaves(&document.ranges, &|inner| inner.contains_key("from")) {
         let range: Range = match range.clone().try_into() {
@@ -423,12 +441,21 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
             }
             Ok(range) => range,
         };
+        let (unit, ends) = match &range {
+            Range::Between(Between { from, to, log, unit }) => {
+                if !(from.is_finite() && to.is_finite() && from <= to) || (*log && *from <= 0.0) {
+                    return Err(format!("{path}: expected finite ends, from below to, and above 0 if log = true"));
+                }
+                (unit.as_ref(), [from, to].map(|end| format!("{end:e}")).to_vec())
+            }
+            Range::OneOf(items) => (None, items.iter().map(text).collect()),
+            Range::Always(value) => (None, vec![text(value)]),
+        };
         let mut strata: Vec<usize> = (0..document.cases).collect();
         // Fisher–Yates.
         for at in (1..strata.len()).rev() {
             strata.swap(at, random.random_range(0..=at));
         }
-        let mut unit = None;
         for (case, stratum) in cases.iter_mut().zip(strata) {
             let uniform: f64 = random.random();
             let share = match document.sampling {
@@ -436,13 +463,8 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
                 Sampling::MonteCarlo => uniform,
             };
             case.push(match &range {
-                Range::Between(between) => {
-                    unit.clone_from(&between.unit);
-                    let Between { from, to, log, .. } = *between;
-                    if !(from.is_finite() && to.is_finite()) || (log && !(from > 0.0 && to > 0.0)) {
-                        return Err(format!("{path}: expected finite ends, above 0 if log = true"));
-                    }
-                    let value = if log { from * libm::pow(to / from, share) } else { from + (to - from) * share };
+                Range::Between(Between { from, to, log, .. }) => {
+                    let value = if *log { from * libm::pow(to / from, share) } else { from + (to - from) * share };
                     format!("{value:e}")
                 }
                 Range::OneOf(items) => {
@@ -452,7 +474,9 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
                 Range::Always(value) => text(value),
             });
         }
-        columns.push(unit.map_or(path.clone(), |unit| format!("{path} [{unit}]")));
+        let column = unit.map_or(path.clone(), |unit| format!("{path} [{unit}]"));
+        bounds.extend(ends.into_iter().map(|end| (column.clone(), end)));
+        columns.push(column);
     }
     // Every case gets its own noise.
     if !columns.iter().any(|column| split(column).0 == "plant.sensor.seed") {
@@ -461,7 +485,7 @@ fn draw(document: &Document) -> Result<(Vec<String>, Vec<Vec<String>>), String> 
             case.push(random.random_range(0..i32::MAX).to_string());
         }
     }
-    Ok((columns, cases))
+    Ok(Design { columns, bounds, cases })
 }
 
 /// Rows as lines of CSV.

@@ -362,6 +362,23 @@ impl Scenario {
     /// # Errors
     /// An invalid path or value.
     pub fn assign(&mut self, path: &str, text: &str) -> Result<(), String> {
+        let ((at, index), value) = self.converted(path, text)?;
+        self.elements[at].settings.push((index, value));
+        Ok(())
+    }
+
+    /// Checks that the variable of a path may have this value, as [`Self::assign`] and also against its limits.
+    ///
+    /// # Errors
+    /// An invalid path or value.
+    pub fn admits(&self, path: &str, text: &str) -> Result<(), String> {
+        let ((at, index), value) = self.converted(path, text)?;
+        let variable = &self.elements[at].model_type.variables()[index];
+        variable.accepts(&value).map_err(|why| format!("{}.{why}", self.elements[at].name))
+    }
+
+    /// The variable of a path, and its value from a text.
+    fn converted(&self, path: &str, text: &str) -> Result<(Place, Value), String> {
         let (at, index) = self.settable(path)?;
         let data_type = &self.elements[at].model_type.variables()[index].data_type;
         let text = text.trim();
@@ -371,9 +388,7 @@ impl Scenario {
             _ => None,
         };
         let value = read::convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
-        let value = value.map_err(|why| format!("{path} = {text} is refused: {why}"))?;
-        self.elements[at].settings.push((index, value));
-        Ok(())
+        Ok(((at, index), value.map_err(|why| format!("{path} = {text} is refused: {why}"))?))
     }
 
     /// Sets the start value of a variable, if there are such an element and variable.
