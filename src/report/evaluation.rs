@@ -82,7 +82,7 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
         return Vec::new();
     };
     let begin = |to: usize| {
-        let turned = |from: &usize| (theta[to - 1] - theta[*from]).abs() >= TAU * REVOLUTIONS * (1.0 - 1e-9);
+        let turned = |from: &usize| has_turned(theta[to - 1] - theta[*from]);
         let by_time = || time_s.partition_point(|time| *time < time_s[to - 1] - WITHOUT_TURNING_S).min(to - 1);
         (0..to).rev().find(turned).unwrap_or_else(by_time)
     };
@@ -102,13 +102,19 @@ pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     }
 }
 
+/// Whether an angle in rad makes up the whole revolutions.
+fn has_turned(angle_rad: f64) -> bool {
+    angle_rad.abs() >= TAU * REVOLUTIONS * (1.0 - 1e-9)
+}
+
 /// The length of each of the [`stretches`] in words.
 pub(super) fn interval(recording: &Recording, stretches: &[Stretch]) -> String {
-    let turns = recording.get("plant.theta").zip(stretches.last());
-    if turns.is_some_and(|(theta, last)| (theta[last.to - 1] - theta[last.from]).abs() > TAU) {
+    let Some(last) = stretches.last() else { return String::new() };
+    let length = |values: &[f64]| values[last.to - 1] - values[last.from];
+    if recording.get("plant.theta").is_some_and(|theta| has_turned(length(theta))) {
         format!("{REVOLUTIONS} revolutions")
     } else {
-        format!("{:.0} ms", 1e3 * WITHOUT_TURNING_S)
+        format!("{} ms", (1e4 * length(&recording.time_s)).round() / 10.0)
     }
 }
 
