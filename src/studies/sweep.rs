@@ -122,7 +122,7 @@ impl Sweep {
             (None, table(&text).map_err(|finding| refusal(path, finding))?)
         };
         let name = scenario.map(PathBuf::from).or(named).unwrap_or_else(|| DEFAULT_SCENARIO.into());
-        let scenario_text = text_of(&name).map_err(|error| refusal(&name, error))?;
+        let scenario_text = text_of(&name)?;
         let mut scenario = Scenario::parse(&name.display().to_string(), &scenario_text)?;
         scenario.remove_compared();
         let Design { columns, bounds, cases } = design;

@@ -38,12 +38,16 @@ pub fn built_in(name: &Path) -> Option<&'static str> {
 ///
 /// # Errors
 /// The file cannot be read.
-pub fn text_of(name: &Path) -> std::io::Result<String> {
-    match built_in(name) {
+pub fn text_of(name: &Path) -> Result<String, ScenarioError> {
+    let text = match built_in(name) {
         Some(text) => Ok(text.to_owned()),
         None if name == Path::new("-") => std::io::read_to_string(std::io::stdin()),
         None => std::fs::read_to_string(name),
-    }
+    };
+    text.map_err(|error| {
+        let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
+        ScenarioError { origin: name.display().to_string(), findings: vec![finding] }
+    })
 }
 
 /// The names of the built-in scenarios, for messages.
@@ -249,12 +253,7 @@ impl Scenario {
     }
 
     fn open_requiring(name: &Path, required: &[&str], changes: &[Pair]) -> Result<Self, ScenarioError> {
-        let origin = name.display().to_string();
-        let text = text_of(name).map_err(|error| {
-            let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
-            ScenarioError { origin: origin.clone(), findings: vec![finding] }
-        })?;
-        read::scenario(&origin, &text, required, changes)
+        read::scenario(&name.display().to_string(), &text_of(name)?, required, changes)
     }
 
     /// The machine named in a scenario, built-in or a file; none if it names none or cannot be read.

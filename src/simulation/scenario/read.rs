@@ -85,7 +85,7 @@ document! {
     compare: Vec<String>, "a list of methods";
     contour: Option<String>, "the name of a file";
     balance: Option<toml::Value>, "a time";
-    profile: Vec<ProfileText>, "of = [names], time = [instants], value = [values]";
+    profile: Vec<toml::Value>, "tables [[profile]]";
     all: toml::Table, "a table";
     plant: toml::Table, "a table";
     controller: toml::Table, "a table";
@@ -207,6 +207,13 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     };
     let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
     let mut assignment = Assignment { elements, findings };
+    for (name, table) in [("all", &document.all)].into_iter().chain(document.elements()) {
+        let keys: Vec<_> = flatten(table).into_iter().map(|(key, _)| key).collect();
+        let array = |key: &str| key.split_once('[').map(|(array, _)| array.to_owned());
+        for key in keys.iter().filter(|key| array(key).is_some_and(|array| keys.contains(&array))) {
+            assignment.findings.push(format!("[{name}] {key} is given twice: in the list of all as well"));
+        }
+    }
     let all = flatten(&document.all);
     for (at, (name, table)) in document.elements().into_iter().enumerate() {
         // Names that no element has are reported below.
@@ -236,11 +243,16 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     assignment.compare(&document.compare);
     let mut profiles = Vec::new();
     let mut followed = HashSet::new();
-    for (number, text) in (1..).zip(&document.profile) {
-        match assignment.profile(text) {
+    for (number, profile) in (1..).zip(document.profile) {
+        let text = profile.try_into::<ProfileText>().map_err(|error| {
+            let wanted = "of = [names], time = [instants], value = [values]";
+            vec![format!("expected {wanted}, and hold = true if wanted ({})", error.message())]
+        });
+        match text.and_then(|text| assignment.profile(&text)) {
             Ok(profile) => {
-                for (target, path) in profile.targets.iter().zip(&text.of) {
-                    if !followed.insert(*target) {
+                for &(at, index) in &profile.targets {
+                    if !followed.insert((at, index)) {
+                        let path = assignment.elements[at].path(index);
                         let finding = format!("[[profile]] number {number}: {path} follows a profile already");
                         assignment.findings.push(finding);
                     }
@@ -589,7 +601,10 @@ pub fn number_and_unit(text: &str) -> Option<(f64, &str)> {
 /// Converts a number in the unit `name` to another unit.
 pub fn from_unit(number: f64, name: &str, unit: &Unit) -> Result<f64, String> {
     let wanted = || unit.names().collect::<Vec<_>>().join(", ");
-    unit.convert(number, name).ok_or_else(|| format!("the unit {name} is not one of {}", wanted()))
+    unit.convert(number, &name.replace('°', "deg")).ok_or_else(|| match name.starts_with(',') {
+        true => "expected a point instead of the decimal comma".into(),
+        false => format!("the unit {name} is not one of {}", wanted()),
+    })
 }
 
 /// Converts a TOML value to the value of a variable. Numbers are in the unit of the interface; texts include their unit.
