@@ -241,7 +241,7 @@ pub(super) fn first(run: &Signals) -> Markup {
                         @if bearings.len() > 1 { (title_of(&bearings[0])) ": solid" } @else { "Solid" }
                         " where the estimate is valid, with a band of two standard deviations; dotted and shaded where it is not; \
                          dashed: the true value."
-                        @if animation.is_some() { " Click to go to an instant." }
+                        @if animation.is_some() { " Paler after the instant of the animation; click to go to another one." }
                     }
                 }
             }
