@@ -67,7 +67,7 @@ pub(super) fn coherence_note(scenario: &Scenario, run: &Run) -> String {
     let how = if force_n > 0.0 { "weaker" } else { "stronger" };
     let percent = 100.0 * (force_n / (inertia_n + force_n)).abs();
     format!(
-        "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² r_Z = \
+        "The perturbation along z is in phase with the reference trajectory: {force_n} N beside m ω² rZ = \
          {inertia_n:.1} N look like magnets {how} by {percent:.2} %. No filter removes that; the paper's method attributes it to λ. "
     )
 }

@@ -322,14 +322,20 @@ pub(super) fn all(run: &Signals) -> Vec<Figure> {
 
 fn estimates(run: &Signals) -> Figure {
     let plots = run.of_methods(|element, bearing| lambda_plot(run, element, bearing));
-    let caption = "Estimates over time; all methods use the same samples. Solid where valid, with a band of two standard \
-                   deviations; dotted and shaded where not; dashed: the truth.";
+    let shared = if run.methods.len() > 1 { "; all methods use the same samples" } else { "" };
+    let caption =
+        "Solid where valid, with a band of two standard deviations; dotted and shaded where not; dashed: the truth.";
     let in_paper = match run.paper {
         Some(Paper::Simulation) => " The paper ends at (1.786, 2.072, 2.199)·10⁻⁶ in less than 0.1 s.",
         Some(Paper::Experiment) => " The paper ends at (2.53, 2.04, 2.42)·10⁻⁶ after 0.2 s on its test bench.",
         None => "",
     };
-    run.figure("methods", "Estimates of the force constants", plots, &format!("{caption}{in_paper}"))
+    run.figure(
+        "methods",
+        "Estimates of the force constants",
+        plots,
+        &format!("Estimates over time{shared}. {caption}{in_paper}"),
+    )
 }
 
 fn errors(run: &Signals) -> Figure {
