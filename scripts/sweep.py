@@ -132,7 +132,7 @@ def convert(path, description, variable, value):
     parts = NUMBER_AND_UNIT.fullmatch(value.strip())
     if not parts:
         raise Refused(f"{path} = {value} is refused: {value.split(maxsplit=1)[0]} is not a number")
-    number, unit = float(parts[1]), parts[2].replace("μ", "µ")
+    number, unit = float(parts[1]), parts[2].replace("μ", "µ").replace("°", "deg")
     name = variable.unit or variable.declaredType.unit
     if unit in ("", name):
         return number

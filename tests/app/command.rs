@@ -162,6 +162,8 @@ fn invalid_arguments_exit_with_2() {
     let folder = folder("command/arguments");
     bench(&folder);
     write(&folder, "slow.toml", "title = \"Slow\"\nduration = 0.1\nstep = 50e-6\n\n[all]\nTs = 50e-6\n");
+    write(&folder, "bench.toml", format!("{SHORT}[tolerance]\nfoo = 3\n"));
+    write(&folder, "design.csv", "plant.pZ [lbf]\n1\n");
     for (arguments, words) in [
         ("--nonsense", &["error: ", "--help"][..]),
         ("nonsense", &["error: ", "--help"]),
@@ -212,8 +214,13 @@ fn invalid_arguments_exit_with_2() {
         ("sensitivity axial --set plant.m=-1", &["m = -1 kg is refused"]),
         (
             "simulate paper --set foo=3",
-            &["[--set] foo: there is no variable", "known are m, s,", "; the nearest is F0"],
+            &["[--set] foo: there is no variable of this name; the nearest are F0.modulationFrequency, "],
         ),
+        ("simulate paper --set machine=spindle", &["[--set] machine: it is a key of the file"]),
+        ("simulate paper --set Plant.m=7", &["did you mean plant.m?"]),
+        ("simulate bench.toml", &["[tolerance]: foo is not a parameter of a bench"]),
+        ("sweep design.csv --scenario nosuch --out rows.csv", &["nosuch:", "expected a file, or one of paper, "]),
+        ("sweep design.csv --out rows.csv", &["plant.pZ = 1 lbf is refused: the unit lbf is not one of N"]),
         (
             "simulate planar4 --set method=paper",
             &["[--set] method: there is no variable", "it is one of the machine planar"],
@@ -224,7 +231,7 @@ fn invalid_arguments_exit_with_2() {
         ),
         (
             "identify bench.csv --set foo=3",
-            &["--set foo: ", "no variable of this name; known are ", "the nearest is filter.omega"],
+            &["--set foo: ", "no variable of this name; the nearest are filter.omega, "],
         ),
         ("design --at 1e-5", &["--at 0.00001 is refused: expected at least one sample, 0.0001 s"]),
         ("whirl --to -5", &["a speed in rpm"]),

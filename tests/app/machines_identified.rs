@@ -305,7 +305,7 @@ fn wrong_columns_and_options_are_named() {
         ("run.csv --hold linear --estimate lag", &["lag: expected held currents"]),
         ("run.csv --machine spindle --set s=1mm", &["--set s: the estimator of the machine"]),
         ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),
-        ("run.csv --machine spindle --tolerance s=2% --tolerance foo=1", &["foo is not a", "known are m, A.s, B.s"]),
+        ("run.csv --machine spindle --tolerance s=2% --tolerance foo=1", &["foo is not a", "nearest are A.sensor"]),
     ] {
         refuses(&folder, &self::words(&format!("identify {arguments}")), words);
     }

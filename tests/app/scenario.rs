@@ -42,7 +42,7 @@ fn the_built_in_scenarios_are_sound() {
 #[test]
 fn values_in_every_notation() {
     let tables = "[all]\nm = 7\nlambda0 = [1e-6, 2e-6, 3e-6]\n[plant]\nY0 = \"20 µm\"\nZ0 = \"0.02 mm\"\nlambda = [1e-6, \"2 N.mm2/A2\", 3e-6]\nomega = \"3000 rpm\"\n\
-         unbalance.phase = \"90 deg\"\nsensor.seed = -4\n'alpha[1]' = 3.0\n\
+         unbalance.phase = \"90°\"\nsensor.seed = -4\n'alpha[1]' = 3.0\n\
          [controller]\nupdate.mode = \"whenValid\"\n[controller.reference]\nrY = \"20 um\"\nlobes = 5\n\
          [estimator]\nm = 6.0\nenable = false\nTf = \"20 ms\"\n";
     let scenario = parse("", tables).expect("sound");
@@ -105,7 +105,7 @@ fn errors_are_refused_by_name() {
         ("", "[plant]\nlamda = [1e-6, 1e-6, 1e-6]", &["[plant]", "lamda", "did you mean lambda?"]),
         ("", "[controller]\nreference.ry = 1e-5", &["[controller]", "reference.ry", "did you mean reference.rY?"]),
         ("", "[controller]\nupdate.tim = 0.1", &["update.tim", "did you mean update.time?"]),
-        ("", "[plant]\nxyzzy = 1", &["[plant]", "xyzzy", "known are", "lambda", "unbalance.magnitude"]),
+        ("", "[plant]\nxyzzy = 1", &["[plant]", "xyzzy: there is no variable of this name; the nearest are "]),
         ("", "[plant]\nTs = 1e-4", &["[plant]", "Ts", "no variable of this name"]),
         ("", "[all]\nmass = 6.7", &["[all]", "mass", "no variable of this name"]),
         // Unknown tables and keys of the head.
@@ -114,6 +114,7 @@ fn errors_are_refused_by_name() {
         ("", "[plant]\nY0 = \"30 furlong\"", &["[plant]", "Y0", "30 furlong", "m, µm, mm"]),
         ("", "[plant]\nm = \"7 m\"", &["m = \"7 m\"", "not one of kg, g"]),
         ("", "[controller]\nreference.omega = \"50 kHz\"", &["reference.omega", "kHz", "rad/s, rpm, Hz"]),
+        ("", "[plant]\nm = \"7,5 kg\"", &["m = \"7,5 kg\"", "expected a point instead of the decimal comma"]),
         ("", "[plant]\nY0 = \"thirty µm\"", &["Y0", "thirty is not a number"]),
         ("", "[plant]\nY0 = \"\"", &["Y0 = \"\"", "expected a number in m"]),
         // Types.
@@ -129,6 +130,10 @@ fn errors_are_refused_by_name() {
         ("", "[plant]\nlambda = [1e-6, 2e-6]", &["lambda = [0.000001, 0.000002]", "a list of 3"]),
         ("", "[plant]\nlambda = 2e-6", &["lambda = ", "a list of 3"]),
         ("", "[plant]\nlambda = [1e-6, \"two\", 2e-6]", &["lambda[2]", "two is not a number"]),
+        ("", "[plant]\nlambda = [1e-6, 2e-6, 3e-6]\n'lambda[1]' = 2e-6", &["[plant] lambda[1] is given twice"]),
+        // The bench.
+        ("", "[columns]\nbar = \"x\"", &["[columns] bar: there is no signal of this name; known are Ym, Zm, im[1]"]),
+        ("machine = \"axial\"", "[tolerance]\ns = 1e-6", &["[tolerance] is refused"]),
         // Variables that cannot be set.
         ("", "[plant]\ni = [1.0, 1.0, 1.0]", &["i[1] = 1.0", "connected to controller.i[1]"]),
         ("", "[controller]\nYm = 0.0", &["Ym = 0.0", "connected to plant.Ym"]),
@@ -188,6 +193,8 @@ fn errors_of_a_profile_are_refused_by_name() {
         ("'plant.omega'", "0, 1", "1", &["as many values as times"]),
         ("'plant.omega'", "0", "'1 kg'", &["unit kg"]),
         ("'plant.omega'", "0", "inf", &["inf is refused: expected a finite number"]),
+        ("'plant.lambda[1]'", "0, 1", "1e-6, -1e-6", &["number 1: lambda[1] = -0.000001 N.m2/A2", "a value above 0"]),
+        ("1", "0", "1", &["[[profile]] number 1: expected of = [names]", "expected a string"]),
         ("'plant.omega', 'plant.omega'", "0", "1", &["plant.omega follows a profile already"]),
         (
             "'plant.omega', 'plant.pY'",

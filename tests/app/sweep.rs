@@ -140,6 +140,14 @@ fn errors_of_a_design_are_named() {
         ("1000000000000", "{ from = 1, to = 2 }", "cases = 1000000000000 is refused: expected at most"),
         ("3", "{ from = 1, to = 2, unti = \"g\" }", "expected { from = …, to = … }"),
         ("3", "{ from = 1 }", "expected { from = …, to = … }"),
+        ("3", "{ from = 2, to = 1 }", "expected finite ends, from below to"),
+        ("3", "{ from = -1, to = 2 }", "plant.m = -1 kg is refused: expected a value above 0 kg"),
+        ("3", "{ from = 1, to = 2, unit = \"lb\" }", "plant.m = 1e0 lb is refused: the unit lb is not one of kg"),
+        (
+            "3",
+            "1\ncontroller.update.mode = [\"never\", \"x\"]",
+            "controller.update.mode = x is refused: expected one of",
+        ),
     ] {
         let text = format!("cases = {cases}\nseed = 1\nsampling = \"monteCarlo\"\n[ranges]\nplant.m = {range}\n");
         write(&folder, "wrong.toml", text);
