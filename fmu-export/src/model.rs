@@ -290,7 +290,8 @@ pub trait Model: Clone + Send + Sync + 'static {
     /// parameters in its state updates them here.
     ///
     /// # Errors
-    /// Every invalid parameter; the run continues with the former ones.
+    /// Every invalid parameter; the run continues with the former ones, the former model, and the former state. A state in
+    /// [`NotSaved`](crate::NotSaved) has no copy: check all parameters before you change it.
     fn retune(
         &mut self,
         state: &mut Self::State,
@@ -400,7 +401,7 @@ pub trait SampledModel: Clone + Send + Sync + 'static {
     /// As [`Model::retune`]. A changed period is refused, because the samples taken so far belong to the former one.
     ///
     /// # Errors
-    /// Every invalid parameter.
+    /// Every invalid parameter. Before you change a state in [`NotSaved`](crate::NotSaved), compare the period too.
     fn retune(
         &mut self,
         state: &mut Self::State,
@@ -551,11 +552,10 @@ impl<S: SampledModel> Model for Sampled<S> {
         values: &S::Values,
         resources: &Resources,
     ) -> Result<(), Vec<Invalid>> {
-        let former = self.0.clone();
+        let former_s = self.0.period_s();
         self.0.retune(state, values, resources)?;
-        let (period_s, former_s) = (self.0.period_s(), former.period_s());
+        let period_s = self.0.period_s();
         if period_s != former_s {
-            self.0 = former;
             let wanted = format!("{former_s} s as before: samples have been taken with it");
             return Err(Invalid::new("the sample period", format!("{period_s} s"), wanted).into());
         }

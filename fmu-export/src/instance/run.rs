@@ -43,7 +43,7 @@ pub(super) trait Core: Any + Send + Sync {
     fn try_start(&mut self, begin: Begin<'_>);
     /// Updates the outputs of a run.
     fn refresh(&mut self, time_s: f64);
-    /// Applies tunable parameters; the run keeps the former model if they are refused.
+    /// Applies tunable parameters; the run keeps the former model if they are refused, and the former state if it can be copied.
     fn retune(&mut self, begin: Begin<'_>) -> Result<(), Vec<Invalid>>;
     fn step(&mut self, step: Step, polynomials: &InputPolynomials, log: &mut dyn Log) -> Result<(), StepError>;
     /// 0 before the run.
@@ -178,10 +178,13 @@ impl<M: Model> Core for Typed<M> {
     fn retune(&mut self, begin: Begin<'_>) -> Result<(), Vec<Invalid>> {
         match &mut self.run {
             Some(run) if begin.outside.is_empty() => {
-                let former = run.model.clone();
+                let former = (run.model.clone(), run.state.copy());
                 let outcome = Arc::make_mut(&mut run.model).retune(&mut run.state, &self.values, begin.resources);
                 if outcome.is_err() {
-                    run.model = former;
+                    run.model = former.0;
+                    if let Some(state) = former.1 {
+                        *run.state = state;
+                    }
                 }
                 outcome
             }
