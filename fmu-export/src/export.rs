@@ -133,7 +133,7 @@ macro_rules! __export_fmi3 {
                 _visible: fmi3Boolean,
                 loggingOn: fmi3Boolean,
                 eventModeUsed: fmi3Boolean,
-                _earlyReturnAllowed: fmi3Boolean,
+                earlyReturnAllowed: fmi3Boolean,
                 _requiredIntermediateVariables: *const fmi3ValueReference,
                 _nRequiredIntermediateVariables: usize,
                 instanceEnvironment: fmi3InstanceEnvironment,
@@ -143,7 +143,8 @@ macro_rules! __export_fmi3 {
                 // SAFETY: the contract is the same.
                 unsafe {
                     $crate::fmi3::functions::instantiate(
-                        &super::FMUS, instanceName, instantiationToken, resourcePath, loggingOn, eventModeUsed, instanceEnvironment, logMessage,
+                        &super::FMUS, instanceName, instantiationToken, resourcePath, loggingOn, eventModeUsed, earlyReturnAllowed,
+                        instanceEnvironment, logMessage,
                     )
                 }
             }

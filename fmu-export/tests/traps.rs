@@ -148,6 +148,7 @@ mod library {
 
 use library::FMUS;
 use support::ffi::{Expect, Fmu};
+use support::ffi3::Request3;
 
 fn instance(name: &str) -> (std::sync::Arc<ModelType>, Instance) {
     let model = FMUS.find(name).expect("a model");
@@ -350,6 +351,22 @@ fn a_model_may_end_the_simulation() {
     let messages = fmu.take_messages();
     assert!(messages.iter().any(|message| message.text.contains("it is empty")), "{messages:?}");
     assert!(fmu.step(0.25, 0.1).error(&fmu).contains("the model has ended the simulation"));
+}
+
+/// Fails if an importer that allows it does not learn that a step ended early, or if another one does.
+#[test]
+fn a_step_in_which_the_model_ends_the_simulation_returns_early_if_allowed() {
+    // One that ends with the step is not early.
+    for (early_return, length, early) in [(false, 0.5, 0), (true, 0.5, 1), (true, 0.25, 0)] {
+        let request = Request3 { early_return, ..Request3::of("Tank", false) };
+        let fmu = request.instantiate("Tank", false).expect("an instance");
+        fmu.ok(fmu.set("level", 0.375));
+        fmu.start(0.0);
+        assert_eq!(fmu.try_step(0.0, 0.125).1.flags, [0; 3]);
+        let (status, done) = fmu.try_step(0.125, length);
+        fmu.ok(status);
+        assert_eq!((done.flags, done.time), ([0, 1, early], 0.375));
+    }
 }
 
 /// Fails if a run cannot start at the time of day, or loses or doubles a sample there.

@@ -34,6 +34,8 @@ type Callback = <fmi3LogMessageCallback as IntoIterator>::Item;
 pub(crate) struct Options {
     /// Whether events are handled in event mode.
     event_mode: bool,
+    /// Whether a step may end early.
+    early_return: bool,
     /// With arrays: the number of elements of each value reference, 0 within an array.
     elements: Option<Arc<[u32]>>,
 }

@@ -65,10 +65,12 @@ pub struct Request3 {
     pub logger: bool,
     /// Whether event mode is used.
     pub event_mode: bool,
+    /// Whether a step may end early.
+    pub early_return: bool,
 }
 
 impl Request3 {
-    /// A valid request for an instance of a model, without logging and without event mode.
+    /// A valid request for an instance of a model, without logging, event mode and early return.
     pub fn of(model: &str, arrays: bool) -> Self {
         Self {
             name: Some(text("instance")),
@@ -77,6 +79,7 @@ impl Request3 {
             logging: false,
             logger: true,
             event_mode: false,
+            early_return: false,
         }
     }
 
@@ -93,7 +96,7 @@ impl Request3 {
                 0,
                 self.logging.into(),
                 self.event_mode.into(),
-                0,
+                self.early_return.into(),
                 null(),
                 0,
                 (&raw const *messages).cast_mut().cast(),

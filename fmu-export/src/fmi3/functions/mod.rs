@@ -48,6 +48,7 @@ pub unsafe fn instantiate(
     folder: fmi3String,
     logging_on: fmi3Boolean,
     event_mode: fmi3Boolean,
+    early_return: fmi3Boolean,
     environment: fmi3InstanceEnvironment,
     log: fmi3LogMessageCallback,
 ) -> fmi3Instance {
@@ -66,7 +67,7 @@ pub unsafe fn instantiate(
                 let resources =
                     folder.map(|folder| Resources::in_folder(&*folder.to_string_lossy())).unwrap_or_default();
                 let elements = (standard == Standard::Fmi3 { arrays: true }).then(|| elements_of(model.variables()));
-                let options = Options { event_mode: event_mode != 0, elements };
+                let options = Options { event_mode: event_mode != 0, early_return: early_return != 0, elements };
                 Some(hand_out(Component::new(model, resources, logger, options)))
             }
             Err(why) => {
@@ -199,7 +200,9 @@ c_functions! {
         unsafe { enter(instance, Function::Reset, Component::reset) }
     }
 
-    /// Does one communication step.
+    /// Does one communication step. If the model ends the simulation, `terminateSimulation` is true and `lastSuccessfulTime` is that instant; if it
+    /// lies before the end of the step, `earlyReturn` is true too, but only for an importer that allows it: for others, as the standard
+    /// demands, it stays false.
     fn fmi3DoStep: fmi3DoStepTYPE(
         instance: fmi3Instance,
         currentCommunicationPoint: fmi3Float64,
@@ -222,6 +225,8 @@ c_functions! {
                 let outcome = component.step(step);
                 *terminate = u8::from(component.stage.terminated) as fmi3Boolean;
                 *time = component.stage.time_s;
+                let is_early = component.stage.terminated && *time < step.end_s();
+                *early = u8::from(is_early && component.options.early_return) as fmi3Boolean;
                 outcome
             })
         }
