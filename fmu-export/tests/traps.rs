@@ -529,6 +529,47 @@ mod mistakes {
         }
     }
 
+    #[derive(Clone, Default, Serialize, Deserialize)]
+    pub struct Counted {
+        #[serde(skip)]
+        count: u32,
+    }
+
+    /// A model whose state is written without its only field.
+    #[derive(Clone)]
+    pub struct Skipping;
+
+    impl SampledModel for Skipping {
+        const INFO: Info = Info::new("Skipping", "A mistake").experiment(10.0, 1.0);
+        type Values = Values;
+        type State = Counted;
+
+        fn table() -> Vec<Row<Values>> {
+            vec![Row::integer("n", place!(Values.n), 0).output()]
+        }
+
+        fn new(_: &Values, _: &Resources) -> Result<Self, Vec<Invalid>> {
+            Ok(Self)
+        }
+
+        fn period_s(&self) -> f64 {
+            1.0
+        }
+
+        fn start(&self, _: &mut Values, _: f64) -> Counted {
+            Counted::default()
+        }
+
+        fn sample(&self, state: &mut Counted, values: &mut Values, _: f64, _: &mut dyn Log) -> Stepped {
+            state.count += 1;
+            // The number of samples, two by two.
+            values.n = (state.count / 2) as i32;
+            Ok(())
+        }
+    }
+
+    pub static SKIPPING: fmu_export::Fmus =
+        fmu_export::Fmus::new("none", || vec![ModelType::of::<fmu_export::Sampled<Skipping>>()]);
     pub static FLATTENED: fmu_export::Fmus =
         fmu_export::Fmus::new("none", || vec![ModelType::of::<fmu_export::Sampled<Flattened>>()]);
     /// A library with a single model.
@@ -583,7 +624,7 @@ fn states_and_derivatives_are_arrays_together() {
     assert!(["x[1]", "x[2]", "dx[1]", "dx[2]"].iter().all(|name| xml.contains(&format!("name=\"{name}\""))), "{xml}");
 }
 
-/// Fails if adding up steps turns a termination into an error, if a period of 0 hangs, or if a state that cannot be written is packed.
+/// Fails if adding up steps turns a termination into an error, if a period of 0 hangs, or if a state that is not written, or not as a whole, is packed.
 #[test]
 fn mistakes_in_sampled_models_are_refused() {
     let model = ModelType::of::<fmu_export::Sampled<mistakes::Flattened>>();
@@ -604,6 +645,9 @@ fn mistakes_in_sampled_models_are_refused() {
     assert!(found.contains("the sample period = 0 s is refused: expected a number above 0"), "{found}");
     let error = Packager::new(&mistakes::FLATTENED).write("none").expect_err("it cannot be saved");
     assert!(error.to_string().contains("cannot be saved"), "{error}");
+    let error = Packager::new(&mistakes::SKIPPING).write("none").expect_err("a field is lost");
+    assert!(error.to_string().contains("attributes skip"), "{error}");
+    assert!(error.to_string().ends_with("at 2 s a copy has n = Integer(0), the original n = Integer(1)"), "{error}");
     let leaving = Packager::new(&FMUS).extras(|_| fmu_export::package::Extras::default().resource("../../a", "b"));
     let error = leaving.write("none").expect_err("outside");
     assert!(format!("{error:?}").contains("\"../../a\" is not allowed"), "{error:?}");

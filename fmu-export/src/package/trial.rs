@@ -8,9 +8,13 @@ use super::{Extras, PackageError, at};
 use crate::instance::Instance;
 use crate::interface::guard::panic_message;
 use crate::interface::load;
-use crate::model::{Capabilities, Invalid};
+use crate::log::Silent;
+use crate::model::{Capabilities, Invalid, Step};
 use crate::variable::{Causality, Value};
 use crate::{ModelType, Resources, Standard};
+
+/// Number of steps made with a model.
+const STEPS: u32 = 5;
 
 /// A temporary folder with the files of a model.
 struct Folder(PathBuf);
@@ -37,7 +41,7 @@ impl Drop for Folder {
     }
 }
 
-/// Starts the model with its start values, reads all variables, and writes and reads a snapshot.
+/// Starts the model with its start values, reads all variables, and makes a few steps with it and with copies read from its snapshots.
 pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageError> {
     let fail = |why: String| PackageError::Trial { name: model.info.name, why };
     let folder = Folder::with(extras)?;
@@ -83,19 +87,42 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
         if !snapshots {
             return Ok(());
         }
-        let not_saved = "the type of its state or values cannot be saved, for instance because of serde's attributes flatten, tag or \
-                         skip_serializing_if, or because a HashMap has no order (use a BTreeMap); wrap the state in NotSaved for an FMU \
+        let not_saved = "the type of its state or values cannot be saved, for instance because of serde's attributes skip, flatten, \
+                         tag or skip_serializing_if, or because a HashMap has no order (use a BTreeMap); wrap the state in NotSaved for an FMU \
                          without snapshots";
-        let bytes = instance.write().ok_or(not_saved)?;
-        let mut read = model.instantiate_with(Resources::in_folder(&folder.0));
-        read.read(&bytes, 0.0, true).map_err(|why| format!("{not_saved}: {why}"))?;
-        if read.write().is_none_or(|again| again != bytes) {
-            return Err(format!("{not_saved}: what is read is not what was written"));
+        let advance = |instance: &mut Instance, step: Step| -> Result<Vec<String>, String> {
+            let stepped = format!("the result {:?}", instance.step(step, &mut Silent));
+            let values = read(instance)?.into_iter().zip(model.variables());
+            Ok(values.map(|(value, variable)| format!("{} = {value:?}", variable.name)).chain([stepped]).collect())
+        };
+        let mut copies = Vec::new();
+        for n in 0..STEPS {
+            let step = Step { time_s: f64::from(n) * model.info.step_s, length_s: model.info.step_s };
+            let bytes = instance.write().ok_or(not_saved)?;
+            let mut copy = model.instantiate_with(Resources::in_folder(&folder.0));
+            copy.read(&bytes, step.time_s, true).map_err(|why| format!("{not_saved}: {why}"))?;
+            if copy.write().is_none_or(|again| again != bytes) {
+                return Err(format!("{not_saved}: what is read is not what was written"));
+            }
+            copies.push(copy);
+            let wanted = advance(&mut instance, step)?;
+            for copy in &mut copies {
+                let found = advance(copy, step)?;
+                if let Some((found, wanted)) = found.iter().zip(&wanted).find(|(found, wanted)| found != wanted) {
+                    let end_s = step.end_s();
+                    return Err(format!("{not_saved}: at {end_s} s a copy has {found}, the original {wanted}"));
+                }
+            }
+            if wanted.last().is_some_and(|stepped| !stepped.ends_with("Ok(())")) {
+                break;
+            }
         }
         Ok(())
     }));
     tried
-        .unwrap_or_else(|panic| Err(format!("the model panics when it is started: {}", panic_message(panic.as_ref()))))
+        .unwrap_or_else(|panic| {
+            Err(format!("the model panics when it is started or makes a step: {}", panic_message(panic.as_ref())))
+        })
         .map_err(fail)
 }
 
