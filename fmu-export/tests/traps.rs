@@ -182,9 +182,27 @@ fn tuning_reaches_the_model() {
     assert_eq!(real(&mut pid, u), 10.0);
     // A copy continues like the original.
     let mut copy = model.instantiate();
-    copy.read(&pid.write().expect("bytes"), 2e-4, true).expect("its own bytes");
+    copy.read(&pid.write().expect("bytes"), true).expect("its own bytes");
     copy.step(Step { time_s: 2e-4, length_s: 1e-4 }, &mut Silent).expect("a step");
     assert_eq!(real(&mut copy, u), 10.0);
+}
+
+/// Fails if a program can make a step that no importer could.
+#[test]
+fn steps_that_do_not_follow_are_refused() {
+    let (_, mut pid) = instance("Pid");
+    pid.set_start(5.0);
+    pid.start().expect("good parameters");
+    pid.step(Step { time_s: 5.0, length_s: 1e-4 }, &mut Silent).expect("a step");
+    let before = pid.write();
+    for (time_s, length_s) in
+        [(0.0, 1e-4), (5.0, 1e-4), (f64::NAN, 1e-4), (5.0001, f64::NAN), (5.0001, -1e-4), (5.0001, 101.0)]
+    {
+        let error = pid.step(Step { time_s, length_s }, &mut Silent).expect_err("no step");
+        assert!(error.to_string().contains("is refused: expected"), "{error}");
+    }
+    assert_eq!(pid.write(), before);
+    pid.step(Step { time_s: 5.0001, length_s: 1e-4 }, &mut Silent).expect("a step");
 }
 
 /// Fails if a number without an item, or a value outside the limits of its row, is accepted.
@@ -248,7 +266,7 @@ fn sampled_models_hold_outputs_and_follow_inputs() {
     pid.step(Step { time_s: 0.0, length_s: 2e-4 }, &mut Silent).expect("a step");
     let bytes = pid.write().expect("a snapshot");
     let mut read = model.instantiate();
-    read.read(&bytes, 2e-4, true).expect("its own snapshot");
+    read.read(&bytes, true).expect("its own snapshot");
     assert!((real(&mut read, e) - 1.15).abs() < 1e-12 && real(&mut read, u) == real(&mut pid, u));
     pid.set(kp, Value::Real(3.0)).expect("tunable");
     assert_eq!(real(&mut pid, doubled), 6.0);

@@ -78,6 +78,9 @@ pub struct Instance {
     has_begun: bool,
     /// Start of the run before it has begun, then the end of the last step.
     time_s: f64,
+    start_s: f64,
+    /// Whether the model has ended the simulation.
+    has_ended: bool,
     /// Whether outputs need an update because values were set.
     stale: bool,
     /// Derivatives of inputs at the start of the next step.
@@ -95,6 +98,8 @@ impl Instance {
             resources,
             has_begun: false,
             time_s: 0.0,
+            start_s: 0.0,
+            has_ended: false,
             stale: true,
             next_derivatives: Vec::new(),
             last_derivatives: Vec::new(),
@@ -201,7 +206,7 @@ impl Instance {
 
     /// Sets the time at which the run will begin, in seconds; 0 by default.
     pub fn set_start(&mut self, start_s: f64) {
-        self.time_s = start_s;
+        (self.time_s, self.start_s) = (start_s, start_s);
         self.stale = true;
     }
 
@@ -216,11 +221,47 @@ impl Instance {
         Ok(())
     }
 
+    /// Whether a step may be made: it begins where the last one ended, and its length is a number that is neither negative nor too large.
+    ///
+    /// # Errors
+    /// Why not.
+    pub fn check_step(&self, step: Step) -> Result<(), String> {
+        let Step { time_s, length_s } = step;
+        if !length_s.is_finite() || length_s < 0.0 {
+            return Err(format!("communicationStepSize = {length_s} is refused: expected a finite number, 0 or above"));
+        }
+        if self.has_ended {
+            return Err(format!("refused: the model has ended the simulation at {} s", self.time_s));
+        }
+        // NaN is refused as well.
+        let follows = (time_s - self.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
+        if !follows {
+            return Err(format!(
+                "currentCommunicationPoint = {time_s} is refused: expected {}, the end of the last step",
+                self.time_s
+            ));
+        }
+        let longest_s = MAX_BASE_STEPS * self.core.base_step_s();
+        if self.has_begun && length_s > longest_s {
+            return Err(format!(
+                "communicationStepSize = {length_s} is refused: expected at most {longest_s}, since it would take too long"
+            ));
+        }
+        Ok(())
+    }
+
+    /// Difference up to which two instants count as equal: importers add up steps in floating point, with errors that grow with
+    /// the length of the run, and times far from 0 have a coarse resolution.
+    pub(crate) fn tolerance_s(&self) -> f64 {
+        1e-9 * (self.time_s - self.start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * self.time_s.abs()
+    }
+
     /// Does one communication step. Derivatives of inputs hold for this step only; after it the inputs keep their final values.
     ///
     /// # Errors
-    /// Why the run cannot continue.
+    /// Why the run cannot continue, or why [`check_step`](Self::check_step) refuses the step, which then changes nothing.
     pub fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), StepError> {
+        self.check_step(step).map_err(StepError::Failed)?;
         let inputs = InputPolynomials::new(step.time_s, &self.next_derivatives, |index| self.core.get(index));
         let outcome = self.core.step(step, &inputs, log);
         let end_s = match &outcome {
@@ -236,14 +277,9 @@ impl Instance {
         inputs.at(end_s, &mut |index, value| self.core.set(index, value));
         self.last_derivatives.clear();
         self.last_derivatives.extend(self.next_derivatives.drain(..).map(|input| input.after(end_s - step.time_s)));
-        self.time_s = end_s;
+        (self.time_s, self.has_ended) = (end_s, outcome.is_err());
         self.stale = false;
         outcome
-    }
-
-    /// The longest communication step accepted, in seconds; see [`MAX_BASE_STEPS`].
-    pub fn longest_step_s(&self) -> f64 {
-        MAX_BASE_STEPS * self.core.base_step_s()
     }
 
     /// Resets this instance to its initial state.
@@ -371,20 +407,27 @@ impl Instance {
     pub fn write(&self) -> Option<Vec<u8>> {
         let mut bytes = Vec::new();
         self.core.write_values(&mut bytes)?;
-        write_to(&mut bytes, &(self.stale, &self.next_derivatives, &self.last_derivatives, self.has_begun))?;
+        let times = (self.time_s, self.start_s, self.has_ended);
+        write_to(&mut bytes, &(times, self.stale, &self.next_derivatives, &self.last_derivatives, self.has_begun))?;
         self.core.write_state(&mut bytes)?;
         self.capabilities.snapshots.then_some(bytes)
     }
 
-    /// Restores a serialized instance, to continue at `time_s` if `stepping`.
+    /// Restores a serialized instance, to continue if `stepping`.
     ///
     /// # Errors
     /// Why the bytes are invalid; this instance is then unchanged. Whatever the bytes, nothing panics, and no more memory is
     /// allocated than the instance needs.
-    pub fn read(&mut self, bytes: &[u8], time_s: f64, stepping: bool) -> Result<(), String> {
+    pub fn read(&mut self, bytes: &[u8], stepping: bool) -> Result<(), String> {
         let mut read = self.fresh();
         let mut rest = read.core.read_values(bytes)?;
-        ((read.stale, read.next_derivatives, read.last_derivatives, read.has_begun), rest) = HiddenState::read(rest)?;
+        let times;
+        ((times, read.stale, read.next_derivatives, read.last_derivatives, read.has_begun), rest) =
+            HiddenState::read(rest)?;
+        (read.time_s, read.start_s, read.has_ended) = times;
+        if !(read.time_s.is_finite() && read.start_s.is_finite()) {
+            return Err("the times are not finite".into());
+        }
         if !(self.are_valid(&read.next_derivatives) && self.are_valid(&read.last_derivatives)) {
             return Err("the derivatives of inputs are not valid".into());
         }
@@ -406,20 +449,30 @@ impl Instance {
             }
         }
         if read.has_begun {
-            rest = read.core.read_state(rest, &self.resources, stepping.then_some(time_s))?;
+            rest = read.core.read_state(rest, &self.resources, stepping.then_some(read.time_s))?;
         }
         if !rest.is_empty() {
             return Err(format!("{} bytes are left over", rest.len()));
         }
         // Before the run outputs are recomputed.
         read.stale |= !read.has_begun;
-        *self = Self { time_s, ..read };
+        *self = read;
         Ok(())
     }
 
     /// Whether the run has begun.
     pub fn has_begun(&self) -> bool {
         self.has_begun
+    }
+
+    /// The end of the last step, or the start of the run, in seconds.
+    pub fn time_s(&self) -> f64 {
+        self.time_s
+    }
+
+    /// Whether the model has ended the simulation.
+    pub fn has_ended(&self) -> bool {
+        self.has_ended
     }
 
     fn variable(&self, index: usize) -> Result<&Variable, AccessError> {

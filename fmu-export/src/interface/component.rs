@@ -78,7 +78,7 @@ impl<I: Interface> Component<I> {
                 "stopTime = {stop_s} is refused: expected a number not below startTime = {start_s}"
             )));
         }
-        (self.stage.time_s, self.stage.start_s, self.stage.stop_s) = (start_s, start_s, stop_s);
+        self.stage.stop_s = stop_s;
         self.instance.set_start(start_s);
         Ok(())
     }
@@ -89,42 +89,14 @@ impl<I: Interface> Component<I> {
         Ok(())
     }
 
-    /// Difference up to which two instants count as equal: importers add up steps in floating point, with errors that grow with
-    /// the length of the run, and times far from 0 have a coarse resolution.
-    fn tolerance_s(&self) -> f64 {
-        let Stage { time_s, start_s, .. } = self.stage;
-        1e-9 * (time_s - start_s).abs().max(1.0) + 4096.0 * f64::EPSILON * time_s.abs()
-    }
-
     pub(crate) fn step(&mut self, step: Step) -> Outcome {
-        let Step { time_s, length_s } = step;
-        let refuse = |why: String| Err(Problem::Call(why));
-        if !length_s.is_finite() || length_s < 0.0 {
-            return refuse(format!(
-                "communicationStepSize = {length_s} is refused: expected a finite number, 0 or above"
-            ));
-        }
-        if self.stage.terminated {
-            return refuse(format!("refused: the model has ended the simulation at {} s", self.stage.time_s));
-        }
-        // NaN is refused as well.
-        let follows = (time_s - self.stage.time_s).abs() <= self.tolerance_s() && step.end_s().is_finite();
-        if !follows {
-            return refuse(format!(
-                "currentCommunicationPoint = {time_s} is refused: expected {}, the end of the last step",
-                self.stage.time_s
-            ));
-        }
-        if let Some(stop_s) = self.stage.stop_s.filter(|stop_s| step.end_s() > stop_s + self.tolerance_s()) {
-            return refuse(format!(
+        self.instance.check_step(step).map_err(Problem::Call)?;
+        let tolerance_s = self.instance.tolerance_s();
+        if let Some(stop_s) = self.stage.stop_s.filter(|stop_s| step.end_s() > stop_s + tolerance_s) {
+            let Step { time_s, length_s } = step;
+            return Err(Problem::Call(format!(
                 "a step from {time_s} over {length_s} is refused: it ends beyond stopTime = {stop_s}"
-            ));
-        }
-        let longest_s = self.instance.longest_step_s();
-        if length_s > longest_s {
-            return refuse(format!(
-                "communicationStepSize = {length_s} is refused: expected at most {longest_s}, since it would take too long"
-            ));
+            )));
         }
         self.stage.failed = true;
         let outcome = self.instance.step(step, &mut self.logger);
@@ -132,14 +104,7 @@ impl<I: Interface> Component<I> {
             return Err(Problem::Run(text));
         }
         self.stage.failed = false;
-        if let Err(ended) = outcome {
-            if let StepError::Terminated { time_s, .. } = ended {
-                (self.stage.terminated, self.stage.time_s) = (true, time_s);
-            }
-            return Err(Problem::End(ended.to_string()));
-        }
-        self.stage.time_s = step.end_s();
-        Ok(())
+        outcome.map_err(|ended| Problem::End(ended.to_string()))
     }
 
     /// Reads texts, which stay valid until the next call.

@@ -6,7 +6,7 @@
 //! 1 + n     length and text of the model name
 //! 1 + n     length and text of the GUID
 //! 8 bytes   length of the content
-//! n bytes   content: state in the sequence of calls, times, values and run, in postcard's format
+//! n bytes   content: state in the sequence of calls, values, times and run, in postcard's format
 //! 32 bytes  SHA-256 of all before
 //! ```
 //!
@@ -24,7 +24,7 @@ use crate::resources::Resources;
 
 const MAGIC: &[u8; 8] = b"FMU2SNAP";
 /// Increment this whenever the layout of the content changes, apart from the values and the state of the model.
-const VERSION: u16 = 4;
+const VERSION: u16 = 5;
 const HASH_BYTES: usize = 32;
 
 /// A snapshot held by the importer: an instance without its name, callbacks and log categories.
@@ -38,23 +38,17 @@ pub(crate) struct Snapshot {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stage {
     pub(crate) state: State,
-    /// End of the last completed step, or the start time, in s.
-    pub(crate) time_s: f64,
-    pub(crate) start_s: f64,
     pub(crate) stop_s: Option<f64>,
     /// Whether the last step failed.
     pub(crate) failed: bool,
-    /// Whether the model has ended the simulation.
-    pub(crate) terminated: bool,
 }
 
 impl Stage {
-    pub(crate) const BEGIN: Self =
-        Self { state: State::Instantiated, time_s: 0.0, start_s: 0.0, stop_s: None, failed: false, terminated: false };
+    pub(crate) const BEGIN: Self = Self { state: State::Instantiated, stop_s: None, failed: false };
 }
 
 /// A serialized [`Stage`]: its fields in order, with the state as a number.
-type Head = (u8, f64, f64, Option<f64>, bool, bool);
+type Head = (u8, Option<f64>, bool);
 
 impl Snapshot {
     /// Serializes the snapshot. Equal snapshots give equal bytes.
@@ -62,8 +56,8 @@ impl Snapshot {
     /// # Errors
     /// If the state of the model refuses to be written.
     pub(crate) fn write(&self) -> Result<Vec<u8>, Problem> {
-        let Stage { state, time_s, start_s, stop_s, failed, terminated } = self.stage;
-        let head: Head = (state as u8, time_s, start_s, stop_s, failed, terminated);
+        let Stage { state, stop_s, failed } = self.stage;
+        let head: Head = (state as u8, stop_s, failed);
         let mut content = postcard::to_stdvec(&head).expect("numbers can be written, and memory grows as needed");
         let refused = || Problem::Call("the state of the model cannot be written: serde refuses it".into());
         content.extend(self.instance.write().ok_or_else(refused)?);
@@ -93,7 +87,7 @@ impl Snapshot {
         let stage = stage(head)?;
         let mut instance = model.instantiate_with(resources.clone());
         instance
-            .read(rest, stage.time_s, matches!(stage.state, State::StepMode | State::EventMode))
+            .read(rest, matches!(stage.state, State::StepMode | State::EventMode))
             .map_err(|why| format!("the content is damaged: {why}"))?;
         let fits = match stage.state {
             State::Instantiated | State::InitializationMode => !instance.has_begun(),
@@ -107,13 +101,13 @@ impl Snapshot {
     }
 }
 
-fn stage((number, time_s, start_s, stop_s, failed, terminated): Head) -> Result<Stage, String> {
+fn stage((number, stop_s, failed): Head) -> Result<Stage, String> {
     let state = State::ALL.into_iter().find(|state| *state as u8 == number);
     let state = state.ok_or_else(|| format!("the content is damaged: there is no state {number}"))?;
-    if !(time_s.is_finite() && start_s.is_finite()) || stop_s.is_some_and(f64::is_nan) {
-        return Err("the content is damaged: the times are not finite".into());
+    if stop_s.is_some_and(f64::is_nan) {
+        return Err("the content is damaged: the stop time is not a number".into());
     }
-    Ok(Stage { state, time_s, start_s, stop_s, failed, terminated })
+    Ok(Stage { state, stop_s, failed })
 }
 
 /// The content of a byte string with a valid frame.

@@ -100,7 +100,7 @@ pub(super) fn start(model: &ModelType, extras: &Extras) -> Result<(), PackageErr
             let step = Step { time_s: f64::from(n) * model.info.step_s, length_s: model.info.step_s };
             let bytes = instance.write().ok_or(not_saved)?;
             let mut copy = model.instantiate_with(Resources::in_folder(&folder.0));
-            copy.read(&bytes, step.time_s, true).map_err(|why| format!("{not_saved}: {why}"))?;
+            copy.read(&bytes, true).map_err(|why| format!("{not_saved}: {why}"))?;
             if copy.write().is_none_or(|again| again != bytes) {
                 return Err(format!("{not_saved}: what is read is not what was written"));
             }

@@ -24,7 +24,6 @@ use crate::interface::arguments::{elements, elements_mut, finite, finite_result,
 use crate::interface::component::Problem;
 use crate::interface::guard::{enter, hand_out, take_back};
 use crate::interface::logger::Category;
-use crate::interface::snapshot::Stage;
 use crate::interface::{c_functions, component, logger, states};
 use crate::model::Step;
 use crate::resources::Resources;
@@ -319,9 +318,9 @@ c_functions! {
     /// The status of the last step.
     fn fmi2GetStatus: fmi2GetStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Status) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(match component.stage {
-                Stage { failed: true, .. } => fmi2Status::fmi2Error,
-                Stage { terminated: true, .. } => fmi2Status::fmi2Discard,
+            (kind == fmi2StatusKind::fmi2DoStepStatus).then_some(match component {
+                _ if component.stage.failed => fmi2Status::fmi2Error,
+                _ if component.instance.has_ended() => fmi2Status::fmi2Discard,
                 _ => fmi2Status::fmi2OK,
             })
         };
@@ -332,7 +331,7 @@ c_functions! {
     /// The time up to which the run has been completed.
     fn fmi2GetRealStatus: fmi2GetRealStatusTYPE(c: fmi2Component, s: fmi2StatusKind, value: *mut fmi2Real) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then_some(component.stage.time_s)
+            (kind == fmi2StatusKind::fmi2LastSuccessfulTime).then_some(component.instance.time_s())
         };
         // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetRealStatus, s, value, answer) }
@@ -355,7 +354,7 @@ c_functions! {
         value: *mut fmi2Boolean,
     ) -> fmi2Status {
         let answer = |component: &Component, kind| {
-            (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2Boolean::from(component.stage.terminated))
+            (kind == fmi2StatusKind::fmi2Terminated).then_some(fmi2Boolean::from(component.instance.has_ended()))
         };
         // SAFETY: all arguments meet this module's contract.
         unsafe { status(c, Function::GetBooleanStatus, s, value, answer) }

@@ -223,9 +223,9 @@ c_functions! {
                 let time = element_mut("lastSuccessfulTime", lastSuccessfulTime)?;
                 (*event, *terminate, *early) = (0, 0, 0);
                 let outcome = component.step(step);
-                *terminate = u8::from(component.stage.terminated) as fmi3Boolean;
-                *time = component.stage.time_s;
-                let is_early = component.stage.terminated && *time < step.end_s();
+                *terminate = u8::from(component.instance.has_ended()) as fmi3Boolean;
+                *time = component.instance.time_s();
+                let is_early = component.instance.has_ended() && *time < step.end_s();
                 *early = u8::from(is_early && component.options.early_return) as fmi3Boolean;
                 outcome
             })

@@ -118,7 +118,7 @@ fn value<T: TryFrom<Value>>(component: &mut Component, index: u32, asked: &str) 
 /// Reads a Float64 variable, or the time.
 fn float(component: &mut Component, index: u32) -> Result<f64, Problem> {
     if index as usize == component.model.variables().len() {
-        return Ok(component.stage.time_s);
+        return Ok(component.instance.time_s());
     }
     let value = value(component, index, "Float64")?;
     finite_result(component, index, value)
