@@ -722,6 +722,8 @@ fn models_that_cannot_run_are_not_packed() {
         let error = Packager::new(library).write(&folder).expect_err("a mistake");
         assert!(error.to_string().contains(words), "{error}");
     }
+    let error = PackageError::NoBinary("libmodels.so".into());
+    assert!(error.to_string().contains("touch src/lib.rs"), "{error}");
     let error = Packager::new(&mistakes::TWICE).write(&folder).expect_err("two of one name");
     assert!(error.to_string().contains("Named"), "{error}");
     let error = Packager::new(&FMUS).arguments(["--fast".to_owned()]).err().expect("an unknown argument");

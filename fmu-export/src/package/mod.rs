@@ -80,7 +80,8 @@ pub enum PackageError {
     /// The binary to package does not exist, or is from an earlier build.
     #[error(
         "{0} was not built with this program: in Cargo.toml the library needs `crate-type = [\"rlib\", \"cdylib\"]` below `[lib]`, and it is built \
-         together with the program, as by `cargo run --release`"
+         together with the program, as by `cargo run --release`; if cargo takes a library from before a change of the crate type for current, change \
+         the date of src/lib.rs, as by `touch src/lib.rs`"
     )]
     NoBinary(PathBuf),
     /// Cargo could not build the library.
