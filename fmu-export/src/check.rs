@@ -230,7 +230,15 @@ fn check_definitions(variables: &[Variable], found: &mut Vec<String>) {
                 Entry::Occupied(_) => {}
             },
             Type::Enumeration { items, .. } => match enumerations.entry(items.name) {
-                Entry::Vacant(place) => check_enumeration(place.insert(items), found),
+                Entry::Vacant(place) => {
+                    check_enumeration(place.insert(items), found);
+                    if variables.iter().any(|other| other.name == items.name) {
+                        found.push(format!(
+                            "the enumeration {} has the name of a variable: expected another one, as by `#[choice(name = \"…\")]`",
+                            items.name
+                        ));
+                    }
+                }
                 Entry::Occupied(first) if *first.get() != *items => {
                     found.push(format!("there are two enumerations named {}", items.name));
                 }

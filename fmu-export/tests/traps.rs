@@ -498,6 +498,10 @@ mod mistakes {
 
     mistaken!(texts, "Texts", vec![x("'Größe'"), x("'a\\'b c'"), Row::real("b", place!(Values.x), ODD, 0.0).output()]);
     mistaken!(nothing, "Nothing", vec![]);
+
+    static LAW: Enumeration = Enumeration::new("Law", "", &[("one", "")]);
+
+    mistaken!(homonym, "Homonym", vec![x("Law"), Row::choice("n", place!(Values.n), &LAW, 1).fixed()]);
     // As an array, x would have one nominal value and its derivative one state.
     mistaken!(unlike, "Unlike", {
         let rows =
@@ -625,6 +629,7 @@ fn mistakes_are_found_when_packing() {
         (problems::<mistakes::texts::Mistaken>(), "has the base unit m twice"),
         (problems::<mistakes::texts::Mistaken>(), "the display unit d of f\u{7} has the factor 0"),
         (problems::<mistakes::nothing::Mistaken>(), "there is no variable"),
+        (problems::<mistakes::homonym::Mistaken>(), "the enumeration Law has the name of a variable"),
     ];
     for (problems, wanted) in found {
         assert!(problems.contains(wanted), "`{wanted}` is not said in: {problems}");
