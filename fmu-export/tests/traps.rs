@@ -139,6 +139,7 @@ mod library {
         ) -> Stepped {
             let empty_s = step.time_s + values.level;
             values.level -= step.length_s.min(values.level);
+            values.forgotten = values.flow / values.area;
             if values.level > 0.0 { Ok(()) } else { Err(StepError::terminate(empty_s, "it is empty")) }
         }
     }
@@ -369,6 +370,16 @@ fn a_model_may_end_the_simulation() {
     let messages = fmu.take_messages();
     assert!(messages.iter().any(|message| message.text.contains("it is empty")), "{messages:?}");
     assert!(fmu.step(0.25, 0.1).error(&fmu).contains("the model has ended the simulation"));
+}
+
+/// Fails if the message on a result of the last step blames the present inputs.
+#[test]
+fn results_that_are_not_finite_are_refused() {
+    let fmu = Fmu::started("Tank", &[("area", 0.0)]);
+    fmu.step(0.0, 0.1).ok(&fmu);
+    let status = fmu.try_get("forgotten").expect_err("0/0");
+    let wanted = "fmi2GetReal: forgotten: the model computes NaN, and only finite numbers are returned";
+    assert_eq!(status.error(&fmu), wanted);
 }
 
 /// Fails if an importer that allows it does not learn that a step ended early, or if another one does.

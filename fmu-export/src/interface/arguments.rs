@@ -108,7 +108,7 @@ pub(crate) unsafe fn element_mut<'a, T>(name: &str, place: *mut T) -> Result<&'a
     unsafe { elements_mut(name, place, 1) }.map(|elements| &mut elements[0])
 }
 
-/// Returns a number if it is finite: large finite inputs can have infinite results.
+/// Returns a number if it is finite: a step, or large inputs, can have other results.
 pub(crate) fn finite_result<I: Interface>(
     component: &Component<I>,
     reference: u32,
@@ -118,7 +118,7 @@ pub(crate) fn finite_result<I: Interface>(
         return Ok(value);
     }
     let name = component.name_of(reference);
-    Err(Problem::Call(format!("{name}: with the present inputs it would be {value}")))
+    Err(Problem::Call(format!("{name}: the model computes {value}, and only finite numbers are returned")))
 }
 
 /// Refuses NaN and infinity.
