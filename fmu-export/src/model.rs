@@ -255,7 +255,9 @@ pub trait Model: Clone + Send + Sync + 'static {
 
     /// Validates the parameters among the values and constructs the model. Values outside the `min` and `max` of their rows are
     /// refused in addition. `resources` gives access to the files of the FMU. During a run, when a snapshot is read or a parameter changes,
-    /// all other values are those of that time: what depends on a start value belongs to the state.
+    /// all other values are those of that time: what depends on a start value belongs to the state. During initialization this function and
+    /// [`start`](Self::start) also run, on a copy of the values, each time an importer reads an output after it has set a variable: they must not
+    /// have side effects, and should be fast.
     ///
     /// # Errors
     /// Every invalid parameter.
