@@ -4,7 +4,7 @@
 Needs the packages of scripts/requirements.txt and cargo. The Van der Pol oscillator is compared with SciPy's solution, the PI
 controller and the thermostat with the same laws in Python, the bouncing ball with its parabolas, the heated rod with its heat input
 and with SciPy's solution. The README's crate is built in a separate folder, packed, validated, and compared with the closed form;
-with `panic = "abort"` it must not compile. No dependency of the two crates may need a later Rust than they state, and both must be
+with `panic = "abort"` it must not compile, and messages of the compiler on mistakes must help. No dependency of the two crates may need a later Rust than they state, and both must be
 publishable.
 """
 
@@ -264,6 +264,36 @@ def length(example):
     return [] if len(lines) <= EXAMPLE_LINES else [f"{example}: more than {EXAMPLE_LINES} lines of code"]
 
 
+def compiler_messages(folder, library, build):
+    """Compile the README's library with mistakes.
+
+    Parameters
+    ----------
+    folder : pathlib.Path
+        Its crate.
+    library : str
+        Its source.
+    build : list of str
+        Arguments of ``cargo``.
+
+    Returns
+    -------
+    list of str
+        Mistakes whose messages do not help, or are followed by another one.
+    """
+    source, findings = folder / "src" / "lib.rs", []
+    for right, wrong, help_, needless in [
+        ("#[input(", "#[input(tunable, ", "`tunable` is unknown", "`rows`"),
+        ("type State = ();", "type State = [f64; 64];", "NotSaved", "unknown"),
+    ]:
+        source.write_text(library.replace(right, wrong), encoding="utf-8")
+        found = subprocess.run(["cargo", "check", "--lib", *build], cwd=folder, capture_output=True, text=True, check=False)
+        if help_ not in found.stderr or needless in found.stderr:
+            findings.append(f"README with {wrong}: {found.stderr}")
+    source.write_text(library, encoding="utf-8")
+    return findings
+
+
 def readme():
     """Follow the README in an empty folder.
 
@@ -305,6 +335,7 @@ def readme():
         )
         if refused.returncode == 0 or "panic = \"unwind\"" not in refused.stderr:
             findings.append("README: a library with panic = abort is not refused")
+        findings += compiler_messages(folder, library, build)
         fmu = folder / "target" / "fmu" / "LowPass.fmu"
         findings += validated(fmu)
         third = fmu.with_name("LowPass_fmi3.fmu")

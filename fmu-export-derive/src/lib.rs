@@ -13,7 +13,7 @@ use syn::{DeriveInput, Error, parse_macro_input};
 #[proc_macro_derive(Variables, attributes(variables, parameter, input, output, local, nested, hidden))]
 pub fn derive_variables(input: TokenStream) -> TokenStream {
     let input = parse_macro_input!(input as DeriveInput);
-    variables::derive(&input).unwrap_or_else(Error::into_compile_error).into()
+    variables::derive(&input).unwrap_or_else(|error| variables::refuse(&input, error)).into()
 }
 
 /// Makes an enumeration of a Rust enum; explained in `fmu_export::Choice`.

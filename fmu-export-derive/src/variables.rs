@@ -117,6 +117,38 @@ pub fn derive(input: &DeriveInput) -> Result<TokenStream> {
     })
 }
 
+/// A compiler error, with an implementation so that the compiler does not report a missing one too.
+pub fn refuse(input: &DeriveInput, error: Error) -> TokenStream {
+    let (ident, error) = (&input.ident, error.into_compile_error());
+    let (bounds, types, conditions) = input.generics.split_for_impl();
+    quote! {
+        #error
+
+        #[automatically_derived]
+        impl #bounds ::fmu_export::Variables for #ident #types #conditions {
+            type Context = ();
+
+            const COUNT: usize = 0;
+
+            fn describe(
+                &self,
+                _: &::fmu_export::variables::Scope,
+                _: &(),
+                _: &mut ::std::vec::Vec<::fmu_export::variable::Row<()>>,
+            ) {
+            }
+
+            fn at(&self, _: usize) -> &dyn ::fmu_export::variable::Slot {
+                ::core::unreachable!()
+            }
+
+            fn at_mut(&mut self, _: usize) -> &mut dyn ::fmu_export::variable::Slot {
+                ::core::unreachable!()
+            }
+        }
+    }
+}
+
 /// The value of a field in `Default`: the given one or that of its type; Rust has none for arrays whose length is a parameter.
 fn default(member: &Member, field: &Field, attributes: &Attributes) -> TokenStream {
     match (attributes.value("value"), &field.ty) {

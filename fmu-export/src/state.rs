@@ -11,6 +11,11 @@ use serde::de::DeserializeOwned;
 /// Any type with `Clone` and serde's `Serialize` and `Deserialize`; `()` if there is none. Snapshots hold it. Wrap a state that
 /// cannot be copied or written, such as a solver of another library, in [`NotSaved`]: the FMU then declares that it has no
 /// snapshots.
+#[diagnostic::on_unimplemented(
+    message = "`{Self}` cannot be saved as the state of a model",
+    note = "expected `#[derive(Clone, Serialize, Deserialize)]`; arrays of more than 32 elements are `Array<T, N>`",
+    note = "a state that cannot have these is `NotSaved<…>`: the FMU then has no snapshots"
+)]
 pub trait HiddenState: Sized + Send + Sync + 'static {
     /// Whether snapshots are possible.
     const SAVED: bool;
