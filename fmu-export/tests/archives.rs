@@ -11,6 +11,68 @@ mod pi_controller;
 use fmu_export::Standard;
 use fmu_export::package::{self, PackageError, Packager};
 
+/// Fails if a mistake in a system of FMUs is not found, or not named.
+#[test]
+fn mistakes_in_systems_are_found() {
+    use fmu_export::package::ssp::{DEFAULT, Element, System};
+    use fmu_export::variable::Value;
+    let element = |name: &str, settings| Element {
+        name: name.into(),
+        model: pi_controller::FMUS.find("PiController").expect("the model"),
+        settings,
+    };
+    let connections =
+        |names: &[[[&str; 2]; 2]]| names.iter().map(|pair| pair.map(|end| end.map(str::to_owned))).collect();
+    let system = |elements, names| System {
+        file: DEFAULT.into(),
+        name: "cascade".into(),
+        description: "Two controllers".into(),
+        tool: String::new(),
+        parameters: "own".into(),
+        elements,
+        connections: connections(names),
+        step_s: 0.01,
+        stop_s: 1.0,
+        tolerance: 1e-4,
+    };
+    let sound =
+        system(vec![element("a", vec![(2, Value::Real(3.0))]), element("b", vec![])], &[[["a", "u"], ["b", "r"]]]);
+    sound.check().expect("a sound system");
+    let settings = vec![
+        (0, Value::Real(0.0)),
+        (2, Value::Real(f64::NAN)),
+        (3, Value::Boolean(true)),
+        (6, Value::Real(0.0)),
+        (99, Value::Real(0.0)),
+    ];
+    let wrong = [
+        [["a", "u"], ["a", "y"]],
+        [["a", "u"], ["a", "y"]],
+        [["a", "limited"], ["a", "r"]],
+        [["a", "r"], ["c", "r"]],
+        [["a", "u"], ["a", "nothing"]],
+    ];
+    let mistaken =
+        System { step_s: 0.0, stop_s: f64::NAN, ..system(vec![element("a", settings), element("a", vec![])], &wrong) };
+    let error = mistaken.check().expect_err("mistakes").to_string();
+    let wanted = [
+        "cascade: step_s = 0 is refused: expected a number above 0",
+        "stop_s = NaN is refused: expected a number above 0",
+        "a.Ts = 0 s is refused: expected a value of at least 0.000001 s",
+        "a.kp = NaN is refused: expected a finite number",
+        "a.ki is not of type Boolean",
+        "a.u cannot be set: expected a parameter, an input, or a settable start value",
+        "a has no variable with index 99",
+        "there are two elements named a",
+        "a.y has two connections",
+        "a.limited and a.r, which are connected, have different types",
+        "a.r, which is connected, is not an output",
+        "c, which is connected, is not an element",
+        "a.nothing, which is connected, is not an input",
+    ];
+    assert_eq!(error.split("; ").collect::<Vec<_>>(), wanted);
+}
+
 /// The model can be used without C.
 #[test]
 fn the_controller_limits_its_output() {

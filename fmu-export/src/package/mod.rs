@@ -57,6 +57,14 @@ pub enum PackageError {
         /// The errors.
         problems: Vec<String>,
     },
+    /// A system of FMUs has errors.
+    #[error("{name}: {}", .problems.join("; "))]
+    System {
+        /// The system.
+        name: String,
+        /// The errors.
+        problems: Vec<String>,
+    },
     /// The file names of two FMUs differ only in case, which some systems ignore.
     #[error("two models are to be written to {0}: give one of them another name")]
     SameFile(String),

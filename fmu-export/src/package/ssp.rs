@@ -10,7 +10,7 @@ use std::sync::Arc;
 use quick_xml::events::Event;
 use zip::ZipArchive;
 
-use super::Member;
+use super::{Member, PackageError};
 use crate::ModelType;
 use crate::description::causality;
 use crate::variable::{Causality, Type, Value, Variable};
@@ -39,6 +39,21 @@ impl Element {
         };
         settings.filter(|(variable, value)| !is_redundant(variable, value)).collect()
     }
+
+    /// Why its variable with that index cannot have that value at the start.
+    fn refusal(&self, index: usize, value: &Value) -> Option<String> {
+        let Some(variable) = self.model.variables().get(index) else {
+            return Some(format!("{} has no variable with index {index}", self.name));
+        };
+        let name = format!("{}.{}", self.name, variable.name);
+        if !(variable.is_settable() || variable.exact) {
+            return Some(format!("{name} cannot be set: expected a parameter, an input, or a settable start value"));
+        }
+        if !variable.takes(value) {
+            return Some(format!("{name} is not of type {}", value.type_name()));
+        }
+        variable.accepts(value).err().map(|finding| format!("{}.{finding}", self.name))
+    }
 }
 
 /// A system structure: FMUs, connections, and a set of parameters.
@@ -66,7 +81,51 @@ pub struct System {
 }
 
 impl System {
-    /// The files of the system within an archive, without the FMUs.
+    /// Checks times, names, settings and connections: the files are of use only if this succeeds.
+    ///
+    /// # Errors
+    /// [`PackageError::System`] with everything that importers would reject or misread.
+    pub fn check(&self) -> Result<(), PackageError> {
+        let mut problems = Vec::new();
+        for (what, value) in [("step_s", self.step_s), ("stop_s", self.stop_s), ("tolerance", self.tolerance)] {
+            if !(value.is_finite() && value > 0.0) {
+                problems.push(format!("{what} = {value} is refused: expected a number above 0"));
+            }
+        }
+        for (at, part) in self.elements.iter().enumerate() {
+            if self.elements[..at].iter().any(|other| other.name == part.name) {
+                problems.push(format!("there are two elements named {}", part.name));
+            }
+            problems.extend(part.settings.iter().filter_map(|(index, value)| part.refusal(*index, value)));
+        }
+        for (at, [from, to]) in self.connections.iter().enumerate() {
+            match (self.find(from, "output"), self.find(to, "input")) {
+                (Ok(output), Ok(input)) if !input.takes(&output.start()) => {
+                    problems.push(format!(
+                        "{} and {}, which are connected, have different types",
+                        from.join("."),
+                        to.join(".")
+                    ));
+                }
+                (output, input) => problems.extend(output.err().into_iter().chain(input.err())),
+            }
+            if self.connections[..at].iter().any(|[_, other]| other == to) {
+                problems.push(format!("{} has two connections", to.join(".")));
+            }
+        }
+        if problems.is_empty() { Ok(()) } else { Err(PackageError::System { name: self.name.clone(), problems }) }
+    }
+
+    /// A connected variable, or why there is none.
+    fn find(&self, [element, name]: &[String; 2], wanted: &str) -> Result<&Variable, String> {
+        let part = self.elements.iter().find(|part| part.name == *element);
+        let part = part.ok_or_else(|| format!("{element}, which is connected, is not an element"))?;
+        let mut variables = part.model.variables().iter();
+        let found = variables.find(|variable| variable.name == *name && causality(variable) == wanted);
+        found.ok_or_else(|| format!("{element}.{name}, which is connected, is not an {wanted}"))
+    }
+
+    /// The files of the system, which [`check`](Self::check) accepts, within an archive, without the FMUs.
     pub fn members(&self) -> Vec<Member> {
         let mut members = vec![Member::new(&self.file, self.structure())];
         // An empty parameter set is not allowed.
