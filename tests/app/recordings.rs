@@ -84,7 +84,7 @@ fn the_sample_time_is_the_slope_of_a_line_through_the_stamps() {
     };
     let missing = "rows are missing at";
     let holes = "103 rows are missing at 103";
-    let hole = "3500 rows are missing at 1 places, the first after line 501";
+    let hole = "3500 rows are missing at 1 place after line 501";
     let from = "counts from 2026-11-21T14:38:14.000000";
     let ms_9600 = |j: usize| j as f64 / 9.6;
     let stray = |j: usize| if j % 1000 == 7 { 99.0 } else { at(j) };

@@ -268,7 +268,7 @@ fn damaged_bytes_are_refused_with_a_reason() {
     }
     let mut version = written.clone();
     version[8] = 2;
-    assert!(refused(&fmu, &version).contains("version 2 of the format: expected version 4"));
+    assert!(refused(&fmu, &version).contains("version 2 of the format: expected version 5"));
     let estimator = Fmu::new("AlgebraicEstimator");
     let text = refused(&estimator, &written);
     assert!(text.contains("the model MagneticBearing: expected AlgebraicEstimator"), "{text}");
