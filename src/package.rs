@@ -107,7 +107,10 @@ pub fn package(binaries: &Binaries, machines: &[&Machine], arrays: bool, folder:
     }
     for machine in machines {
         let name = format!("{}.ssp", machine.models[0].0);
-        let mut members: Vec<Member> = systems(machine).iter().flat_map(System::members).collect();
+        let mut members: Vec<Member> = Vec::new();
+        for system in systems(machine) {
+            members.extend(system.members()?);
+        }
         let fmus = machine.models.map(|(model, _)| format!("{model}.fmu"));
         let needed = archives.iter().filter(|(file, _)| fmus.contains(file));
         members.extend(needed.map(|(fmu, bytes)| Member::new(format!("resources/{fmu}"), bytes.as_slice())));
@@ -197,7 +200,7 @@ fn system_of(scenario: &Scenario, file: &str, name: &str, parameters: &str) -> S
 /// [`PackageError::Archive`], [`PackageError::Model`].
 pub fn system_archive(scenario: &Scenario, parameters: &str, binaries: &Binaries) -> Result<Vec<u8>> {
     let system = system_of(scenario, ssp::DEFAULT, scenario.machine.models[0].0, parameters);
-    let mut members = system.members();
+    let mut members = system.members()?;
     for element in &system.elements {
         let model = &element.model;
         let fmu = package::fmu(model, Standard::Fmi2, binaries, &extras(model.info.name))?;

@@ -37,7 +37,7 @@ fn mistakes_in_systems_are_found() {
     };
     let sound =
         system(vec![element("a", vec![(2, Value::Real(3.0))]), element("b", vec![])], &[[["a", "u"], ["b", "r"]]]);
-    sound.check().expect("a sound system");
+    sound.members().expect("a sound system");
     let settings = vec![
         (0, Value::Real(0.0)),
         (2, Value::Real(f64::NAN)),
@@ -54,7 +54,7 @@ fn mistakes_in_systems_are_found() {
     ];
     let mistaken =
         System { step_s: 0.0, stop_s: f64::NAN, ..system(vec![element("a", settings), element("a", vec![])], &wrong) };
-    let error = mistaken.check().expect_err("mistakes").to_string();
+    let error = mistaken.members().err().expect("mistakes").to_string();
     let wanted = [
         "cascade: step_s = 0 is refused: expected a number above 0",
         "stop_s = NaN is refused: expected a number above 0",

@@ -125,15 +125,19 @@ impl System {
         found.ok_or_else(|| format!("{element}.{name}, which is connected, is not an {wanted}"))
     }
 
-    /// The files of the system, which [`check`](Self::check) accepts, within an archive, without the FMUs.
-    pub fn members(&self) -> Vec<Member> {
+    /// The files of the system within an archive, without the FMUs.
+    ///
+    /// # Errors
+    /// As for [`check`](Self::check).
+    pub fn members(&self) -> Result<Vec<Member>, PackageError> {
+        self.check()?;
         let mut members = vec![Member::new(&self.file, self.structure())];
         // An empty parameter set is not allowed.
         for part in self.elements.iter().filter(|part| !part.parameters().is_empty()) {
             let parameters = self.parameter_set_of(std::slice::from_ref(part), |_, name| name.to_owned());
             members.push(Member::new(self.parameter_file(part), parameters));
         }
-        members
+        Ok(members)
     }
 
     /// Path of an element's parameter set within the archive.

@@ -184,7 +184,9 @@ fn forces() -> Vec<Course> {
         scenario.set("controller", "reference.omega", 3420.0 * RPM);
         scenario.set("plant", "perturbation.omega", TAU * 50.0);
         let amplitude_n = Draw::new(seed).log_uniform(0.3, 3.0);
-        ["Y", "Z"].map(|axis| scenario.set("plant", &format!("perturbation.amplitude{axis}"), amplitude_n));
+        for axis in ["Y", "Z"] {
+            scenario.set("plant", &format!("perturbation.amplitude{axis}"), amplitude_n);
+        }
     });
     let paper = |name: &str| Course {
         base: "paper",
