@@ -191,10 +191,12 @@ fn outliers(values: &[f64], rare: f64) -> Vec<usize> {
         let median = median(near);
         let is_outlier = |row: &usize| {
             let size = off(*row).abs();
-            // An outlier makes its neighbours off by 2/3 of it, a step both of its sides alike.
-            let is_largest =
-                [row - 1, row + 1].iter().all(|beside| off(*beside).abs().is_nan() || off(*beside).abs() < 0.8 * size);
-            median > 0.0 && size > (limit * median).max(rare * usual) && is_largest
+            // An outlier puts its neighbours off by −2/3 of it; a step or another jump does not.
+            let is_single = [row - 1, row + 1].iter().all(|beside| {
+                let other = (off(*beside) + off(*row) / 1.5).abs();
+                other.is_nan() || other < 0.3 * size
+            });
+            median > 0.0 && size > (limit * median).max(rare * usual) && is_single
         };
         found.extend(block.filter(is_outlier));
     }
