@@ -28,6 +28,8 @@ pub(super) fn document(info: &Info, capabilities: Capabilities, variables: &[Var
                 .with("providesDirectionalDerivatives", capabilities.directional_derivatives.to_string())
                 .with("canHandleVariableCommunicationStepSize", "true")
                 .with("maxOutputDerivativeOrder", capabilities.output_derivative_order.to_string())
+                // If the model ends the simulation in it.
+                .with("mightReturnEarlyFromDoStep", "true")
                 .with("hasEventMode", "true"),
         );
         write_definitions(page, info, "fmi3", units, variables, write_enumeration);
