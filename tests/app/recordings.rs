@@ -427,6 +427,18 @@ fn what_a_logger_lost_is_left_out() {
 }
 
 #[test]
+fn an_angle_missing_at_the_begin_is_left_out_without_times_too() {
+    let mut values = Bench { rows: 401, ..BENCH }.values();
+    values[..2].iter_mut().for_each(|row| row[6] = f64::NAN);
+    let text = table(&[1, 2, 3, 4, 5, 6], SI, [1.0; 8], &values).replace("NaN", "");
+    let reading = Reading { rate_s: Some(1e-4), ..Reading::default() };
+    let samples = Samples::read(text.as_bytes(), &reading).expect("a table of numbers");
+    assert_contains(&samples.notes.join("\n"), &["2 rows before the first or after the last"]);
+    assert_eq!((samples.len(), samples.start_s), (399, 2e-4));
+    assert!(samples.theta_rad.iter().chain(&samples.omega_rad_s).all(|value| value.is_finite()));
+}
+
+#[test]
 fn a_recorder_faster_than_the_controller_is_named() {
     let mut values = Bench { rows: 2001, ..BENCH }.values();
     for row in 0..values.len() {

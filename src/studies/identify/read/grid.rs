@@ -25,12 +25,6 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let is_timed = table.stamps.is_some();
     let mut at = table.known(is_timed.then_some(TIME_AT).into_iter().chain(positions));
     enough(&at, of)?;
-    if !is_timed {
-        let none = || "there are no time stamps and no rate; give --rate".to_owned();
-        let place: Vec<f64> = (0..table.lines.len()).map(|row| row as f64).collect();
-        let count = place.len();
-        return Ok((Pace { step_s: reading.rate_s.ok_or_else(none)?, place, ..Pace::default() }, count));
-    }
     let timed = table.known([TIME_AT]);
     // Rows without a position count if they are the minority; otherwise, only rows with all positions count.
     let is_dense = 2 * at.len() > timed.len();
@@ -42,6 +36,19 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     at.retain(is_known);
     let left_out = before - at.len();
     enough(&at, &format!("{of} and the rotation"))?;
+    let notes = (left_out > 0).then(|| {
+        let rows = if left_out == 1 { "row" } else { "rows" };
+        format!("{left_out} {rows} before the first or after the last angle or speed left out.")
+    });
+    if !is_timed {
+        let none = || "there are no time stamps and no rate; give --rate".to_owned();
+        let step_s = reading.rate_s.ok_or_else(none)?;
+        let known: Vec<usize> = (0..table.lines.len()).filter(is_known).collect();
+        let (first, count) = (known[0] as f64, known[known.len() - 1] + 1 - known[0]);
+        let place = (0..table.lines.len()).map(|row| row as f64 - first).collect();
+        let notes = notes.into_iter().collect();
+        return Ok((Pace { start_s: first * step_s, step_s, place, notes, uncertain: None }, count));
+    }
     let stamp_s = &table.columns[TIME_AT];
     let found = table.times(&rows).pace();
     let is_same = |a: f64, b: f64, tolerance: f64| (a / b - 1.0).abs() <= tolerance;
@@ -51,10 +58,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
         return interpolated(stamp_s, &at, wanted);
     }
     let mut pace = found?;
-    if left_out > 0 {
-        let rows = if left_out == 1 { "row" } else { "rows" };
-        pace.notes.push(format!("{left_out} {rows} before the first or after the last angle or speed left out."));
-    }
+    pace.notes.extend(notes);
     if !is_dense {
         table.times(&timed).check_rising()?;
     }
