@@ -262,6 +262,11 @@ impl Instance {
     /// Why the run cannot continue, or why [`check_step`](Self::check_step) refuses the step, which then changes nothing.
     pub fn step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), StepError> {
         self.check_step(step).map_err(StepError::Failed)?;
+        self.checked_step(step, log)
+    }
+
+    /// Does a step that [`check_step`](Self::check_step) has accepted.
+    pub(crate) fn checked_step(&mut self, step: Step, log: &mut dyn Log) -> Result<(), StepError> {
         let inputs = InputPolynomials::new(step.time_s, &self.next_derivatives, |index| self.core.get(index));
         let outcome = self.core.step(step, &inputs, log);
         let end_s = match &outcome {

@@ -99,7 +99,7 @@ impl<I: Interface> Component<I> {
             )));
         }
         self.stage.failed = true;
-        let outcome = self.instance.step(step, &mut self.logger);
+        let outcome = self.instance.checked_step(step, &mut self.logger);
         if let Err(StepError::Failed(text)) = outcome {
             return Err(Problem::Run(text));
         }
