@@ -126,7 +126,7 @@ pub struct PredictionErrorState<const N: usize, const K: usize, const U: usize, 
     has_revolution: bool,
     field: [SVector<f64, K>; 2],
     table: AngleTable<K>,
-    /// Completed quarters; revolutions and samples since, including missing ones; revolutions per sample at the present speed.
+    /// Completed quarters; revolutions and samples since, including missing ones; revolutions per sample at the present speed, as counted.
     quarters: u64,
     passed: f64,
     quarter_samples: f64,
@@ -638,7 +638,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.validation.advance(samples * least, rotor_ratio);
     }
 
-    /// Samples per revolution at the present speed.
+    /// Samples per revolution at the present speed, as counted.
     fn per_revolution(&self) -> f64 {
         1.0 / self.pace
     }

@@ -23,18 +23,17 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let positions = table.signals.positions.clone();
     let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
     let is_timed = table.stamps.is_some();
-    let mut at = table.known(is_timed.then_some(TIME_AT).into_iter().chain(positions));
-    enough(&at, of)?;
+    let all = table.known(is_timed.then_some(TIME_AT).into_iter().chain(positions));
+    enough(&all, of)?;
     let timed = table.known([TIME_AT]);
     // Rows without a position count if they are the minority; otherwise, only rows with all positions count.
-    let is_dense = 2 * at.len() > timed.len();
-    let rows = if is_dense { timed.clone() } else { at.clone() };
+    let is_dense = 2 * all.len() > timed.len();
+    let rows = if is_dense { &timed } else { &all };
     // Beyond its ends the rotation is not known.
     let rotation = [table.signals.theta, table.signals.omega].map(|signal| table.known([signal]));
     let is_known = |row: &usize| rotation.iter().all(|of| of.is_empty() || (of[0]..=of[of.len() - 1]).contains(row));
-    let before = at.len();
-    at.retain(is_known);
-    let left_out = before - at.len();
+    let at: Vec<usize> = all.iter().copied().filter(is_known).collect();
+    let left_out = all.len() - at.len();
     enough(&at, &format!("{of} and the rotation"))?;
     let notes = (left_out > 0).then(|| {
         let rows = if left_out == 1 { "row" } else { "rows" };
@@ -50,7 +49,7 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
         return Ok((Pace { start_s: first * step_s, step_s, place, notes, uncertain: None }, count));
     }
     let stamp_s = &table.columns[TIME_AT];
-    let found = table.times(&rows).pace();
+    let found = table.times(rows).pace();
     let is_same = |a: f64, b: f64, tolerance: f64| (a / b - 1.0).abs() <= tolerance;
     let is_near = |wanted| found.as_ref().is_ok_and(|pace| is_same(pace.step_s, wanted, NEAR / at.len() as f64));
     if let Some(wanted) = reading.resample_s.filter(|wanted| !is_near(*wanted)) {
