@@ -323,6 +323,8 @@ def readme():
         # Cargo's folder for intermediate files need not be that of the programs.
         build = ["--release", "--quiet", "--target-dir", str(PROJECT / "target" / "readme")]
         build += ["--config", f"build.build-dir='{(PROJECT / 'target' / 'readme-build').as_posix()}'"]
+        # What it computes does not depend on the optimisation.
+        build += ["--config", "profile.release.opt-level=0"]
         cargo("run", *build, folder=folder)
         # A panic must not end the importer.
         refused = subprocess.run(

@@ -198,15 +198,19 @@ impl Arguments {
         estimator.set("hold", Value::Integer(currents.hold.number()));
 
         let every = if method == LIKELIHOOD && self.csv.is_none() { samples.len().div_ceil(SHOWN) } else { 1 };
-        let tracks = methods.into_iter().map(|method| {
-            estimator.set("method", Value::Integer(method.number()));
-            identify::track(samples, &estimator, every)
-        });
-        let tracks = tracks.collect::<std::result::Result<Vec<_>, _>>().map_err(refused)?;
+        let on_line = || {
+            let track = |method: Method| {
+                estimator.set("method", Value::Integer(method.number()));
+                identify::track(samples, &estimator, every)
+            };
+            methods.into_iter().map(track).collect::<std::result::Result<Vec<_>, _>>()
+        };
         let equally_likely =
             holds.filter(|_| wanted.is_none()).map_or_else(Vec::new, |holds| holds.equally_likely(currents));
         let question = Question { stated, holds, equally_likely, slow_force: self.slow_force() };
-        let answer = (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
+        let whole = || (method == LIKELIHOOD).then(|| identify::answer(&recordings, question));
+        let (tracks, answer) = rayon::join(on_line, whole);
+        let tracks = tracks.map_err(refused)?;
         let mut statement = answer.as_ref().map_or_else(|| identify::statement(samples, &tracks), Answer::statement);
         if answer.is_some() && samples.rotation != Rotation::Unknown {
             statement.tables.extend(tracks[0].progress());

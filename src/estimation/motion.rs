@@ -112,7 +112,7 @@ impl<const N: usize> Turn<N> {
 }
 
 /// The blocks of a covariance of (q, q̇).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Covariance<const N: usize> {
     pub position: Square<N>,
     pub mixed: Square<N>,

@@ -54,8 +54,8 @@ const STRETCH: usize = 1 << 14;
 const METRES: usize = 0;
 const WHITENED: usize = 1;
 const AHEAD: usize = 2;
-/// Minimum number of pieces smoothed together.
-const MIN_SMOOTHED: usize = 8;
+/// Minimum number of pieces that pass together where results are large.
+const MIN_TOGETHER: usize = 8;
 
 /// Reason why an information matrix has no inverse.
 const NOT_DETERMINED: &str = "the data do not determine all parameters: state tolerances, or estimate fewer";
@@ -188,10 +188,16 @@ impl Search<'_> {
         self.weight * fit + self.estimated().iter().map(deviation_squared).sum::<f64>()
     }
 
-    /// Smooths the trajectories, a group of pieces at a time: all at once would take as much memory as the trajectories themselves.
+    /// The pieces in groups: the results of all at once would take as much memory as the trajectories themselves.
+    fn groups(&self) -> Vec<Vec<Task>> {
+        let together = MIN_TOGETHER.max(2 * rayon::current_num_threads());
+        self.tasks().chunks(together).map(<[Task]>::to_vec).collect()
+    }
+
+    /// Smooths the trajectories.
     fn smooth(&mut self) {
         let mut before = Vec::new();
-        for group in self.tasks().chunks(MIN_SMOOTHED.max(2 * rayon::current_num_threads())) {
+        for group in &self.groups() {
             let smoothed =
                 self.passes(group, &|input| (input.piece.counted.clone(), (input.rotor.passes.smooth)(input)));
             // A piece is linearised about the former trajectory of its neighbours: a group is stored after the next one is smoothed.
@@ -233,36 +239,39 @@ impl Search<'_> {
         if !self.corrects_bias() {
             return;
         }
-        let innovations = self.innovations([WHITENED], 0.0);
+        let innovations = self.innovations(WHITENED, 0.0);
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
-        for ((case, rotor), [innovations]) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
+        for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
             let input = Input { case, rotor, piece: &case.pieces[0] };
             case.track.expected = expected(input, innovations);
         }
     }
 
     /// Innovations of every recording, row by row, [`METRES`], [`WHITENED`] or [`AHEAD`]; `none` where there are none.
-    fn innovations<const W: usize>(&self, which: [usize; W], none: f64) -> Vec<[Vec<f64>; W]> {
+    fn innovations(&self, which: usize, none: f64) -> Vec<Vec<f64>> {
         let pass = |input: Input<'_>| {
-            let mut own = (input.rotor.passes.innovations)(input);
-            (input.piece.counted.clone(), which.map(|which| std::mem::take(&mut own[which])))
+            let own = (input.rotor.passes.innovations)(input).into_iter().nth(which);
+            (input.piece.counted.clone(), own.unwrap_or_default())
         };
         let n = self.coordinates();
-        let empty = |case: &Case<'_>| which.map(|_| vec![none; n * case.at.len()]);
-        let mut all: Vec<_> = self.cases.iter().map(empty).collect();
-        for (r, (rows, own)) in self.passes(&self.tasks(), &pass) {
-            let columns = all[r].iter_mut().zip(own);
-            columns.for_each(|(all, own)| all[n * rows.start..n * rows.end].copy_from_slice(&own));
+        let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.at.len()]).collect();
+        for (r, (rows, own)) in self.groups().iter().flat_map(|group| self.passes(group, &pass)) {
+            all[r][n * rows.start..n * rows.end].copy_from_slice(&own);
         }
         all
     }
 
-    /// Position minus its prediction one sample and further ahead, by recording, coordinate and row, m; NaN where there is none.
-    pub fn prediction_errors(&self) -> Vec<[Vec<Vec<f64>>; 2]> {
+    /// Position minus its prediction one sample ahead, by recording, coordinate and row, m; NaN where there is none.
+    pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
         let count = self.coordinates();
         let column = |rows: &[f64], n: usize| rows.iter().skip(n).step_by(count).copied().collect();
         let by_coordinate = |rows: Vec<f64>| (0..count).map(|n| column(&rows, n)).collect();
-        self.innovations([METRES, AHEAD], f64::NAN).into_iter().map(|of| of.map(by_coordinate)).collect()
+        self.innovations(METRES, f64::NAN).into_iter().map(by_coordinate).collect()
+    }
+
+    /// The same further ahead, for all coordinates together.
+    pub fn errors_ahead(&self) -> Vec<Vec<f64>> {
+        self.innovations(AHEAD, f64::NAN)
     }
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
