@@ -31,9 +31,8 @@ pub(super) fn report(
     let search = &finished.search;
     let layout = search.model.layout;
     let lambda: Vec<Estimate> = (0..layout.magnets).map(|k| finished.estimate(k)).collect();
-    let ahead_m: Vec<f64> = search.errors_ahead().iter().map(rms).collect();
     let errors_m = search.prediction_errors().into_iter().enumerate();
-    let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m, ahead_m[r]));
+    let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
     Identification {
         lambda_covariance: finished.total.view((0, 0), (layout.magnets, layout.magnets)).into_owned(),
         // Where every recording has its own, that of the first.
@@ -72,18 +71,11 @@ fn unbalance(finished: &Finished<'_>, at: usize) -> Unbalance {
     Unbalance { magnitude: of(size, along, 1.0), phase: of(libm::atan2(s, c), across, size) }
 }
 
-/// Root mean square of the finite values.
-fn rms<'e>(errors_m: impl IntoIterator<Item = &'e f64>) -> f64 {
-    let errors_m = errors_m.into_iter().filter(|error_m| error_m.is_finite());
-    mean(errors_m.map(|error_m| error_m * error_m)).sqrt()
-}
-
 fn conditions(
     finished: &Finished<'_>,
     r: usize,
     lambda: &[Estimate],
-    prediction_errors_m: Vec<Vec<f64>>,
-    ahead_m: f64,
+    (prediction_errors_m, ahead_m): (Vec<Vec<f64>>, Vec<f64>),
 ) -> Conditions {
     let search = &finished.search;
     let case = &search.cases[r];
@@ -114,6 +106,7 @@ fn conditions(
     };
     let powers: Vec<[f64; HARMONICS]> =
         (0..layout.loads()).map(|axis| array::from_fn(|harmonic| power(axis, harmonic))).collect();
+    let rms = |errors_m: &[Vec<f64>]| mean(errors_m.iter().flatten().map(|error_m| error_m * error_m)).sqrt();
     let neighbours = blocks().map(|block| block.neighbours).sum::<f64>();
     Conditions {
         load_n: (layout.load..layout.base).map(|j| finished.estimate(layout.unknown(j, r))).collect(),
@@ -128,7 +121,7 @@ fn conditions(
             }),
             rows: case.rows(),
             counting: case.effective_rows(),
-            prediction_rms_m: [rms(prediction_errors_m.iter().flatten()), ahead_m],
+            prediction_rms_m: [rms(&prediction_errors_m), rms(&[ahead_m])],
             correlation: neighbours / blocks().map(|block| block.nis).sum::<f64>(),
         }],
         resolution_m: case.resolution_m.clone(),

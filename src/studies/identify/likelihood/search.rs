@@ -50,10 +50,6 @@ pub(in crate::studies::identify) const BENCH_ROWS: f64 = 50_000.0;
 /// Rows from which the search of a long recording starts, in stretches spread over all of it; only the last iterations use all rows.
 const FIRST_ROWS: usize = 100_000;
 const STRETCH: usize = 1 << 14;
-/// Indices of the innovations: in m, whitened, and of predictions further ahead in m.
-const METRES: usize = 0;
-const WHITENED: usize = 1;
-const AHEAD: usize = 2;
 /// Minimum number of pieces that pass together where results are large.
 const MIN_TOGETHER: usize = 8;
 
@@ -239,39 +235,38 @@ impl Search<'_> {
         if !self.corrects_bias() {
             return;
         }
-        let innovations = self.innovations(WHITENED, 0.0);
-        let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
-        for ((case, rotor), innovations) in self.cases.iter_mut().zip(&rotors).zip(&innovations) {
-            let input = Input { case, rotor, piece: &case.pieces[0] };
-            case.track.expected = expected(input, innovations);
-        }
-    }
-
-    /// Innovations of every recording, row by row, [`METRES`], [`WHITENED`] or [`AHEAD`]; `none` where there are none.
-    fn innovations(&self, which: usize, none: f64) -> Vec<Vec<f64>> {
-        let pass = |input: Input<'_>| {
-            let own = (input.rotor.passes.innovations)(input).into_iter().nth(which);
-            (input.piece.counted.clone(), own.unwrap_or_default())
-        };
         let n = self.coordinates();
-        let mut all: Vec<_> = self.cases.iter().map(|case| vec![none; n * case.at.len()]).collect();
-        for (r, (rows, own)) in self.groups().iter().flat_map(|group| self.passes(group, &pass)) {
-            all[r][n * rows.start..n * rows.end].copy_from_slice(&own);
+        let mut whitened: Vec<_> = self.cases.iter().map(|case| vec![0.0; n * case.at.len()]).collect();
+        self.innovations(|r, rows, [_, own, _]| whitened[r][n * rows.start..n * rows.end].copy_from_slice(&own));
+        let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
+        for ((case, rotor), whitened) in self.cases.iter_mut().zip(&rotors).zip(&whitened) {
+            let input = Input { case, rotor, piece: &case.pieces[0] };
+            case.track.expected = expected(input, whitened);
         }
-        all
     }
 
-    /// Position minus its prediction one sample ahead, by recording, coordinate and row, m; NaN where there is none.
-    pub fn prediction_errors(&self) -> Vec<Vec<Vec<f64>>> {
+    /// Calls `each` with the index of a recording, some of its rows, and their innovations, as
+    /// [`Passes::innovations`](super::filter::Passes::innovations).
+    fn innovations(&self, mut each: impl FnMut(usize, Range<usize>, [Vec<f64>; 3])) {
+        let pass = |input: Input<'_>| (input.piece.counted.clone(), (input.rotor.passes.innovations)(input));
+        for (r, (rows, own)) in self.groups().iter().flat_map(|group| self.passes(group, &pass)) {
+            each(r, rows, own);
+        }
+    }
+
+    /// Position minus its prediction, m, by recording: one sample ahead by coordinate and row, NaN where there is none; further ahead, where there is one.
+    pub fn prediction_errors(&self) -> Vec<(Vec<Vec<f64>>, Vec<f64>)> {
         let count = self.coordinates();
-        let column = |rows: &[f64], n: usize| rows.iter().skip(n).step_by(count).copied().collect();
-        let by_coordinate = |rows: Vec<f64>| (0..count).map(|n| column(&rows, n)).collect();
-        self.innovations(METRES, f64::NAN).into_iter().map(by_coordinate).collect()
-    }
-
-    /// The same further ahead, for all coordinates together.
-    pub fn errors_ahead(&self) -> Vec<Vec<f64>> {
-        self.innovations(AHEAD, f64::NAN)
+        let none = |case: &Case<'_>| (vec![vec![f64::NAN; case.at.len()]; count], Vec::new());
+        let mut errors: Vec<_> = self.cases.iter().map(none).collect();
+        self.innovations(|r, rows, [own, _, ahead]| {
+            let (one_sample, further) = &mut errors[r];
+            for (row, own) in rows.zip(own.chunks_exact(count)) {
+                one_sample.iter_mut().zip(own).for_each(|(column, error)| column[row] = *error);
+            }
+            further.extend(ahead.into_iter().filter(|error| error.is_finite()));
+        });
+        errors
     }
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
