@@ -28,9 +28,6 @@
 /// Number of rows that one axis contributes to P(18).
 pub const ROWS_PER_AXIS: usize = 3;
 
-/// Coefficients of `ψ_3(τ) = τ³ (1 − τ)³`, that of τⁿ at index n.
-const PSI_3: [f64; 7] = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0];
-
 /// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)` at `τ = (j + ½) h`, for n ≥ 2 and j < N.
 ///
 /// `ψ_n` with central factorials of step `h = 1/N`; exactly zero half a step inside both ends.
@@ -86,8 +83,10 @@ impl Weights {
 
     /// Weights that retain a constant force (method section 6, static load): `φ = ψ_3/∫ψ_3`, with mean one.
     pub fn static_load(intervals: usize) -> Self {
-        let psi_3 = |tau: f64| PSI_3.iter().rev().fold(0.0, |sum, c| sum * tau + c);
-        let mean: f64 = PSI_3.iter().enumerate().map(|(n, c)| c / (n as f64 + 1.0)).sum();
+        // Coefficients of `ψ_3(τ) = τ³ (1 − τ)³`, that of τⁿ at index n.
+        let coefficients = [0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0];
+        let psi_3 = |tau: f64| coefficients.iter().rev().fold(0.0, |sum, c| sum * tau + c);
+        let mean: f64 = coefficients.iter().enumerate().map(|(n, c)| c / (n as f64 + 1.0)).sum();
         let phi: Vec<f64> = (0..=intervals).map(|j| psi_3(j as f64 / intervals as f64) / mean).collect();
         Self::new(&phi)
     }

@@ -1,7 +1,8 @@
-//! The second-order low-pass of P(20), for many channels at once.
+//! The second-order low-pass of P(20), for all channels at once.
 
-use nalgebra::SVector;
 use serde::{Deserialize, Serialize};
+
+use super::Channels;
 
 /// `F(s) = ω_n²/(s² + 2 ζ ω_n s + ω_n²)`, discretised by the trapezoidal rule.
 ///
@@ -17,19 +18,11 @@ pub struct LowPass {
     half_step_s: f64,
 }
 
-/// Outputs and their rates (per second) of `N` channels, all zero at the start.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LowPassState<const N: usize> {
-    /// The filtered values, in the units of the inputs.
-    pub value: SVector<f64, N>,
-    /// Their rates, per second.
-    pub rate: SVector<f64, N>,
-}
-
-impl<const N: usize> Default for LowPassState<N> {
-    fn default() -> Self {
-        Self { value: SVector::zeros(), rate: SVector::zeros() }
-    }
+/// The filtered quantities and their rates (per second), all zero at the start.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct LowPassState {
+    pub value: Channels,
+    rate: Channels,
 }
 
 impl LowPass {
@@ -41,11 +34,10 @@ impl LowPass {
     }
 
     /// One step with the input `x`.
-    pub fn step<const N: usize>(&self, state: &mut LowPassState<N>, x: &SVector<f64, N>) {
-        for ((y, v), x) in state.value.iter_mut().zip(state.rate.iter_mut()).zip(x.iter()) {
-            let rate = self.rate_decay * *v + self.gain * (x - *y);
-            *y += self.half_step_s * (*v + rate);
-            *v = rate;
-        }
+    pub fn step(&self, state: &mut LowPassState, x: &Channels) {
+        let error = x.with(&state.value, |x, y| x - y);
+        let rate = state.rate.with(&error, |v, error| self.rate_decay * v + self.gain * error);
+        let change = state.rate.with(&rate, |v, rate| self.half_step_s * (v + rate));
+        *state = LowPassState { value: state.value.with(&change, |y, change| y + change), rate };
     }
 }

@@ -13,32 +13,23 @@
 //! filtered as well, to test the result.
 
 pub mod kernel;
-pub mod lowpass;
+mod lowpass;
 pub mod window;
 
 use libm::sincos;
-use nalgebra::{SMatrix, SVector};
+use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use serde::{Deserialize, Serialize};
 
-use self::kernel::{ROWS_PER_AXIS, Weights};
+use self::kernel::ROWS_PER_AXIS;
 use self::lowpass::{LowPass, LowPassState};
-use self::window::{Integrals, KERNELS, Sample, Window, WindowSums};
+use self::window::{Integrals, Sample, Window, WindowSums};
 use super::CONDITION_CAP;
 use super::config::{EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorOutput, Hold, Method, Verdict};
 use super::sums::norm;
-use crate::bearing::{RotorConfig, array};
+use crate::bearing::{RotorConfig, array, joined};
 use crate::invalid::Checks;
 use crate::machine::Machine;
 use crate::variables::numbers;
-
-/// Magnets of the machine of the paper.
-const MAGNETS: usize = 3;
-
-/// The shortest window of the paper's methods, in sample times: the kernels must resolve three changes of sign.
-const MIN_INTERVALS: f64 = 8.0;
-
-/// Their longest window, in sample times: memory grows in proportion to it, rounding errors of the kernels with its cube.
-const MAX_INTERVALS: f64 = 1.0e5;
 
 /// Largest relative deviation of `T_f/T_s` from a whole number.
 const WHOLE_NUMBER_TOLERANCE: f64 = 1.0e-6;
@@ -63,51 +54,57 @@ const MIN_WINDOWS: u64 = 3;
 /// half-axes a and b must be at least this; it is 0.69 on the paper's orbit and 0.1 if the half-axes differ by a tenth.
 const CIRCULAR_LIMIT: f64 = 0.1;
 
-/// Upper limit of the standard deviation, in units of λ_0.
-const STD_CAP: f64 = 1.0e3;
-
 /// Relative discretisation error: the smallest relative standard deviation, even without noise.
 const MODEL_STD: f64 = 1.0e-4;
 
 /// Smallest variation of `i²/gap²`, relative to its level, that counts as excitation; rounding is about 1e-15.
 const EXCITATION_FLOOR: f64 = 1.0e-9;
 
-/// Upper limit of the residual.
-const RESIDUAL_CAP: f64 = 1.0e6;
+/// The low-passed quantities.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Channels {
+    /// The normal equations: `DᵀD`, `DᵀN` and `|N|²`.
+    normal: [f64; 9],
+    right: [f64; 3],
+    square: f64,
+    /// n_1, n_2, n_3 and d of P(20), with signs aligned or not depending on the method.
+    numerators: [f64; 3],
+    determinant: f64,
+    /// Squared size of each column of D without cancellation.
+    level: [f64; 3],
+    /// `|N_y|² − |N_z|²` and `2 N_y·N_z`: both are zero on a circle.
+    shape: [f64; 2],
+}
 
-/// Greater filtered quantities come from non-physical samples, and their products could overflow.
-const CHANNEL_LIMIT: f64 = 1.0e150;
+impl Channels {
+    /// Combines two sets, number by number.
+    fn with(&self, other: &Self, join: impl Fn(f64, f64) -> f64) -> Self {
+        joined!(self, other, join, Channels { square, determinant; normal, right, numerators, level, shape; })
+    }
 
-/// The low-passed quantities: normal equations and the ratio of P(20).
-type Channels = SVector<f64, CHANNELS>;
+    /// Whether no product can overflow; greater numbers, and NaN, come from non-physical samples.
+    fn are_sound(&self) -> bool {
+        let Self { normal, right, square, numerators, determinant, level, shape } = self;
+        let numbers = [&normal[..], right, &[*square, *determinant], numerators, level, shape];
+        numbers.into_iter().flatten().all(|x| x.abs() < 1.0e150)
+    }
 
-/// Normal matrix `DᵀD` of the magnets.
-type NormalMatrix = SMatrix<f64, MAGNETS, MAGNETS>;
+    /// `DᵀD`.
+    fn normal(&self) -> Matrix3<f64> {
+        Matrix3::from_column_slice(&self.normal)
+    }
 
-/// Right-hand side `DᵀN`, or scaled unknowns.
-type NormalVector = SVector<f64, MAGNETS>;
+    /// `n_i/d`, scaled unknowns; not finite if d is zero.
+    fn ratio(&self) -> [f64; 3] {
+        self.numerators.map(|numerator| numerator / self.determinant)
+    }
 
-const ROWS: usize = 2 * ROWS_PER_AXIS;
-
-/// Entries of DᵀD, the first channels.
-const NORMAL: usize = MAGNETS * MAGNETS;
-
-/// Index of DᵀN.
-const RIGHT: usize = NORMAL;
-
-/// Index of |N|².
-const SQUARE: usize = RIGHT + MAGNETS;
-
-/// Index of n_1, n_2, n_3, d of P(20), with signs aligned or not depending on the method.
-const RATIO: usize = SQUARE + 1;
-
-/// Index of the squared size of each column of D without cancellation.
-const LEVEL: usize = RATIO + MAGNETS + 1;
-
-/// Index of `|N_y|² − |N_z|²` and `2 N_y·N_z`.
-const SHAPE: usize = LEVEL + MAGNETS;
-
-const CHANNELS: usize = SHAPE + 2;
+    /// `√(F(|N − D x|²)/F(|N|²))`, 1 without motion; finite.
+    fn residual(&self, x: &Vector3<f64>) -> f64 {
+        let square = self.square - 2.0 * x.dot(&Vector3::from(self.right)) + x.dot(&(self.normal() * x));
+        if self.square > 0.0 { (square.max(0.0) / self.square).sqrt().min(1.0e6) } else { 1.0 }
+    }
+}
 
 /// Reports parameters with which the paper's methods cannot be used, under their names in the interface.
 pub fn check<const K: usize>(config: &EstimatorConfigOf<RotorConfig, K>, machine: &Machine, checks: &mut Checks) {
@@ -120,8 +117,10 @@ pub fn check<const K: usize>(config: &EstimatorConfigOf<RotorConfig, K>, machine
     checks.require(config.identify_unbalance, "identify.unbalance", config.identify_unbalance, wanted);
     let (n, slack) = (config.window_s / config.step_s, WHOLE_NUMBER_TOLERANCE);
     for (holds, wanted) in [
-        (n >= MIN_INTERVALS * (1.0 - slack), "at least 8 Ts"),
-        (n <= MAX_INTERVALS * (1.0 + slack), "at most 100000 Ts"),
+        // The kernels must resolve three changes of sign.
+        (n >= 8.0 * (1.0 - slack), "at least 8 Ts"),
+        // Memory grows in proportion to the window, rounding errors of the kernels with its cube.
+        (n <= 1.0e5 * (1.0 + slack), "at most 100000 Ts"),
         ((n - n.round()).abs() <= slack * n, "a whole number of Ts"),
     ] {
         checks.number(holds, "Tf", (config.window_s, "s"), wanted);
@@ -137,14 +136,14 @@ pub struct PaperState {
     /// Samples since the start.
     samples: u64,
     /// `1/gap_k²` at the last sample and at the one before, 1/m².
-    inverse_square_gap: [[f64; MAGNETS]; 2],
+    inverse_square_gap: [[f64; 3]; 2],
     /// Currents of the last sample, A.
-    current_a: [f64; MAGNETS],
+    current_a: [f64; 3],
     window: Window,
-    filtered: LowPassState<CHANNELS>,
+    filtered: LowPassState,
     /// Means of `i_k/gap_k²` and `i_k²/gap_k³` with the memory of a window.
-    per_current: [f64; MAGNETS],
-    gradient: [f64; MAGNETS],
+    per_current: [f64; 3],
+    gradient: [f64; 3],
 }
 
 /// The estimator of [`Method::Paper`] and [`Method::PaperLiteral`]: the kernels and the filter.
@@ -155,14 +154,14 @@ pub struct Paper {
     /// Number of samples at which ε has passed; the first sample is at time zero.
     samples_until_epsilon: u64,
     /// `(sin α_k, cos α_k)`.
-    direction: [[f64; 2]; MAGNETS],
+    direction: [[f64; 2]; 3],
     sums: WindowSums,
     /// Inverse of each row's gain for position noise.
     row_scale: [f64; ROWS_PER_AXIS],
     /// `T_f² λ_0,k/m`.
-    column_scale: [f64; MAGNETS],
+    column_scale: [f64; 3],
     /// Size of a column of D without cancellation per A²/m², m.
-    level: [f64; MAGNETS],
+    level: [f64; 3],
     low_pass: LowPass,
 }
 
@@ -171,16 +170,16 @@ impl Paper {
     pub fn new(config: &EstimatorConfig) -> Self {
         let intervals = (config.window_s / config.step_s).round() as usize;
         let epsilon_steps = config.epsilon_s / config.step_s;
-        let rows: [Weights; ROWS_PER_AXIS] = std::array::from_fn(|row| Weights::paper(row, intervals));
-        let row_scale = array::from_fn(|row| 1.0 / rows[row].noise_gain());
+        let sums = WindowSums::new(intervals, config.hold == Hold::Linear);
+        let row_scale = sums.rows.each_ref().map(|row| 1.0 / row.noise_gain());
         let window2 = config.window_s * config.window_s;
         let column_scale = config.lambda0_nm2_a2.map(|lambda0| window2 * lambda0 / config.geometry.shaft.m_kg);
-        let gain: f64 = rows.iter().zip(&row_scale).map(|(row, scale): (&Weights, &f64)| row.l1_gain() * scale).sum();
+        let gain: f64 = sums.rows.iter().zip(&row_scale).map(|(row, scale)| row.l1_gain() * scale).sum();
         Self {
             intervals,
             samples_until_epsilon: ((epsilon_steps * (1.0 - WHOLE_NUMBER_TOLERANCE)).ceil() as u64).saturating_add(1),
             direction: [0, 1, 2].map(|k| sincos(config.geometry.bearings[0].alpha_rad[k]).into()),
-            sums: WindowSums::new(intervals, config.hold == Hold::Linear),
+            sums,
             row_scale,
             level: column_scale.map(|scale| gain * scale),
             column_scale,
@@ -193,12 +192,12 @@ impl Paper {
     pub fn start(&self) -> PaperState {
         PaperState {
             samples: 0,
-            inverse_square_gap: [[0.0; MAGNETS]; 2],
-            current_a: [0.0; MAGNETS],
+            inverse_square_gap: [[0.0; 3]; 2],
+            current_a: [0.0; 3],
             window: self.sums.start(),
             filtered: LowPassState::default(),
-            per_current: [0.0; MAGNETS],
-            gradient: [0.0; MAGNETS],
+            per_current: [0.0; 3],
+            gradient: [0.0; 3],
         }
     }
 
@@ -213,7 +212,7 @@ impl Paper {
     }
 
     /// The gaps of the magnets at a position, m.
-    pub fn gaps(&self, [y, z]: [f64; 2]) -> [f64; MAGNETS] {
+    pub fn gaps(&self, [y, z]: [f64; 2]) -> [f64; 3] {
         self.direction.map(|[sin, cos]| self.config.geometry.bearings[0].gap_m - sin * y - cos * z)
     }
 
@@ -222,23 +221,22 @@ impl Paper {
         let sample = self.signals(state, input);
         state.samples = state.samples.saturating_add(1);
         let integrals = self.sums.push(&mut state.window, &sample);
-        let Some(integrals) = integrals.filter(|_| state.samples >= self.samples_until_epsilon) else {
+        let Some((rows, static_load)) = integrals.filter(|_| state.samples >= self.samples_until_epsilon) else {
             return Verdict::Collecting;
         };
-        let channels = self.channels(output, &integrals, &sample.squares[0]);
-        // NaN fails as well.
-        if !channels.iter().all(|x| x.abs() < CHANNEL_LIMIT) {
+        let channels = self.channels(output, &rows, &sample.squares[0]);
+        if !channels.are_sound() {
             self.interrupt(state);
             return Verdict::BadSample;
         }
         self.low_pass.step(&mut state.filtered, &channels);
-        let lambda = self.lambda(ratio(&channels));
+        let lambda = self.lambda(channels.ratio());
         if lambda.iter().all(|l| l.is_finite()) {
             output.lambda_raw = lambda;
         }
-        let verdict = self.estimate(state, &integrals[ROWS_PER_AXIS], output);
+        let verdict = self.estimate(state, &static_load, output);
         output.lambda_std_total = output.lambda_std;
-        for k in 0..MAGNETS {
+        for k in 0..3 {
             output.ki[k] = 2.0 * output.lambda_hat[k] * state.per_current[k];
             output.ks[k] = 2.0 * output.lambda_hat[k] * state.gradient[k];
         }
@@ -252,7 +250,7 @@ impl Paper {
         let [w_last, w_before] = state.inverse_square_gap;
         let mut sample = Sample { position: input.position_m, ..Sample::default() };
         let weight = 1.0 / (state.samples as f64 + 1.0).min(self.intervals as f64);
-        for k in 0..MAGNETS {
+        for k in 0..3 {
             let i = match self.config.hold {
                 Hold::HeldBefore | Hold::Linear => input.current_a[k],
                 Hold::HeldAfter => state.current_a[k],
@@ -278,7 +276,7 @@ impl Paper {
     }
 
     /// The rows of D for the two axes, in m per scaled unknown.
-    fn row_pair(&self, integrals: &Integrals) -> [[f64; MAGNETS]; 2] {
+    fn row_pair(&self, integrals: &Integrals) -> [[f64; 3]; 2] {
         array::from_fn(|axis| array::from_fn(|k| self.column_scale[k] * self.direction[k][axis] * integrals.squares[k]))
     }
 
@@ -288,7 +286,7 @@ impl Paper {
     }
 
     /// The residual constant force in the present window: `m (∫ ψ'' Z/T_f² − Σ λ̂ ∫ ψ u)/∫ ψ` per axis.
-    fn static_load(&self, integrals: &Integrals, unknowns: &NormalVector) -> [f64; 2] {
+    fn static_load(&self, integrals: &Integrals, unknowns: &Vector3<f64>) -> [f64; 2] {
         let rows = self.row_pair(integrals);
         array::from_fn(|axis| {
             let modelled: f64 = rows[axis].iter().zip(unknowns.iter()).map(|(d, x)| d * x).sum();
@@ -301,11 +299,11 @@ impl Paper {
     fn channels(
         &self,
         output: &mut EstimatorOutput,
-        integrals: &[Integrals; KERNELS],
-        squares: &[f64; MAGNETS],
+        integrals: &[Integrals; ROWS_PER_AXIS],
+        squares: &[f64; 3],
     ) -> Channels {
-        let mut d = SMatrix::<f64, ROWS, MAGNETS>::zeros();
-        let mut n = SVector::<f64, ROWS>::zeros();
+        let mut d = SMatrix::<f64, 6, 3>::zeros();
+        let mut n = SVector::<f64, 6>::zeros();
         for (row, (integrals, scale)) in integrals.iter().zip(self.row_scale).enumerate() {
             for (axis, values) in self.row_pair(integrals).iter().enumerate() {
                 let at = axis * ROWS_PER_AXIS + row;
@@ -320,62 +318,57 @@ impl Paper {
         let nz = n.fixed_rows::<3>(ROWS_PER_AXIS).into_owned();
         let determinant = dz.determinant();
         let sign = if self.config.method == Method::Paper && determinant < 0.0 { -1.0 } else { 1.0 };
-        let mut channels = Channels::zeros();
-        for k in 0..MAGNETS {
-            let mut with_n = dz;
-            with_n.set_column(k, &nz);
-            channels[RATIO + k] = sign * with_n.determinant();
-        }
-        channels[RATIO + MAGNETS] = sign * determinant;
         if determinant.is_finite() {
             output.determinant = determinant;
         }
-
         // The paper solves the rows of the z axis; those of both axes test the result.
         let p = d.tr_mul(&d);
-        let h = d.tr_mul(&n);
-        channels.fixed_rows_mut::<NORMAL>(0).copy_from_slice(p.as_slice());
-        channels.fixed_rows_mut::<MAGNETS>(RIGHT).copy_from(&h);
-        channels[SQUARE] = n.norm_squared();
-        let (n_y, n_z) = n.as_slice().split_at(ROWS_PER_AXIS);
-        channels.fixed_rows_mut::<2>(SHAPE).copy_from_slice(&shape(n_y, n_z));
-        for k in 0..MAGNETS {
-            let level = squares[k] * self.level[k];
-            channels[LEVEL + k] = level * level;
+        let pairs = || n.iter().zip(&nz);
+        Channels {
+            normal: array::from_fn(|n| p[n]),
+            right: d.tr_mul(&n).into(),
+            square: n.norm_squared(),
+            numerators: array::from_fn(|k| {
+                let mut with_n = dz;
+                with_n.set_column(k, &nz);
+                sign * with_n.determinant()
+            }),
+            determinant: sign * determinant,
+            level: array::from_fn(|k| squares[k] * self.level[k]).map(|level| level * level),
+            shape: [pairs().map(|(y, z)| y * y - z * z).sum(), pairs().map(|(y, z)| 2.0 * y * z).sum()],
         }
-        channels
     }
 
     /// The paper's estimate from the filtered quantities.
     fn estimate(&self, state: &PaperState, static_load: &Integrals, output: &mut EstimatorOutput) -> Verdict {
         let filtered = &state.filtered.value;
-        let p = normal(filtered);
+        let p = filtered.normal();
         let inverse = p.try_inverse();
         let condition = inverse.map_or(f64::INFINITY, |inverse| (norm(&p) * norm(&inverse)).sqrt());
-        output.condition = if condition < CONDITION_CAP { condition } else { CONDITION_CAP };
-        let excited = (0..MAGNETS).all(|k| p[(k, k)] > EXCITATION_FLOOR * EXCITATION_FLOOR * filtered[LEVEL + k]);
+        output.condition = condition.min(CONDITION_CAP);
+        let excited = (0..3).all(|k| p[(k, k)] > EXCITATION_FLOOR * EXCITATION_FLOOR * filtered.level[k]);
         let literal = self.config.method == Method::PaperLiteral;
-        let scaled = ratio(filtered);
+        let scaled = filtered.ratio();
         let lambda = self.lambda(scaled);
         if !scaled.iter().chain(&lambda).all(|x| x.is_finite()) {
             return Verdict::Singular;
         }
-        let unknowns = NormalVector::from(scaled);
-        output.residual = residual(filtered, &unknowns);
+        let unknowns = Vector3::from(scaled);
+        output.residual = filtered.residual(&unknowns);
         // The residual may be one coherent error: no averaging over windows.
-        let residual_square = output.residual * output.residual * filtered[SQUARE];
-        for k in 0..MAGNETS {
+        let residual_square = output.residual * output.residual * filtered.square;
+        for k in 0..3 {
             let spread = inverse.map_or(f64::INFINITY, |inverse| (inverse[(k, k)].max(0.0) * residual_square).sqrt());
             let std = (spread * spread + (MODEL_STD * scaled[k]) * (MODEL_STD * scaled[k])).sqrt();
-            output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * if std < STD_CAP { std } else { STD_CAP };
+            // Finite in any case.
+            output.lambda_std[k] = self.config.lambda0_nm2_a2[k] * std.min(1.0e3);
         }
         if literal {
             output.lambda_hat = lambda;
         }
-        if !excited
-            || output.condition > CONDITION_LIMIT
-            || is_circular([filtered[SHAPE], filtered[SHAPE + 1]], filtered[SQUARE])
-        {
+        let [difference, product] = filtered.shape;
+        let is_circular = (difference * difference + product * product).sqrt() < CIRCULAR_LIMIT * filtered.square;
+        if !excited || output.condition > CONDITION_LIMIT || is_circular {
             return Verdict::Singular;
         }
         if !lambda.iter().all(|l| *l > 0.0) {
@@ -385,7 +378,7 @@ impl Paper {
             return Verdict::Unexplained;
         }
         let few = state.samples <= MIN_WINDOWS * self.intervals as u64;
-        if few || (0..MAGNETS).any(|k| output.lambda_std[k] > STD_LIMIT * lambda[k]) {
+        if few || (0..3).any(|k| output.lambda_std[k] > STD_LIMIT * lambda[k]) {
             return Verdict::Uncertain;
         }
         output.lambda_hat = lambda;
@@ -395,40 +388,4 @@ impl Paper {
         }
         Verdict::Valid
     }
-}
-
-/// DᵀD from the channels.
-fn normal(channels: &Channels) -> NormalMatrix {
-    NormalMatrix::from_column_slice(&channels.as_slice()[..NORMAL])
-}
-
-/// `n_i/d`, scaled unknowns; not finite if d is zero.
-fn ratio(channels: &Channels) -> [f64; 3] {
-    array::from_fn(|k| channels[RATIO + k] / channels[RATIO + MAGNETS])
-}
-
-/// `√(F(|N − D x|²)/F(|N|²))`, between 0 and [`RESIDUAL_CAP`], 1 without motion.
-fn residual(channels: &Channels, x: &NormalVector) -> f64 {
-    let h: NormalVector = channels.fixed_rows::<MAGNETS>(RIGHT).into_owned();
-    let square = channels[SQUARE];
-    let residual_square = square - 2.0 * x.dot(&h) + x.dot(&(normal(channels) * x));
-    let residual = (residual_square.max(0.0) / square).sqrt();
-    if square.is_nan() || square <= 0.0 {
-        1.0
-    } else if residual < RESIDUAL_CAP {
-        residual
-    } else {
-        RESIDUAL_CAP
-    }
-}
-
-/// `|N_y|² − |N_z|²` and `2 N_y·N_z`: both are zero on a circle.
-fn shape(n_y: &[f64], n_z: &[f64]) -> [f64; 2] {
-    let pairs = || n_y.iter().zip(n_z);
-    [pairs().map(|(y, z)| y * y - z * z).sum(), pairs().map(|(y, z)| 2.0 * y * z).sum()]
-}
-
-/// Whether the orbit is so nearly circular that an unbalance cannot be distinguished from other force constants: see [`CIRCULAR_LIMIT`].
-fn is_circular([difference, product]: [f64; 2], square: f64) -> bool {
-    (difference * difference + product * product).sqrt() < CIRCULAR_LIMIT * square
 }

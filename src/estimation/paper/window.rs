@@ -61,9 +61,6 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     ((sums[0] + sums[4]) + (sums[2] + sums[6])) + ((sums[1] + sums[5]) + (sums[3] + sums[7])) + remainder
 }
 
-/// Number of kernels: the rows of P(18), then that of the static load.
-pub const KERNELS: usize = ROWS_PER_AXIS + 1;
-
 /// Signals of a window: two positions, then `i_k²/gap_k²` at the start and at the end of each interval.
 const SIGNALS: usize = 8;
 
@@ -90,21 +87,20 @@ pub struct Sample {
 #[derive(Clone, Debug, PartialEq)]
 pub struct WindowSums {
     continuous: bool,
-    weights: [Weights; KERNELS],
+    /// Of the rows of P(18), and of the static load.
+    pub rows: [Weights; ROWS_PER_AXIS],
+    static_load: Weights,
 }
 
 impl WindowSums {
     /// Sums over windows of this many intervals, at least 8; `continuous` if the currents are continuous, not held.
     pub fn new(intervals: usize, continuous: bool) -> Self {
-        let weights = std::array::from_fn(|row| match row {
-            ROWS_PER_AXIS.. => Weights::static_load(intervals),
-            _ => Weights::paper(row, intervals),
-        });
-        Self { continuous, weights }
+        let rows = std::array::from_fn(|row| Weights::paper(row, intervals));
+        Self { continuous, rows, static_load: Weights::static_load(intervals) }
     }
 
     fn nodes(&self) -> usize {
-        self.weights[0].position.len()
+        self.static_load.position.len()
     }
 
     /// A window without samples; the only place that allocates.
@@ -122,23 +118,21 @@ impl WindowSums {
             && window.filled <= nodes
     }
 
-    /// Appends a sample; returns the integrals over the window that ends with it, once the window is full.
-    pub fn push(&self, window: &mut Window, sample: &Sample) -> Option<[Integrals; KERNELS]> {
+    /// Appends a sample; once the window is full, returns the integrals of the rows and of the static load over the window that ends with it.
+    pub fn push(&self, window: &mut Window, sample: &Sample) -> Option<([Integrals; ROWS_PER_AXIS], Integrals)> {
         let [y, z] = sample.position;
         let [[s1, s2, s3], [e1, e2, e3]] = sample.squares;
         window.push(&[y, z, s1, s2, s3, e1, e2, e3]);
         if window.filled < window.nodes {
             return None;
         }
-        Some(array::from_fn(|row| {
-            let Weights { position, held_start, held_end, node } = &self.weights[row];
-            Integrals {
-                position: array::from_fn(|axis| dot(position, window.signal(axis))),
-                squares: array::from_fn(|k| match self.continuous {
-                    true => dot(node, window.signal(5 + k)),
-                    false => dot(held_start, window.signal(2 + k)) + dot(held_end, window.signal(5 + k)),
-                }),
-            }
-        }))
+        let integrals = |Weights { position, held_start, held_end, node }: &Weights| Integrals {
+            position: array::from_fn(|axis| dot(position, window.signal(axis))),
+            squares: array::from_fn(|k| match self.continuous {
+                true => dot(node, window.signal(5 + k)),
+                false => dot(held_start, window.signal(2 + k)) + dot(held_end, window.signal(5 + k)),
+            }),
+        };
+        Some((self.rows.each_ref().map(integrals), integrals(&self.static_load)))
     }
 }
