@@ -157,8 +157,6 @@ pub struct Controller<const N: usize = 2, const K: usize = 3, const B: usize = 1
     /// Smallest force of each group, in N, and its bias current, in A.
     pub(super) f0_n: [f64; G],
     pub(super) bias_a: [f64; G],
-    /// Lower limits of the predicted gaps, in m.
-    pub(super) floor_m: [f64; K],
     pub(super) observer: PerturbationObserver,
     /// `[k_0, k_1]` in 1/s² and 1/s.
     pub(super) gains: [f64; 2],
@@ -190,7 +188,6 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             group: array::from_fn(|k| Rotor::<N, K, B>::MACHINE.group(k)),
             f0_n: array::from_fn(|g| law.f0_n[groups[g].0]),
             bias_a: array::from_fn(|g| law.bias_a[groups[g].0]),
-            floor_m: array::map(rotor.geometry().gap_m, |gap_m| SMALLEST_GAP * gap_m),
             observer: PerturbationObserver::new(law.observer_rad_s, law.step_s),
             gains: tracking_gains(law.tracking_rad_s, law.step_s),
             ramp_gains: ramp_gains(law.tracking_rad_s, law.step_s),

@@ -310,7 +310,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
     /// The gaps in m, none below its limit.
     #[inline]
     fn limited(&self, gap_m: [f64; K]) -> [f64; K] {
-        array::from_fn(|k| gap_m[k].max(self.floor_m[k]))
+        array::each(&gap_m, &self.rotor.geometry().gap_m, |gap_m, nominal_m| gap_m.max(SMALLEST_GAP * nominal_m))
     }
 
     /// The current command for an acceleration in m/s² or rad/s² with these gyroscopic moments, at these coordinates, and the gaps in m on

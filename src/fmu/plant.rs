@@ -9,7 +9,7 @@ use fmu_export::{Capabilities, Info, Invalid, Model, Resources, Step, StepError}
 use serde::{Deserialize, Serialize};
 
 use super::common::{described, info};
-use super::dependencies::{dependent, feedthrough};
+use super::dependencies::dependent;
 use crate::bearing::{Rotor, array};
 use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
@@ -106,7 +106,7 @@ fn arranged(mut rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     for coordinate in machine.coordinates {
         before(&mut rows, coordinate.rate, machine.coordinates[0].acceleration);
     }
-    let rows = rows.into_iter().map(|row| held(dependent(feedthrough(row, machine), machine)));
+    let rows = rows.into_iter().map(|row| held(dependent(row, machine)));
     described(rows.collect(), machine)
 }
 
