@@ -22,7 +22,7 @@
 //! Sizes: N coordinates, K magnets, U unknowns, T tolerances.
 
 use libm::sqrt;
-use nalgebra::{RowSVector, SMatrix, SVector};
+use nalgebra::{Matrix2, RowSVector, SMatrix, SVector};
 use serde::{Deserialize, Serialize};
 
 use super::Hold;
@@ -54,12 +54,11 @@ impl<const N: usize, const K: usize, const U: usize> Machine<N, K, U> {
     /// Change of the machine by one standard deviation of a parameter: `(M(p + σ) − M(p − σ))/2`.
     pub fn variation([more, less]: [Self; 2]) -> Self {
         let half = |a: f64, b: f64| 0.5 * (a - b);
-        let directions =
-            |k: usize| array::from_fn(|n| half(more.geometry.directions[k][n], less.geometry.directions[k][n]));
+        let directions = |a, b| array::each(&a, &b, half);
         Self {
             geometry: Geometry {
-                gap_m: array::from_fn(|k| half(more.geometry.gap_m[k], less.geometry.gap_m[k])),
-                directions: array::from_fn(directions),
+                gap_m: array::each(&more.geometry.gap_m, &less.geometry.gap_m, half),
+                directions: array::each(&more.geometry.directions, &less.geometry.directions, directions),
             },
             accelerations: (more.accelerations - less.accelerations) * 0.5,
             backward: more.backward,
@@ -174,22 +173,19 @@ pub struct Field<const N: usize, const K: usize> {
 struct Regressors<const K: usize> {
     /// `u_k`.
     square: SVector<f64, K>,
-    /// `ω² e^{jθ} − j ω̇ e^{jθ}` and `e^{jθ}`, as cosine and sine parts.
-    forward: [f64; 2],
-    backward: [f64; 2],
+    /// Columns: `ω² e^{jθ} − j ω̇ e^{jθ}` and `e^{jθ}`, as cosine and sine parts.
+    rotating: Matrix2<f64>,
     load: f64,
 }
 
 impl<const K: usize> Regressors<K> {
     /// The sum with weights for start, middle and end.
     #[inline(always)]
-    fn weighted(weights: [f64; 3], [a, b, c]: &[Self; 3]) -> Self {
-        let sum = |a: f64, b: f64, c: f64| a * weights[0] + b * weights[1] + c * weights[2];
+    fn weighted([u, v, w]: [f64; 3], [a, b, c]: &[Self; 3]) -> Self {
         Self {
-            square: a.square * weights[0] + b.square * weights[1] + c.square * weights[2],
-            forward: [0, 1].map(|part| sum(a.forward[part], b.forward[part], c.forward[part])),
-            backward: [0, 1].map(|part| sum(a.backward[part], b.backward[part], c.backward[part])),
-            load: sum(a.load, b.load, c.load),
+            square: a.square * u + b.square * v + c.square * w,
+            rotating: a.rotating * u + b.rotating * v + c.rotating * w,
+            load: a.load * u + b.load * v + c.load * w,
         }
     }
 }
@@ -251,11 +247,13 @@ fn whitening<const N: usize>(s: &Square<N>) -> Square<N> {
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFilter<N, K, U, T> {
     /// Index of the first load among the unknowns.
-    pub const LOADS: usize = U - N;
+    pub const LOADS: usize = {
+        assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T >= 2 * N + K);
+        U - N
+    };
 
     /// The state at a first sample, with a position known to σ_z and an unknown velocity.
     pub fn start(&self, sample: Sample<N, K>, position_variance: f64) -> FilterState<N, K, U, T> {
-        const { assert!(U >= N + K && (U - N - K).is_multiple_of(2) && T >= 2 * N + K) };
         // Standard deviation 1 m/s: rotors orbit more slowly within the clearance of magnetic bearings.
         let velocity_variance = 1.0 / position_variance;
         let zero = Covariance { position: Square::zeros(), mixed: Square::zeros(), rate: Square::zeros() };
@@ -290,7 +288,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     #[inline(always)]
     fn responses(&self, accelerations: &SMatrix<f64, U, N>, at: &Regressors<K>) -> SMatrix<f64, U, N> {
         let mut responses = *accelerations;
-        let inverse = [at.forward, at.backward].map(|[c, s]| [c, -s]);
+        let inverse = at.rotating.data.0.map(|[c, s]| [c, -s]);
         responses.data.0.iter_mut().for_each(|column| self.multiply(column, at, inverse));
         responses
     }
@@ -299,7 +297,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
     #[inline(always)]
     fn forces(&self, unknowns: &SVector<f64, U>, at: &Regressors<K>) -> SVector<f64, U> {
         let mut forces = *unknowns;
-        self.multiply(&mut forces.data.0[0], at, [at.forward, at.backward]);
+        self.multiply(&mut forces.data.0[0], at, at.rotating.data.0);
         forces
     }
 
@@ -352,7 +350,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
         };
         let (currents, ratios) = self.currents(&last, sample);
         let zero = SVector::<f64, K>::zeros();
-        let mut regressors = pairs.map(|[forward, backward]| Regressors { square: zero, forward, backward, load: 1.0 });
+        let mut regressors = pairs.map(|pairs| Regressors { square: zero, rotating: pairs.into(), load: 1.0 });
         let (mut position, mut reciprocal) = (last.position_m, zero);
         let mut acceleration = SVector::<f64, N>::zeros();
         for at in 0..3 {

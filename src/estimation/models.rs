@@ -16,6 +16,9 @@ use super::sums::{PredictionErrorSolution, Prior, Solution, Sums};
 use crate::bearing::array;
 use crate::variables::Array;
 
+/// Blocks of samples in a revolution: a change is detected within half of one.
+pub const QUARTERS: usize = 4;
+
 /// The models of change: memory τ, s, from a constant bearing down to less than a block at 3000 rpm, and random walk of the loads as acceleration of the
 /// rotor, m/s² per √s; 0.03 corresponds to 0.2 N in a second for 6.7 kg. Without walks ± of λ after a load ramp of 1 N/s is 1.3 instead of 0.4 %, and at 10 N/s the
 /// estimate is valid 55 instead of 100 % of the time (`montecarlo --only "hostile: load ramp" --runs 40 --seed 1200001`, noise known). The strongest walk
@@ -67,11 +70,6 @@ const FORCE_LIMITS: [f64; 2] = [0.9999, 0.50];
 /// Exponent of the weights in the spread of the models of the force, so that the stated variance covers less likely models as well. With 1, 4 of 120 runs
 /// with 0.1 and 0.3 N were off by 5 to 12 standard deviations (`montecarlo --only backward --seed 97301`), with 0.5 none.
 const FORCE_TEMPER: f64 = 0.5;
-
-/// Blocks for which a force must be in the model, without replacement of sums, before λ is trusted: two revolutions, within which the tests of spectral
-/// lines detect other disturbances that resemble such a force. Without this 6 of 120 runs with 0.5 N in a narrow band at 140 Hz, 1 N at twice the speed
-/// and an encoder with an eccentricity of 1 % were off by up to 11 standard deviations, with it 2 (seeds 984001 to 984040).
-const CONFIRMING_BLOCKS: u64 = 8;
 
 /// Greatest number of unknowns of backward forces.
 const FORCES: usize = 4;
@@ -179,9 +177,11 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         (self.changing, self.recent) = (false, None);
     }
 
-    /// Whether the model of the backward force has been selected long enough for λ to be trusted.
+    /// Whether the model of the backward force has been selected long enough for λ to be trusted: without replacement of sums for two revolutions, within
+    /// which the tests of spectral lines detect other disturbances that resemble such a force. Without this 6 of 120 runs with 0.5 N in a narrow band at
+    /// 140 Hz, 1 N at twice the speed and an encoder with an eccentricity of 1 % were off by up to 11 standard deviations, with it 2 (seeds 984001 to 984040).
     pub fn is_confirmed(&self) -> bool {
-        self.force == 0 || self.force_blocks >= CONFIRMING_BLOCKS
+        self.force == 0 || self.force_blocks >= 2 * QUARTERS as u64
     }
 
     /// The sums of the selected model.
@@ -398,12 +398,15 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     }
 }
 
-/// The prior: standard deviation of ten times the first guess for each λ, which may be ten times as large, and `std_n` in N for the unknowns of backward
-/// forces; 0 means there are none.
+/// A first guess of λ may be wrong by this factor.
+pub const WRONG_BY: f64 = 10.0;
+
+/// The prior: standard deviation of [`WRONG_BY`] times the first guess for each λ, which may be that much larger, and `std_n` in N for the unknowns of
+/// backward forces; 0 means there are none.
 pub fn prior<const K: usize, const U: usize>(lambda0: [f64; K], forces: Range<usize>, std_n: f64) -> Prior<U> {
     let mut prior = Prior { precision: SVector::zeros(), mean: SVector::zeros() };
     for (k, lambda0) in lambda0.into_iter().enumerate() {
-        prior.precision[k] = 1.0 / (10.0 * lambda0 * (10.0 * lambda0));
+        prior.precision[k] = 1.0 / (WRONG_BY * lambda0 * (WRONG_BY * lambda0));
         prior.mean[k] = lambda0;
     }
     for j in forces {

@@ -11,21 +11,19 @@ use super::CONDITION_CAP;
 use super::angle::angle_difference;
 use super::config::Verdict;
 use super::innovations::{FilterState, MAX_BRIDGED, Parameters, Sample, WhiteningFilter};
-use super::models::{Comparison, Models};
+use super::models::{Comparison, Models, QUARTERS, WRONG_BY};
 use super::noise::{Noise, OUTLIER, StartBuffer, USUAL_CURRENT_NOISE_A};
 use super::sums::{AngleTable, Prior, Solution, Sums, lambda_of};
 use super::validation::Validation;
-
-/// Blocks of samples in a revolution: a change is detected within half of one.
-const QUARTERS: usize = 4;
-
-/// Duration that counts as a revolution of a rotor at rest, s, because λ may change then as well. That of 2250 rpm.
-const REVOLUTION_AT_REST_S: f64 = 4.0 / 150.0;
 
 /// Of a fast rotor, as many revolutions count as one as come closest to this duration, s, that of 3000 rpm: loads and λ do not change faster because the
 /// rotor does. When every revolution counted, 20 of 40 runs at 12000 and 24000 rpm under 0.2 to 3 N at 50 or 100 Hz were valid but off by more than 5
 /// standard deviations, now none (noise estimated: 16, now 3; another simulator, seeds 971001 to 971020).
 const COUNTED_REVOLUTION_S: f64 = 0.02;
+
+/// Duration that counts as a revolution of a rotor at rest, s, because λ may change then as well: the longest one of a fast rotor, that of 2250 rpm, since
+/// from 1.5 revolutions in the duration above two count as one.
+const REVOLUTION_AT_REST_S: f64 = COUNTED_REVOLUTION_S * 2.0 / 1.5;
 
 /// Samples after a gap whose innovations do not count: the controller has responded to the noise of the missing samples, so the currents are correlated
 /// with the errors of the filter. With 10 and 20 % of the samples missing (`montecarlo --only "0 % of the samples" --runs 40 --seed 1470001`) 22 of 160
@@ -63,11 +61,6 @@ pub const STD_LIMIT: f64 = 0.05;
 /// at 95 to 130 Hz were off by up to 42 standard deviations, with it none (noise estimated, seeds 985001 to 985200).
 const FORCE_EXCESS: f64 = 1.5;
 const NOISE_EXCESS: f64 = 5.0;
-
-/// A first guess may be wrong by a factor of ten. A λ below it by more than this, four standard deviations of 5 % besides, is none: under a load that oscillates
-/// slowly, the force of the controller is proportional to the displacement, and λ smaller by the ratio of inertia to stiffness explains the motion as
-/// well. Without this 6 of 20 rotors at rest under 2 N at 13 Hz were valid with a twentieth of λ, 700 deviations off (another simulator, seed 978001).
-const FAR_BELOW_GUESS: f64 = 12.5;
 
 /// Time in s by which failed tests may outnumber passed ones for an estimate to become valid. Without this, estimates that passed by chance between two
 /// failures exceeded 5 standard deviations in 5 of 120 runs with 0.5 N in a narrow band and an eccentric encoder (seeds 60101 to 60120).
@@ -569,6 +562,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     ) -> Verdict {
         let was_valid = state.estimate.verdict == Verdict::Valid;
         let limit = if was_valid { 2.0 * STD_LIMIT } else { STD_LIMIT };
+        // A λ below the first guess by more than this factor and four standard deviations is none: under a load that oscillates slowly, the force of the
+        // controller is proportional to the displacement, and λ smaller by the ratio of inertia to stiffness explains the motion as well. Without this 6 of
+        // 20 rotors at rest under 2 N at 13 Hz were valid with a twentieth of λ, 700 deviations off (another simulator, seed 978001).
+        let far_below = WRONG_BY / (1.0 - 4.0 * STD_LIMIT);
         // A quarter for the first solution and a revolution until it has settled; estimating the noise takes longer.
         let least = if self.is_noise_known() { QUARTERS + 1 } else { 2 * QUARTERS };
         if state.validation.quarters() < least || (state.estimated_at.is_some() && !state.is_settled()) {
@@ -579,7 +576,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             Verdict::Uncertain
         } else if state.quarters < state.unexplained_until
             || (self.known_noise[1] > 0.0 && self.excess(noise.variances[1]) > NOISE_EXCESS)
-            || (0..K).any(|k| FAR_BELOW_GUESS * lambda[k] < self.lambda0[k])
+            || (0..K).any(|k| far_below * lambda[k] < self.lambda0[k])
         {
             Verdict::Unexplained
         } else if state.uncounted > MAX_UNCOUNTED {

@@ -25,21 +25,21 @@ use crate::variables::Array;
 /// without feedback would be off by four standard deviations.
 const ATTENUATION_VARIANCE: f64 = 0.25;
 
-/// Sums of R signals times e_0, times φ of U unknowns, and times ψ of T tolerances.
+/// Sums of U signals times e_0, times φ of the U unknowns, and times ψ of T tolerances.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-struct Products<const R: usize, const U: usize, const T: usize> {
-    right: SVector<f64, R>,
-    unknowns: SMatrix<f64, R, U>,
-    tolerances: SMatrix<f64, R, T>,
+struct Products<const U: usize, const T: usize> {
+    right: SVector<f64, U>,
+    unknowns: Square<U>,
+    tolerances: SMatrix<f64, U, T>,
 }
 
-impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
+impl<const U: usize, const T: usize> Products<U, T> {
     fn zeros() -> Self {
         Self { right: SVector::zeros(), unknowns: SMatrix::zeros(), tolerances: SMatrix::zeros() }
     }
 
     #[inline(always)]
-    fn add<const N: usize, const K: usize>(&mut self, a: &SMatrix<f64, R, N>, innovation: &Innovation<N, K, U, T>) {
+    fn add<const N: usize, const K: usize>(&mut self, a: &SMatrix<f64, U, N>, innovation: &Innovation<N, K, U, T>) {
         add_product(&mut self.right, a, &innovation.motion);
         add_product(&mut self.unknowns, a, &innovation.unknowns);
         if let Some(tolerances) = &innovation.tolerances {
@@ -59,14 +59,14 @@ impl<const R: usize, const U: usize, const T: usize> Products<R, U, T> {
         self.tolerances *= factor;
     }
 
-    /// Random walk of the last N unknowns, whose own rows are the last, with the variances Q; returns `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹`.
+    /// Random walk of the last N unknowns with the variances Q; returns `M = (Q⁻¹ + φ_Nᵀ S⁻¹ φ_N)⁻¹`.
     fn walk<const N: usize>(&mut self, variances: &SVector<f64, N>) -> Option<Square<N>> {
-        let own = self.unknowns.fixed_view::<N, N>(R - N, U - N) + Square::from_diagonal(&variances.map(|x| 1.0 / x));
+        let own = self.unknowns.fixed_view::<N, N>(U - N, U - N) + Square::from_diagonal(&variances.map(|x| 1.0 / x));
         let (m, _) = inverse(&own)?;
         let gain = self.unknowns.fixed_columns::<N>(U - N) * m;
-        self.right -= gain * self.right.fixed_rows::<N>(R - N);
-        self.tolerances -= gain * self.tolerances.fixed_rows::<N>(R - N);
-        self.unknowns -= gain * self.unknowns.fixed_rows::<N>(R - N);
+        self.right -= gain * self.right.fixed_rows::<N>(U - N);
+        self.tolerances -= gain * self.tolerances.fixed_rows::<N>(U - N);
+        self.unknowns -= gain * self.unknowns.fixed_rows::<N>(U - N);
         Some(m)
     }
 }
@@ -86,9 +86,9 @@ pub struct Sums<const K: usize, const U: usize, const T: usize> {
     weight: f64,
     square: f64,
     /// b, J, and `C = Σ φᵀ S⁻¹ ψ`.
-    predicted: Products<U, U, T>,
+    predicted: Products<U, T>,
     /// h, H and `Σ ζᵀ S⁻¹ ψ` over the samples with instruments, and `Σ ζᵀ S⁻¹ ζ` of the λ.
-    instruments: Products<U, U, T>,
+    instruments: Products<U, T>,
     instrument_square: Square<K>,
     /// Contribution of each current's noise, per σ_i², and of the angle noise to the diagonal of J.
     regressor_noise: SVector<f64, U>,

@@ -38,15 +38,11 @@ const LINE_HYSTERESIS: f64 = 0.5;
 /// Limit of the correlation of successive innovations in standard deviations, probability 5.7·10⁻⁷; innovations are clipped to it.
 const WHITENESS_LIMIT: f64 = 5.0;
 
-/// Other orders that are tested, a quarter apart: the lowest one, in quarters of an order, those left out beside the rotor, and their number. They detect
+/// Other orders that are tested, a quarter apart: their number, and how far they stay away from 0 and from the rotor, in quarters of an order. They detect
 /// forces with a frequency of their own before these bias λ. Drifting λ and unbalance leave residuals near the rotor speed, where harmonics are tested
 /// with a longer memory.
-const FIRST_ORDER: f64 = 2.0;
-const BESIDE_ROTOR: f64 = 2.0;
 const ORDERS: usize = 15;
-
-/// Memory of these orders, revolutions: minimises the loss of a line between two of them (`M/(1 + (π M/4)²)` is greatest at 4/π).
-const ORDER_REVOLUTIONS: f64 = 4.0 / PI;
+const APART: f64 = 2.0;
 
 /// Memory of correlation and mean square of the innovations, revolutions: 600 samples at 3000 rpm and 10 kHz, which give the mean square to 4 %.
 const MEAN_REVOLUTIONS: f64 = 3.0;
@@ -177,7 +173,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Counts a quarter of a revolution.
     pub fn end_quarter(&mut self) {
         self.quarters = self.quarters.map(|quarters| quarters + 1);
-        let forgetting = exp(-0.25 / ORDER_REVOLUTIONS);
+        // A memory of 4/π revolutions minimises the loss of a line between two orders: `M/(1 + (π M/4)²)` is greatest there.
+        let forgetting = exp(-0.25 / (4.0 / PI));
         self.orders.iter_mut().for_each(|line| line.scale(forgetting));
     }
 
@@ -190,8 +187,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     fn left_out(&self) -> [f64; 2] {
         let ratio = if N == 1 { 0.0 } else { self.rotor_ratio };
         // A slow rotor leaves out all orders below its own, and less above.
-        let [below, above] = if ratio > 1.0 { [BESIDE_ROTOR; 2] } else { [f64::INFINITY, BESIDE_ROTOR * ratio] };
-        [4.0 * ratio - below, 4.0 * ratio + above].map(|order| order.ceil().max(FIRST_ORDER))
+        let [below, above] = if ratio > 1.0 { [APART; 2] } else { [f64::INFINITY, APART * ratio] };
+        [4.0 * ratio - below, 4.0 * ratio + above].map(|order| order.ceil().max(APART))
     }
 
     /// Adds a fraction of a revolution, with this many revolutions of the rotor per revolution.
@@ -214,8 +211,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
         let quarter = FRAC_PI_2 * self.revolutions;
         let ([from, to], step) = (self.left_out(), angle::cos_sin(quarter));
-        let (below, above) = self.orders.split_at_mut(((from - FIRST_ORDER) as usize).min(ORDERS));
-        for (first, lines) in [(FIRST_ORDER, below), (to, above)] {
+        let (below, above) = self.orders.split_at_mut(((from - APART) as usize).min(ORDERS));
+        for (first, lines) in [(APART, below), (to, above)] {
             if !lines.is_empty() {
                 add(lines, angle::cos_sin(first * quarter), step);
             }
@@ -256,7 +253,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
         // Above 0.4 of the sampling rate cosine and sine are not independent.
         let [from, to] = self.left_out();
-        let orders = (1.6 * per_revolution - FIRST_ORDER - (to - from)).clamp(0.0, ORDERS as f64) as usize;
+        let orders = (1.6 * per_revolution - APART - (to - from)).clamp(0.0, ORDERS as f64) as usize;
         let greatest = |lines: &[Line<N, U, T>]| {
             lines.iter().map(|line| line.chi_square(found, changing, position_variance)).fold(0.0, f64::max)
         };
