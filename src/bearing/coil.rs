@@ -15,7 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::{Scalar, joined};
+use crate::bearing::Scalar;
 use crate::invalid::{Checks, Short};
 use crate::variables::unit::{HENRY, OHM, VOLT, WEBER};
 use crate::variables::{Choice, Variables};
@@ -91,11 +91,6 @@ impl CoilConfig {
 }
 
 impl<T: Scalar> CoilConfig<T> {
-    /// Combines two sets of parameters, number by number.
-    pub fn with<U: Scalar, V>(&self, other: &CoilConfig<U>, join: impl Fn(T, U) -> V) -> CoilConfig<V> {
-        joined!(self, other, join, CoilConfig { resistance_ohm, leakage_h, limit_v, saturation_wb;; drive: self.drive })
-    }
-
     /// The coil of a magnet with λ in N·m²/A² and the nominal gap in m.
     #[inline]
     pub fn of(&self, lambda_nm2_a2: T, nominal_gap_m: T) -> Coil<T> {

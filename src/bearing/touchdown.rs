@@ -15,7 +15,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::bearing::{Scalar, array, joined};
+use crate::bearing::{Scalar, array};
 use crate::machine::Bearing;
 use crate::variables::Variables;
 use crate::variables::unit::{METRE, NEWTON_PER_METRE, NEWTON_SECOND_PER_METRE, ONE};
@@ -69,11 +69,6 @@ impl TouchdownConfig {
 }
 
 impl<T: Scalar> TouchdownConfig<T> {
-    /// Combines two sets of parameters, number by number.
-    pub fn with<U: Scalar, V>(&self, other: &TouchdownConfig<U>, join: impl Fn(T, U) -> V) -> TouchdownConfig<V> {
-        joined!(self, other, join, TouchdownConfig { clearance_m, stiffness_n_m, damping_ns_m, friction, radius_m;; })
-    }
-
     /// The normal force N, in N; meaningless unless [`touches`](TouchdownConfig::touches).
     pub fn push_n(&self, position_m: [T; 2], velocity_m_s: [T; 2]) -> T {
         let ([y, z], [v_y, v_z]) = (position_m, velocity_m_s);

@@ -48,6 +48,7 @@ use crate::bearing::magnet::{self, Magnets, Used};
 use crate::bearing::{Rotor, array};
 use crate::control::controller::{Controller, ControllerInput, ControllerOutput};
 use crate::control::observer::{Estimate, pole};
+use crate::control::phase::Phase;
 use crate::control::reference::RefPoint;
 use crate::invalid::{Checks, NotFinite, are_finite};
 use crate::machine::Machine;
@@ -254,7 +255,7 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
             lambda_nm2_a2: self.config.law.lambda0_nm2_a2,
             updated: false,
             preload_n: self.f0_n,
-            excitation: self.excitation_at_start(),
+            excitation: [Excitation { factor: 1.0, phase: Phase::default() }; G],
         }
     }
 

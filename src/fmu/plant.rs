@@ -15,7 +15,7 @@ use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
 use crate::plant::sensor::Channels;
 use crate::plant::{
-    self, AtBearing, Conditions, Equations, INSTANT_TOLERANCE, Instant, Motion, Plant, PlantConfigOf, PlantInput,
+    self, AtBearing, Conditions, INSTANT_TOLERANCE, Motion, Plant, PlantConfigOf, PlantInput,
     PlantOutput, PlantState,
 };
 use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
@@ -139,7 +139,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         values.velocity_m_s = state.motion.velocity_m_s;
         values.measured_position_m = state.measured.position_m;
         values.measured_current_a = state.measured.current_a;
-        values.measured_theta_rad = state.measured.theta_rad;
+        values.measured_theta_rad = state.measured_theta_rad;
         values.theta_rad = state.theta_rad;
         values.omega_rad_s = values.input.omega_rad_s;
         values.output = self.outputs(state, &values.input, time_s);
@@ -288,11 +288,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// The derivatives of the given order of all outputs.
     fn derivatives_of(line: &Point<Taylor<3>, N, K, B>, order: usize) -> (PlantOutput<f64, N, K>, [AtBearing; B]) {
         let of = |series: Taylor<3>| series.derivative(order);
-        let equations = Equations::new(line.config.clone());
-        let Point { motion, input, conditions, .. } = line;
-        let at = Instant { motion, input, conditions: *conditions };
-        let output = equations.outputs(&at);
-        let at_bearings = equations.at_bearings(&at, output.force_n);
+        let (output, at_bearings) = line.outputs();
         (output.map(of), array::map(at_bearings, |at| at.map(of)))
     }
 

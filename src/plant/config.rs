@@ -147,8 +147,12 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> PlantConfigOf<T,
             lambda_nm2_a2, unbalance_kgm, unbalance_phase_rad, unbalance_position_m, gravity_m_s2, position_m, velocity_m_s;
             rotor: rotor,
             harmonic: joined!(harmonic, others, join, Harmonic { omega_rad_s; amplitude_n, phase_rad; }),
-            coil: self.coil.with(&other.coil, join),
-            touchdown: std::array::from_fn(|b| self.touchdown[b].with(&other.touchdown[b], join)),
+            coil: joined!(&self.coil, &other.coil, join, CoilConfig {
+                resistance_ohm, leakage_h, limit_v, saturation_wb;; drive: self.coil.drive
+            }),
+            touchdown: std::array::from_fn(|b| joined!(&self.touchdown[b], &other.touchdown[b], join, TouchdownConfig {
+                clearance_m, stiffness_n_m, damping_ns_m, friction, radius_m;;
+            })),
             sensor: self.sensor.clone(),
             max_step_s: self.max_step_s
         })

@@ -11,7 +11,7 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::bearing::{Scalar, array, joined};
-use crate::plant::{Conditions, Equations, Instant, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
+use crate::plant::{AtBearing, Conditions, Equations, Instant, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -169,9 +169,12 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Point<T, N, K, B
         }
     }
 
-    /// The outputs at this point.
-    pub fn outputs(&self) -> PlantOutput<T, N, K> {
-        let Self { config, motion, input, conditions } = self;
-        Equations::new(config.clone()).outputs(&Instant { motion, input, conditions: *conditions })
+    /// The outputs at this point, and those at the bearings.
+    pub fn outputs(&self) -> (PlantOutput<T, N, K>, [AtBearing<T>; B]) {
+        let (Self { motion, input, conditions, .. }, equations) = (self, Equations::new(self.config.clone()));
+        let at = Instant { motion, input, conditions: *conditions };
+        let output = equations.outputs(&at);
+        let at_bearings = equations.at_bearings(&at, output.force_n);
+        (output, at_bearings)
     }
 }

@@ -53,10 +53,10 @@ mod trajectory;
 use serde::{Deserialize, Serialize};
 
 use crate::bearing::{Drive, Rotor, array};
-use crate::invalid::{Checks, Invalid, are_finite};
+use crate::invalid::{Checks, Invalid};
 pub use crate::plant::sensor::SensorConfig;
 use crate::plant::sensor::{Channels, DelayLine, Sample};
-use crate::variables::Saved;
+use crate::variables::{Saved, is_finite};
 
 pub use config::{Harmonic, PLANES, PlantConfig, PlantConfigOf};
 pub use equations::{Conditions, Equations, Instant, Motion, PlantInput, PlantOutput};
@@ -78,18 +78,6 @@ pub const ROUNDING_TOLERANCE: f64 = 1e-6;
 /// Shorter ones are lost in the rounding of the time, or take forever.
 pub const SHORTEST_STEP_S: f64 = 1e-9;
 
-/// The last reading of the sensors.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(bound = "[f64; N]: Saved, [f64; K]: Saved")]
-pub struct Measured<const N: usize = 2, const K: usize = 3> {
-    /// Positions, in m: (Y, Z) of the planar rotor.
-    pub position_m: [f64; N],
-    /// Currents held over the interval that ended at the instant, with voltage drive those at the instant, in A.
-    pub current_a: [f64; K],
-    /// Angle of the rotor, unwrapped, in rad.
-    pub theta_rad: f64,
-}
-
 /// State of a [`Plant`].
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(bound = "[f64; N]: Saved, [f64; K]: Saved, [bool; K]: Saved, [bool; B]: Saved, Channels<N, K>: Saved")]
@@ -104,8 +92,10 @@ pub struct PlantState<const N: usize = 2, const K: usize = 3, const B: usize = 1
     pub open: [bool; K],
     /// Angle of the rotor, unwrapped, in rad.
     pub theta_rad: f64,
-    /// The last sample.
-    pub measured: Measured<N, K>,
+    /// The last sample; its currents are those held over the interval that ended at the instant, with voltage drive those at the instant.
+    pub measured: Sample<N, K>,
+    /// Angle of the rotor at that sample, unwrapped, in rad.
+    pub measured_theta_rad: f64,
     /// Number of samples delivered; sample k is that of `start + k · T_s`.
     pub samples: u64,
     /// Start time, in s.
@@ -195,7 +185,8 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
             contact: config.touches(&position_m, &velocity_m_s),
             open: [false; K],
             theta_rad,
-            measured: Measured { position_m: [0.0; N], current_a: [0.0; K], theta_rad: 0.0 },
+            measured: sample,
+            measured_theta_rad: theta_rad,
             samples: 0,
             start_s,
             rotation: UniformRotation { base_rad: theta_rad, since_s: start_s, omega_rad_s: 0.0 },
@@ -272,11 +263,11 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
 
     /// Whether a state, for instance one read from a file, belongs to this plant at `t_s`, in s: its numbers are finite, the
     /// rotor is inside the gap, and all samples before `t_s`, but none after it, have been taken.
-    pub fn accepts(&self, state: &PlantState<N, K, B>, t_s: f64) -> bool {
+    pub fn accepts(&self, state: &PlantState<N, K, B>, t_s: f64) -> bool
+    where
+        PlantState<N, K, B>: Serialize,
+    {
         let step_s = self.config().sensor.step_s;
-        let UniformRotation { base_rad, since_s, omega_rad_s } = state.rotation;
-        let numbers = [state.time_s, state.start_s, state.theta_rad, base_rad, since_s, omega_rad_s, t_s];
-        let numbers = [&numbers[..], &state.motion.position_m, &state.motion.velocity_m_s, &state.motion.linkage_wb];
         let inside = self.equations.geometry().gaps(state.motion.position_m).iter().all(|gap| *gap > 0.0);
         // Importers may begin a step slightly off the end of the last one.
         let slack_s = step_s + 1e-6 * t_s.abs().max(1.0);
@@ -284,7 +275,7 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
         let taken = instant_s(state.samples) >= t_s - slack_s && instant_s(state.samples.max(1) - 1) <= t_s + slack_s;
         let delay = (self.config().sensor.delay_s / step_s) as u64 + 2;
         let possible = state.samples.saturating_sub(2)..=state.samples.saturating_add(delay);
-        are_finite(&numbers)
+        is_finite(state)
             && inside
             && taken
             && (self.config().sensor.delay_s == 0.0 || possible.contains(&state.delayed.taken))
@@ -320,8 +311,8 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
 
     /// Adds the sensor errors to a sample and delivers it.
     fn deliver(&self, state: &mut PlantState<N, K, B>, sample: Sample<N, K>) {
-        let Sample { position_m, current_a } = self.config().sensor.read(&sample, &mut state.noise);
-        state.measured = Measured { position_m, current_a, theta_rad: state.theta_rad };
+        state.measured = self.config().sensor.read(&sample, &mut state.noise);
+        state.measured_theta_rad = state.theta_rad;
         state.samples += 1;
     }
 }

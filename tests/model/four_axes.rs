@@ -52,7 +52,7 @@ fn all_six_force_constants_are_found_in_closed_loop() {
         let command = controller.sample(&mut held, &measured).expect("a command");
         let (position_m, current_a) = (rotor.measured.position_m, rotor.measured.current_a);
         let mut seen = EstimatorInputOf { position_m, current_a, omega_rad_s, enable: true, ..Default::default() };
-        seen.theta_rad = rotor.measured.theta_rad;
+        seen.theta_rad = rotor.measured_theta_rad;
         estimator.sample(&mut estimate, &seen);
         plant.advance(&mut rotor, &InputTrajectory::held(&input), f64::from(sample) * STEP_S, STEP_S).expect("a step");
         beside.advance(&mut other, &InputTrajectory::held(&copy), f64::from(sample) * STEP_S, STEP_S).expect("a step");

@@ -52,7 +52,7 @@ fn stiffness_and_gain_of_a_pair_are_those_of_the_textbook() {
     let slope = |direction: &dyn Fn(&mut Point<f64, 1, 2, 1>)| {
         let mut towards = point.with(&point, |_, _: f64| 0.0);
         direction(&mut towards);
-        let Taylor([_, slope]) = point.along(&towards).outputs().acceleration_m_s2[0];
+        let Taylor([_, slope]) = point.along(&towards).outputs().0.acceleration_m_s2[0];
         m_kg * slope
     };
     let k_i = slope(&|towards| towards.input.current_a = [1.0, -1.0]);

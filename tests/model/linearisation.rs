@@ -105,7 +105,7 @@ fn the_values_are_those_of_the_plant() {
                 let (mut state, input) = random_point(&plant, &mut numbers, round % 4 == 0);
                 state.open[1] = round % 8 == 1;
                 let point = Point::of(&plant, &state, &input, 0.3);
-                let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs();
+                let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs().0;
                 let wanted = plant.outputs(&state, &input, 0.3);
                 assert_eq!(of_order(&got, 0), values(wanted));
             }
@@ -135,8 +135,8 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                     at.set((at.get() + 1) % weights.len());
                     value * weights[at.get()]
                 });
-                let got = of_order(&point.along::<2>(&direction).outputs(), 1);
-                let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs());
+                let got = of_order(&point.along::<2>(&direction).outputs().0, 1);
+                let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
                 let quotient = combined(&sides, |[a, b, c, d]| (a - 8.0 * b + 8.0 * c - d) / (12.0 * h));
@@ -171,7 +171,7 @@ fn derivatives_in_time_are_those_of_the_motion() {
                 let short = point.in_time::<3>(&slopes);
                 // The Taylor polynomial of the motion must satisfy the equations of motion: the outputs at τ against their series.
                 let long = point.in_time::<7>(&slopes);
-                let (rate, exact) = (short.outputs(), long.outputs());
+                let (rate, exact) = (short.outputs().0, long.outputs().0);
                 let pull_n = exact.force_n.iter().fold(0.0, |most: f64, force| most.max(force.0[0]));
                 for (a, inertia) in plant.config().rotor.shaft.inertia::<N>().into_iter().enumerate() {
                     assert_eq!(short.motion.velocity_m_s[a].0[0], state.motion.velocity_m_s[a]);
@@ -183,7 +183,7 @@ fn derivatives_in_time_are_those_of_the_motion() {
                 let tau = 1e-6;
                 let moved =
                     long.with(&long, |series, _: Taylor<7>| series.0.iter().rev().fold(0.0, |sum, c| sum * tau + c));
-                let there = values(moved.outputs());
+                let there = values(moved.outputs().0);
                 let orders: [_; 7] = std::array::from_fn(|order| of_order(&exact, order));
                 let series = combined(&orders, |orders| orders.into_iter().rev().fold(0.0, |sum, c| sum * tau + c));
                 agree("series", &series, &there, 1e-11, &FLOOR);

@@ -3,6 +3,7 @@
 use crate::prelude::*;
 
 use magnetic_bearing::plant::integration::substeps;
+use magnetic_bearing::plant::sensor::Sample;
 
 const OMEGA_RAD_S: f64 = TAU * 50.0;
 
@@ -158,8 +159,9 @@ fn outputs_are_the_equations_of_motion() {
 fn a_sample_of_the_current_is_the_one_held_before() {
     let plant = plant(PlantConfig::default());
     let mut state = plant.start(2.0);
-    let first = state.measured.clone();
-    assert_eq!(first, Measured { position_m: [30e-6, 0.0], current_a: [0.0; 3], theta_rad: 0.0 });
+    let first = state.measured;
+    assert_eq!(first, Sample { position_m: [30e-6, 0.0], current_a: [0.0; 3] });
+    assert_eq!(state.measured_theta_rad, 0.0);
     let at = |i| PlantInput { current_a: [i; 3], ..held() };
     plant.advance(&mut state, &InputTrajectory::held(&at(1.0)), 2.0, 0.5 * STEP_S).expect("advance");
     assert_eq!(state.measured, first, "half a step reads nothing");
@@ -168,28 +170,28 @@ fn a_sample_of_the_current_is_the_one_held_before() {
     assert_eq!(state.measured.current_a, [1.5; 3]);
     assert_eq!(state.measured.position_m, state.motion.position_m);
     assert_eq!(state.samples, 2);
-    below("θ in rad", (state.measured.theta_rad - OMEGA_RAD_S * STEP_S).abs(), 1e-12);
+    below("θ in rad", (state.measured_theta_rad - OMEGA_RAD_S * STEP_S).abs(), 1e-12);
 }
 
 /// The samples taken during these steps from `start_s`.
-fn samples_of(config: PlantConfig, start_s: f64, steps: impl Iterator<Item = (f64, f64)>) -> Vec<Measured> {
+fn samples_of(config: PlantConfig, start_s: f64, steps: impl Iterator<Item = (f64, f64)>) -> Vec<Sample> {
     let plant = plant(config);
     let mut state = plant.start(start_s);
-    let mut samples = vec![state.measured.clone()];
+    let mut samples = vec![state.measured];
     for (t_s, h_s) in steps {
         let before = state.samples;
         plant.advance(&mut state, &InputTrajectory::held(&held()), t_s, h_s).expect("advance");
         // Of the samples within a long step only the last is visible.
         for _ in before..state.samples {
-            samples.push(state.measured.clone());
+            samples.push(state.measured);
         }
     }
     samples
 }
 
-fn worst_position(a: &[Measured], b: &[Measured]) -> f64 {
+fn worst_position(a: &[Sample], b: &[Sample]) -> f64 {
     assert_eq!(a.len(), b.len(), "number of samples");
-    let distance = |(a, b): (&Measured, &Measured)| {
+    let distance = |(a, b): (&Sample, &Sample)| {
         (a.position_m[0] - b.position_m[0]).abs().max((a.position_m[1] - b.position_m[1]).abs())
     };
     a.iter().zip(b).map(distance).fold(0.0, f64::max)
@@ -270,7 +272,7 @@ fn no_step_loses_or_doubles_a_sample() {
     // More than one sample time per step: compare the last sample.
     let walked = samples_of(all_on(), 0.0, walk(vec![1.3 * STEP_S, 3.9 * STEP_S]).into_iter());
     assert_eq!(walked.len(), plain.len());
-    let last = |samples: &[Measured]| samples[samples.len() - 1..].to_vec();
+    let last = |samples: &[Sample]| samples[samples.len() - 1..].to_vec();
     below("steps of 1.3 sample times, position in m", worst_position(&last(&walked), &last(&plain)), DIVISION_M);
 
     let plant = plant(all_on());

@@ -58,30 +58,17 @@ impl<const N: usize, const K: usize, const B: usize, const G: usize> Controller<
         let samples = state.samples;
         let excitation = &mut state.excitation[g];
         if frequency_hz != excitation.phase.rate {
-            // f changes after the last commanded force.
+            // f changes after the last commanded force. The first one is for the middle of the interval of held currents, or for the end of that of held
+            // voltages.
+            let ahead = if self.config.law.coil.drive == Drive::Current { 1.5 } else { 2.0 };
             let (base, base_sample) = match samples.checked_sub(1) {
                 Some(last) => (wrapped(excitation.phase.at(last, step_s)), last),
-                None => (self.first_phase_rev(frequency_hz), 0),
+                None => (wrapped(frequency_hz * (ahead * step_s)), 0),
             };
             excitation.phase = Phase { base, base_sample, rate: frequency_hz };
         }
         let phase_rev = wrapped(excitation.phase.at(samples, step_s));
         excitation.factor = if modulation == 0.0 { 1.0 } else { 1.0 + modulation * libm::sin(TAU * phase_rev) };
         excitation.factor
-    }
-
-    /// The modulation before the first sample.
-    pub(super) fn excitation_at_start(&self) -> [Excitation; G] {
-        self.config.law.modulation_hz.map(|frequency_hz| {
-            let phase = Phase { base: self.first_phase_rev(frequency_hz), base_sample: 0, rate: frequency_hz };
-            Excitation { factor: 1.0, phase }
-        })
-    }
-
-    /// φ of the force commanded by the first sample, in revolutions: for the middle of the interval of held currents, or the end of that
-    /// of held voltages.
-    fn first_phase_rev(&self, frequency_hz: f64) -> f64 {
-        let samples = if self.config.law.coil.drive == Drive::Current { 1.5 } else { 2.0 };
-        wrapped(frequency_hz * (samples * self.config.law.step_s))
     }
 }
