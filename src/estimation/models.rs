@@ -288,7 +288,7 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     /// their scatter: the data do not distinguish an oscillating λ from a force that beats with the motion, in which case the mean is right.
     pub fn mix(&mut self, prior: &Prior<U>, variances: [f64; 2], time_s: f64) {
         self.spread = SVector::zeros();
-        let Some(selected) = self.sums().solve(prior, variances) else { return };
+        let Some(selected) = self.sums[self.selected].solve(prior, variances) else { return };
         let log_odds = self.log_odds();
         let most = log_odds.into_iter().fold(f64::NEG_INFINITY, f64::max);
         let weights = |power: f64| {
@@ -310,10 +310,10 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     }
 
     /// The prior of the unknowns in the selected model, from that with the widest prior of the backward forces.
-    pub fn prior(&self, widest: &Prior<U>, forces: Range<usize>) -> Prior<U> {
-        let mut prior = *widest;
-        for (n, j) in forces.clone().enumerate() {
-            prior.precision[j] = precisions(self.force, forces.len(), prior.precision[j])[n];
+    pub fn prior(&self, widest: &Prior<U>) -> Prior<U> {
+        let mut prior = widest.clone();
+        for (n, j) in widest.forces.clone().enumerate() {
+            prior.precision[j] = precisions(self.force, widest.forces.len(), prior.precision[j])[n];
         }
         prior
     }
@@ -326,18 +326,16 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
     /// `F_S = P_S Λz` and the evidence `½ (Λz)ᵀ F_S + ½ ln det (P_S S⁻¹)`.
     pub fn select(
         &mut self,
-        widest: &Prior<U>,
-        found: &PredictionErrorSolution<U, T>,
+        found: &PredictionErrorSolution<'_, K, U, T>,
         combined: &Solution<U, T>,
-        forces: Range<usize>,
-        variance: f64,
         is_plausible: bool,
     ) -> Option<SVector<f64, U>> {
-        if forces.is_empty() || widest.precision[forces.start] >= FIXED {
+        let (Prior { precision, forces, .. }, variance) = (found.prior, found.position_variance);
+        if forces.is_empty() || precision[forces.start] >= FIXED {
             return Some(self.spread);
         }
         let at = |n: usize| Some(forces.start + n).filter(|j| forces.contains(j));
-        let precision = widest.precision[forces.start];
+        let precision = precision[forces.start];
         // Unused places get the prior alone, which makes no difference.
         let covariance = SMatrix::<f64, FORCES, FORCES>::from_fn(|r, c| match (at(r), at(c)) {
             (Some(r), Some(c)) => found.inverse[(r, c)] * variance,
@@ -404,12 +402,12 @@ pub const WRONG_BY: f64 = 10.0;
 /// The prior: standard deviation of [`WRONG_BY`] times the first guess for each λ, which may be that much larger, and `std_n` in N for the unknowns of
 /// backward forces; 0 means there are none.
 pub fn prior<const K: usize, const U: usize>(lambda0: [f64; K], forces: Range<usize>, std_n: f64) -> Prior<U> {
-    let mut prior = Prior { precision: SVector::zeros(), mean: SVector::zeros() };
+    let mut prior = Prior { precision: SVector::zeros(), mean: SVector::zeros(), forces };
     for (k, lambda0) in lambda0.into_iter().enumerate() {
         prior.precision[k] = 1.0 / (WRONG_BY * lambda0 * (WRONG_BY * lambda0));
         prior.mean[k] = lambda0;
     }
-    for j in forces {
+    for j in prior.forces.clone() {
         prior.precision[j] = (1.0 / (std_n * std_n)).min(FIXED);
     }
     prior

@@ -1,7 +1,6 @@
 //! The estimator: whitening filter, prediction errors and instrumental variables, noise, models, validation.
 
 use std::f64::consts::TAU;
-use std::ops::Range;
 
 use libm::sqrt;
 use nalgebra::SVector;
@@ -397,12 +396,12 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         }
         // The solutions with the widest prior of the backward forces, and with that of the selected model.
         let solutions = sums.solve(&self.prior, variances).and_then(|found| {
-            let widest = found.combine(&sums, &self.prior, variances[0]);
+            let widest = found.combine();
             let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
-            let model = state.models.select(&self.prior, &found, &widest, self.forces(), variances[0], is_plausible)?;
-            let prior = state.models.prior(&self.prior, self.forces());
+            let model = state.models.select(&found, &widest, is_plausible)?;
+            let prior = state.models.prior(&self.prior);
             let found = if prior == self.prior { found } else { sums.solve(&prior, variances)? };
-            let solution = Solution { model, ..found.combine(&sums, &prior, variances[0]) };
+            let solution = Solution { model, ..found.combine() };
             Some((widest, solution, found.condition))
         });
         let Some((widest, solution, condition)) = solutions else {
@@ -447,11 +446,6 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         sqrt(current_variance) / if stated_a > 0.0 { stated_a } else { USUAL_CURRENT_NOISE_A }
     }
 
-    /// The backward forces among the unknowns.
-    fn forces(&self) -> Range<usize> {
-        self.filter.machine.backward..U - N
-    }
-
     /// Ends the quarter if it is over, and reports.
     fn end_sample(&self, state: &mut PredictionErrorState<N, K, U, T>) -> Verdict {
         if state.passed * QUARTERS as f64 >= 1.0 {
@@ -471,7 +465,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.trusted.rotate_left(1);
         let is_valid = state.estimate.verdict == Verdict::Valid;
         state.trusted[QUARTERS - 1] = if is_valid { Some(noise) } else { state.trusted[QUARTERS - 2].clone() };
-        let prior = state.models.prior(&self.prior, self.forces());
+        let prior = state.models.prior(&self.prior);
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.forgetting_factor(time_s), time_s);
             let nis = state.validation.nis_with_degrees(state.per_revolution());
@@ -491,7 +485,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         if let Some(found) = state.models.sums().solve(&prior, variances) {
             let changing = state.models.forgetting_factor(time_s) < 1.0;
             let per_revolution = state.per_revolution();
-            state.validation.test_lines(&found, changing, variances[0], per_revolution);
+            state.validation.test_lines(&found, changing, per_revolution);
         }
         let revolution = &mut state.revolution;
         revolution.sums.merge(&block);

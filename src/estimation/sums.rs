@@ -11,6 +11,7 @@
 //! A Gaussian [`Prior`] adds its precision R to J, H and G, and R times its mean to b and h.
 
 use std::f64::consts::TAU;
+use std::ops::Range;
 
 use libm::{log, sqrt};
 use nalgebra::{SMatrix, SVector};
@@ -72,10 +73,12 @@ impl<const U: usize, const T: usize> Products<U, T> {
 }
 
 /// Prior knowledge of the unknowns: inverse variances and means.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Prior<const U: usize> {
     pub precision: SVector<f64, U>,
     pub mean: SVector<f64, U>,
+    /// The backward forces among the unknowns.
+    pub forces: Range<usize>,
 }
 
 /// Sums over samples, for K magnets, U unknowns and T tolerances.
@@ -196,8 +199,12 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
     }
 
     /// The prediction-error estimate with a prior, for these variances of the noise of positions and currents.
-    pub fn solve(&self, prior: &Prior<U>, [position, current]: [f64; 2]) -> Option<PredictionErrorSolution<U, T>> {
-        let (information, right) = self.with_prior(prior, position);
+    pub fn solve<'a>(
+        &'a self,
+        prior: &'a Prior<U>,
+        [position_variance, current]: [f64; 2],
+    ) -> Option<PredictionErrorSolution<'a, K, U, T>> {
+        let (information, right) = self.with_prior(prior, position_variance);
         let (inverse, condition) = inverse(&information)?;
         let unknowns = inverse * right;
         let noise = SVector::from_fn(|j, _| if j < K { current } else { 1.0 } * self.regressor_noise[j] * unknowns[j]);
@@ -209,6 +216,9 @@ impl<const K: usize, const U: usize, const T: usize> Sums<K, U, T> {
             sensitivity = -inverse * by_tolerance;
         }
         unknowns.iter().chain(&attenuation).all(|x| x.is_finite()).then_some(PredictionErrorSolution {
+            sums: self,
+            prior,
+            position_variance,
             unknowns,
             attenuation,
             information,
@@ -263,7 +273,10 @@ pub fn lambda_of<const K: usize, const U: usize>(unknowns: &SVector<f64, U>) -> 
 }
 
 /// The estimate from prediction errors alone.
-pub struct PredictionErrorSolution<const U: usize, const T: usize> {
+pub struct PredictionErrorSolution<'a, const K: usize, const U: usize, const T: usize> {
+    sums: &'a Sums<K, U, T>,
+    pub prior: &'a Prior<U>,
+    pub position_variance: f64,
     pub unknowns: SVector<f64, U>,
     /// Largest attenuation of the unknowns by current noise in the regressors: `J⁻¹ D λ σ_i²`.
     attenuation: SVector<f64, U>,
@@ -273,22 +286,17 @@ pub struct PredictionErrorSolution<const U: usize, const T: usize> {
     pub condition: f64,
 }
 
-impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
+impl<const K: usize, const U: usize, const T: usize> PredictionErrorSolution<'_, K, U, T> {
     /// The combined estimate: the attenuation counts as a bias with a known direction a and an unknown size s with the prior variance V,
     /// [`ATTENUATION_VARIANCE`]. The instruments, free of this bias, determine s as far as they can.
     ///
     /// With `l = J a/(aᵀ J a)`, so that `lᵀ a = 1`, the difference `lᵀ (ϑ_IV − ϑ_PE)` is s with the variance `v = lᵀ (P_IV − P_PE) l`. So
     /// `ŝ = V lᵀ (ϑ_IV − ϑ_PE)/(V + v)`, `ϑ = ϑ_PE + ŝ a`, and the variance is that of ϑ_PE and `a² V v/(V + v)`.
-    pub fn combine<const K: usize>(
-        &self,
-        sums: &Sums<K, U, T>,
-        prior: &Prior<U>,
-        position_variance: f64,
-    ) -> Solution<U, T> {
-        let a = &self.attenuation;
+    pub fn combine(&self) -> Solution<U, T> {
+        let (a, position_variance) = (&self.attenuation, self.position_variance);
         let l = self.information * a;
         let weight = a.dot(&l);
-        let contrast = if weight > 0.0 { self.contrast(sums, l / weight, prior, position_variance) } else { None };
+        let contrast = if weight > 0.0 { self.contrast(l / weight) } else { None };
         let (size, variance, sensitivity) = match contrast {
             Some((difference, variance, sensitivity)) => {
                 let variance = (variance - position_variance / weight).max(0.0);
@@ -310,25 +318,19 @@ impl<const U: usize, const T: usize> PredictionErrorSolution<U, T> {
     }
 
     /// `lᵀ (ϑ_IV − ϑ_PE)`, the variance of `lᵀ ϑ_IV`, and the sensitivity of the difference to the tolerances.
-    fn contrast<const K: usize>(
-        &self,
-        sums: &Sums<K, U, T>,
-        l: SVector<f64, U>,
-        prior: &Prior<U>,
-        position_variance: f64,
-    ) -> Option<(f64, f64, SVector<f64, T>)> {
-        let Products { right, unknowns: h, tolerances: by_tolerance } = &sums.instruments;
-        let ridge = prior.precision * position_variance;
-        let right = right + ridge.component_mul(&prior.mean);
+    fn contrast(&self, l: SVector<f64, U>) -> Option<(f64, f64, SVector<f64, T>)> {
+        let Products { right, unknowns: h, tolerances: by_tolerance } = &self.sums.instruments;
+        let ridge = self.prior.precision * self.position_variance;
+        let right = right + ridge.component_mul(&self.prior.mean);
         let h = h + Square::from_diagonal(&ridge);
         let (scale, scaled) = scaled(&h);
         let w = solve_transposed(&scaled, l.component_mul(&scale))?.component_mul(&scale);
         let g = Square::from_fn(|r, c| match (r < K, c < K) {
-            (true, true) => sums.instrument_square[(r, c)] + if r == c { ridge[r] } else { 0.0 },
+            (true, true) => self.sums.instrument_square[(r, c)] + if r == c { ridge[r] } else { 0.0 },
             (false, true) => h[(c, r)],
             _ => h[(r, c)],
         });
-        let (difference, variance) = (w.dot(&right) - l.dot(&self.unknowns), position_variance * w.dot(&(g * w)));
+        let (difference, variance) = (w.dot(&right) - l.dot(&self.unknowns), self.position_variance * w.dot(&(g * w)));
         let sensitivity = -by_tolerance.tr_mul(&w) - self.sensitivity.tr_mul(&l);
         let is_sound = difference.is_finite() && variance >= 0.0 && variance.is_finite();
         is_sound.then_some((difference, variance, sensitivity))

@@ -114,7 +114,7 @@ impl<const N: usize, const U: usize, const T: usize> Line<N, U, T> {
     /// χ² (score test): with the estimate `ϑ = J⁻¹ b` the sums of its innovations have the covariance `C − B J⁻¹ Bᵀ`, C that of white innovations and
     /// B the sums of φ, plus the effect of the tolerances. It is `C + B J⁻¹ Bᵀ` if the unknowns may have changed since, as for predictions of data that
     /// were not used for the estimate.
-    fn chi_square(&self, found: &PredictionErrorSolution<U, T>, changing: bool, position_variance: f64) -> f64 {
+    fn chi_square<const K: usize>(&self, found: &PredictionErrorSolution<'_, K, U, T>, changing: bool) -> f64 {
         let sign = if changing { 1.0 } else { -1.0 };
         let [cc, cs, ss] = self.squares;
         // However much of a harmonic the estimate absorbs, this variance is assumed to remain, because gains change while it settles.
@@ -124,7 +124,7 @@ impl<const N: usize, const U: usize, const T: usize> Line<N, U, T> {
         let by_tolerance = [0, 1].map(|part| self.tolerances[part] + found.sensitivity.tr_mul(&self.unknowns[part]));
         let estimated = self.unknowns.map(|unknowns| found.inverse * unknowns * sign);
         let covariance = |r: usize, c: usize, white: f64| {
-            by_tolerance[r].tr_mul(&by_tolerance[c]) / position_variance
+            by_tolerance[r].tr_mul(&by_tolerance[c]) / found.position_variance
                 + Square::<N>::identity() * white
                 + self.unknowns[r].tr_mul(&estimated[c])
         };
@@ -136,7 +136,7 @@ impl<const N: usize, const U: usize, const T: usize> Line<N, U, T> {
         };
         let normalised = cosines.solve(&sums[0]);
         let remainder = sums[1] - mixed.tr_mul(&normalised);
-        (normalised.dot(&sums[0]) + sines.solve(&remainder).dot(&remainder)) / position_variance
+        (normalised.dot(&sums[0]) + sines.solve(&remainder).dot(&remainder)) / found.position_variance
     }
 }
 
@@ -240,11 +240,10 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     }
 
     /// Tests the lines in the residuals of an estimate; `changing` if the unknowns may have changed while the sums were accumulated.
-    pub fn test_lines(
+    pub fn test_lines<const K: usize>(
         &mut self,
-        found: &PredictionErrorSolution<U, T>,
+        found: &PredictionErrorSolution<'_, K, U, T>,
         changing: bool,
-        position_variance: f64,
         per_revolution: f64,
     ) {
         // Harmonics need a whole revolution.
@@ -254,9 +253,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         // Above 0.4 of the sampling rate cosine and sine are not independent.
         let [from, to] = self.left_out();
         let orders = (1.6 * per_revolution - APART - (to - from)).clamp(0.0, ORDERS as f64) as usize;
-        let greatest = |lines: &[Line<N, U, T>]| {
-            lines.iter().map(|line| line.chi_square(found, changing, position_variance)).fold(0.0, f64::max)
-        };
+        let greatest =
+            |lines: &[Line<N, U, T>]| lines.iter().map(|line| line.chi_square(found, changing)).fold(0.0, f64::max);
         let harmonics = if self.rotor_ratio > 0.0 { greatest(&self.harmonics) } else { 0.0 };
         self.greatest = [harmonics, greatest(&self.orders[..orders])];
     }

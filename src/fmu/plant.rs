@@ -15,8 +15,7 @@ use crate::machine::{Coordinate, Machine};
 use crate::plant::linearisation::{Point, Taylor};
 use crate::plant::sensor::Channels;
 use crate::plant::{
-    self, AtBearing, Conditions, INSTANT_TOLERANCE, Motion, Plant, PlantConfigOf, PlantInput,
-    PlantOutput, PlantState,
+    self, AtBearing, Conditions, INSTANT_TOLERANCE, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState,
 };
 use crate::variables::unit::{AMPERE, METRE, METRE_PER_SECOND, RADIAN, RADIAN_PER_SECOND};
 use crate::variables::{Saved, Variables};

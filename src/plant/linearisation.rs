@@ -11,7 +11,9 @@
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 use crate::bearing::{Scalar, array, joined};
-use crate::plant::{AtBearing, Conditions, Equations, Instant, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState};
+use crate::plant::{
+    AtBearing, Conditions, Equations, Instant, Motion, Plant, PlantConfigOf, PlantInput, PlantOutput, PlantState,
+};
 
 /// The coefficients c of `Σ_j c_j τ^j`, j < N.
 #[derive(Clone, Copy, Debug, PartialEq)]

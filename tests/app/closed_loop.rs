@@ -134,7 +134,7 @@ fn models_and_instances_agree_bit_for_bit() {
                 ("?", &rotor.motion.position_m),
                 ("?m", &rotor.measured.position_m),
                 ("im", &rotor.measured.current_a),
-                ("theta", &[rotor.measured.theta_rad]),
+                ("theta", &[rotor.measured_theta_rad]),
                 ("F", &at.force_n),
                 ("F?", &at.resultant_n),
                 ("gap", &at.gap_m),
@@ -164,7 +164,7 @@ fn models_and_instances_agree_bit_for_bit() {
             let estimator_input = EstimatorInput {
                 position_m: rotor.measured.position_m,
                 current_a: rotor.measured.current_a,
-                theta_rad: rotor.measured.theta_rad,
+                theta_rad: rotor.measured_theta_rad,
                 omega_rad_s: input.omega_rad_s,
                 enable: true,
                 ..EstimatorInput::default()

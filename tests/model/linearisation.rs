@@ -136,7 +136,8 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                     value * weights[at.get()]
                 });
                 let got = of_order(&point.along::<2>(&direction).outputs().0, 1);
-                let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
+                let shifted =
+                    |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
                 let quotient = combined(&sides, |[a, b, c, d]| (a - 8.0 * b + 8.0 * c - d) / (12.0 * h));
