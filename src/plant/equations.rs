@@ -179,16 +179,11 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
         self.config.coil.of(self.config.lambda_nm2_a2[k], self.geometry.gap_m[k])
     }
 
-    /// Whether P(4) with the currents of the input gives the forces.
-    #[inline]
-    fn is_plain(&self) -> bool {
-        self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0
-    }
-
     /// The coils at the gaps in m, computed from the flux linkages with voltage drive, otherwise from the input currents.
+    #[inline]
     pub(super) fn coils(&self, at: &Instant<'_, T, N, K, B>, gap_m: [T; K]) -> [CoilPoint<T>; K] {
         let (open, input) = (at.conditions.open, at.input);
-        if self.is_plain() {
+        if self.config.coil.drive == Drive::Current && self.config.coil.saturation_wb.value() == 0.0 {
             // P(4) literally, in the order of operations with the fewest roundings.
             let current_a = flowing(open, input.current_a);
             let force_n = forces(self.config.lambda_nm2_a2, current_a, gap_m);
@@ -207,16 +202,6 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             Drive::Current => self.coil(k).at_current(input.current_a[k], gap_m[k]),
             Drive::Voltage => self.coil(k).at_linkage(at.motion.linkage_wb[k], gap_m[k]),
         })
-    }
-
-    /// The forces of the magnets, in N, and [`Equations::coils`] if the forces need more than P(4).
-    pub(super) fn forces(&self, at: &Instant<'_, T, N, K, B>, gap_m: [T; K]) -> ([T; K], Option<[CoilPoint<T>; K]>) {
-        if self.is_plain() {
-            let current_a = flowing(at.conditions.open, at.input.current_a);
-            return (forces(self.config.lambda_nm2_a2, current_a, gap_m), None);
-        }
-        let coils = self.coils(at, gap_m);
-        (array::map(coils, |coil| coil.force_n), Some(coils))
     }
 
     /// `dψ_k/dt = u_k − R i_k` in V, u_k limited by the amplifier; 0 with current drive or if the circuit is open.
@@ -259,14 +244,13 @@ impl<T: Scalar, const N: usize, const K: usize, const B: usize> Equations<T, N, 
             let nan = T::constant(f64::NAN);
             return Motion { position_m: [nan; N], velocity_m_s: [nan; N], linkage_wb: [nan; K] };
         }
-        let (force_n, coils) = self.forces(at, gap_m);
-        let induced_v = coils.map_or([T::constant(0.0); K], |coils| self.induced_v(at, &coils));
+        let coils = self.coils(at, gap_m);
         let contact_n = self.config.contact_n(at);
-        let resultant_n = self.geometry.resultant(force_n);
+        let resultant_n = self.geometry.resultant(array::map(coils, |coil| coil.force_n));
         Motion {
             position_m: x.velocity_m_s,
             velocity_m_s: self.acceleration(at, [resultant_n, perturbation_n, contact_n]),
-            linkage_wb: induced_v,
+            linkage_wb: self.induced_v(at, &coils),
         }
     }
 

@@ -6,7 +6,7 @@ use super::{
     Conditions, InputTrajectory, Instant, Motion, Plant, PlantInput, PlantState, ROUNDING_TOLERANCE, SHORTEST_STEP_S,
     StepError, UniformRotation,
 };
-use crate::bearing::Rotor;
+use crate::bearing::{Rotor, array};
 use crate::invalid::are_finite;
 use crate::plant::integration::{rk4, substeps};
 
@@ -153,9 +153,9 @@ impl<const N: usize, const K: usize, const B: usize> Plant<N, K, B> {
     /// [`SAFETY`] over the fastest rate of the model in this state, in s.
     fn longest_step_s(&self, state: &PlantState<N, K, B>, input: &PlantInput<f64, N, K>) -> f64 {
         let gap_m = self.equations.geometry().gaps(state.motion.position_m);
-        let (force_n, coils) = self.equations.forces(&state.at(input, state.time_s), gap_m);
-        let of_coils = coils.iter().flatten().map(|coil| self.config().coil.resistance_ohm * coil.current_by_linkage);
-        let rate = self.config().rate(state, force_n, gap_m);
+        let coils = self.equations.coils(&state.at(input, state.time_s), gap_m);
+        let of_coils = coils.iter().map(|coil| self.config().coil.resistance_ohm * coil.current_by_linkage);
+        let rate = self.config().rate(state, array::map(coils, |coil| coil.force_n), gap_m);
         (SAFETY / of_coils.fold(rate, f64::max)).max(SHORTEST_STEP_S)
     }
 
