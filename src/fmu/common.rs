@@ -3,7 +3,27 @@
 use fmu_export::Info;
 use fmu_export::variable::{Causality, Row};
 
+use serde::{Deserialize, Serialize};
+
 use crate::machine::Machine;
+use crate::variables::Variables;
+
+/// Values of all variables of a sampled model.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
+#[variables(context = Machine)]
+pub struct Values<C: OfMachine, I: OfMachine, O: OfMachine> {
+    #[nested(prefix = "")]
+    pub config: C,
+    #[nested(prefix = "")]
+    pub input: I,
+    #[nested(prefix = "")]
+    pub output: O,
+}
+
+/// Variables of a machine.
+pub trait OfMachine: Variables<Context = Machine> {}
+
+impl<V: Variables<Context = Machine>> OfMachine for V {}
 
 /// Version, licence, and the paper's experiment of 0.4 s in steps of 0.1 ms.
 pub(super) const fn info((name, description): &(&'static str, &'static str)) -> Info {
@@ -26,9 +46,10 @@ pub(super) fn described(rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
     rows.collect()
 }
 
-/// As [`described`], for a sampled model, whose outputs at the start depend on the parameters only.
-pub(super) fn sampled(rows: Vec<Row<()>>, machine: &Machine) -> Vec<Row<()>> {
+/// The table of a sampled model, whose outputs at the start depend on the parameters only.
+pub(super) fn sampled<V: OfMachine + Default>(machine: &Machine) -> Vec<Row<V>> {
     let is_output = |row: &Row<()>| row.variable.causality == Causality::Output;
-    let rows = rows.into_iter().map(|row| if is_output(&row) { row.starts_from_parameters() } else { row });
-    described(rows.collect(), machine)
+    let rows = V::described(machine).into_iter();
+    let rows = rows.map(|row| if is_output(&row) { row.starts_from_parameters() } else { row });
+    V::placed(described(rows.collect(), machine))
 }

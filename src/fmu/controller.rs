@@ -6,26 +6,12 @@ use fmu_export::variable::Row;
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
 use serde::{Deserialize, Serialize};
 
-use super::common::{info, sampled};
+use super::common::{Values, info, sampled};
 use crate::bearing::Rotor;
 use crate::control::controller::{
     Controller, ControllerConfigOf, ControllerInput, ControllerOutput, ControllerState, UpdateMode,
 };
-use crate::machine::Machine;
-use crate::variables::{Saved, Variables};
-
-/// Values of all variables of a controller.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine)]
-#[serde(bound = "ControllerConfigOf<N, K, B, G>: Saved, ControllerInput<N, K>: Saved, ControllerOutput<N, K>: Saved")]
-pub struct Values<const N: usize, const K: usize, const B: usize, const G: usize> {
-    #[nested(prefix = "")]
-    config: ControllerConfigOf<N, K, B, G>,
-    #[nested(prefix = "")]
-    input: ControllerInput<N, K>,
-    #[nested(prefix = "")]
-    output: ControllerOutput<N, K>,
-}
+use crate::variables::Saved;
 
 /// Logs a change of the force constants in use.
 fn log_update<const K: usize>(log: &mut dyn Log, instant_s: f64, old: &[f64; K], new: &[f64; K]) {
@@ -49,17 +35,18 @@ pub struct State<const N: usize, const K: usize, const G: usize> {
 impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for Controller<N, K, B, G>
 where
     // Holds for every length in use; serde does not implement it for generic lengths.
-    Values<N, K, B, G>: Saved,
+    ControllerConfigOf<N, K, B, G>: Saved,
+    ControllerInput<N, K>: Saved,
+    ControllerOutput<N, K>: Saved,
     ControllerState<N, K, G>: Saved,
     State<N, K, G>: Saved + Send + Sync + 'static,
 {
     const INFO: Info = info(&Rotor::<N, K, B>::MACHINE.models[1]);
-    type Values = Values<N, K, B, G>;
+    type Values = Values<ControllerConfigOf<N, K, B, G>, ControllerInput<N, K>, ControllerOutput<N, K>>;
     type State = State<N, K, G>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        let machine = Rotor::<N, K, B>::MACHINE;
-        Values::placed(sampled(Values::<N, K, B, G>::described(machine), machine))
+        sampled(Rotor::<N, K, B>::MACHINE)
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {

@@ -4,43 +4,28 @@
 use fmu_export::log::{Digits, Log, Topic};
 use fmu_export::variable::Row;
 use fmu_export::{Info, Invalid, Resources, SampledModel, StepError};
-use serde::{Deserialize, Serialize};
 
-use super::common::{info, sampled};
-use crate::estimation::{
-    Bearings, Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict,
-};
+use super::common::{Values, info, sampled};
+use crate::estimation::{Body, Estimator, EstimatorConfigOf, EstimatorInputOf, EstimatorOutputOf, StateOf, Verdict};
 use crate::machine::Machine;
-use crate::variables::{Saved, Variables};
-
-/// Values of all variables of an estimator.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, Variables)]
-#[variables(context = Machine, default)]
-#[serde(bound = "EstimatorConfigOf<G, K>: Saved, EstimatorInputOf<N, K>: Saved, EstimatorOutputOf<N, K, P>: Saved")]
-pub struct Values<G: Bearings, const N: usize, const K: usize, const P: usize> {
-    #[nested(prefix = "")]
-    config: EstimatorConfigOf<G, K>,
-    #[nested(prefix = "")]
-    input: EstimatorInputOf<N, K>,
-    #[nested(prefix = "")]
-    output: EstimatorOutputOf<N, K, P>,
-}
+use crate::variables::Saved;
 
 /// The trait's methods take [`Values`]; calls without them go to the estimator's own.
 impl<G, const N: usize, const K: usize, const P: usize> SampledModel for Estimator<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
     // Holds for every length in use; serde does not implement it for generic lengths.
-    Values<G, N, K, P>: Saved,
+    EstimatorConfigOf<G, K>: Saved,
+    EstimatorInputOf<N, K>: Saved,
+    EstimatorOutputOf<N, K, P>: Saved,
     StateOf<G, N, K, P>: Saved + Send + Sync + 'static,
 {
     const INFO: Info = info(&Machine::of::<N, K>().models[2]);
-    type Values = Values<G, N, K, P>;
+    type Values = Values<EstimatorConfigOf<G, K>, EstimatorInputOf<N, K>, EstimatorOutputOf<N, K, P>>;
     type State = StateOf<G, N, K, P>;
 
     fn table() -> Vec<Row<Self::Values>> {
-        let machine = Machine::of::<N, K>();
-        Values::placed(sampled(Self::Values::described(machine), machine))
+        sampled(Machine::of::<N, K>())
     }
 
     fn new(values: &Self::Values, _: &Resources) -> Result<Self, Vec<Invalid>> {

@@ -1,7 +1,7 @@
 //! The models of this project as FMUs: their tables of variables, and the library that exports them.
 //!
 //! [`plant`], [`controller`] and [`estimator`] each read from top to bottom: values, table, run, for any machine. The dependencies of a
-//! plant's outputs are in `dependencies.rs`.
+//! plant's outputs are in `dependencies.rs`, the values of sampled models in `common.rs`.
 
 pub mod controller;
 pub mod estimator;

@@ -31,7 +31,7 @@ pub const ROWS_PER_AXIS: usize = 3;
 /// `Ψ_n(τ) = τ^{n−2} (τ² − h²/4) (1 − τ) ((1 − τ)² − h²/4)` at `τ = (j + ½) h`, for n ≥ 2 and j < N.
 ///
 /// `ψ_n` with central factorials of step `h = 1/N`; exactly zero half a step inside both ends.
-pub fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
+fn psi_between_nodes(n: usize, j: usize, intervals: usize) -> f64 {
     let from_start = (2 * j + 1) as f64;
     let width = (2 * intervals) as f64;
     let from_end = width - from_start;
