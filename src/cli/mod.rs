@@ -22,7 +22,7 @@ use crate::report::{campbell, experiment};
 use crate::simulation::{Pair, Recording, Scenario, ScenarioError, scenario, simulate, summary};
 use crate::studies::design;
 use crate::studies::identify::{Stated, tolerance};
-use crate::studies::montecarlo::{self, hostile, hostile::Case};
+use crate::studies::montecarlo::{self, hostile, hostile::Course};
 use crate::studies::sensitivity;
 use crate::studies::sweep::Sweep;
 use crate::studies::whirl::{self, Whirl};
@@ -596,19 +596,19 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
         return run_and_print(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
     }
     let studies = montecarlo::studies(runs);
-    let courses = hostile::courses();
-    let mut cases = hostile::cases(&courses);
+    let mut courses = hostile::courses();
     let text = arguments.only.as_deref().unwrap_or_default();
-    let titles: Vec<_> = studies.iter().map(|study| study.title.clone()).chain(cases.iter().map(Case::title)).collect();
+    let titles: Vec<_> =
+        studies.iter().map(|study| study.title.clone()).chain(courses.iter().map(Course::title)).collect();
     if !titles.iter().any(|title| title.contains(text)) {
         let message =
             format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
     }
     studies.into_iter().filter(|study| study.title.contains(text)).try_for_each(run_and_print)?;
-    cases.retain(|case| case.title().contains(text));
-    if !cases.is_empty() {
-        print::table(&hostile::table(&cases, &hostile::run(&cases, runs, seed.into())?));
+    courses.retain(|course| course.title().contains(text));
+    if !courses.is_empty() {
+        print::table(&hostile::table(&courses, &hostile::run(&courses, runs, seed.into())?));
         say!();
     }
     Ok(())

@@ -121,8 +121,8 @@ fn profile_of<'a>(scenario: &'a Scenario, lambda: &str) -> Option<&'a Profile> {
     scenario.profiles.iter().find(|profile| profile.targets.contains(&place))
 }
 
-/// The estimates for the magnets in use; `None` if the recording lacks outputs of the estimator.
-fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>> {
+/// The estimates for the magnets in use.
+fn estimates(scenario: &Scenario, recording: &Recording) -> Vec<Estimate> {
     let names = ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
     let of_magnet = |k: usize| {
         let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
@@ -130,13 +130,14 @@ fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>
         // The value during the interval that ends at the row.
         let at = |time_s: &f64| profile.and_then(|profile| profile.at(time_s - 0.5 * scenario.step_s));
         let truth: Vec<f64> = recording.time_s.iter().map(|time_s| at(time_s).map_or(start, Value::as_f64)).collect();
-        let get = |name: &str| recording.get(&format!("estimator.{name}"));
+        let path = |name: &str| format!("estimator.{name}");
         let relative = |of: &[f64]| of.iter().zip(&truth).map(|(value, truth)| value / truth).collect::<Vec<_>>();
-        Some(Estimate {
-            error: relative(get(hat)?).into_iter().map(|hat| hat - 1.0).collect(),
-            std: relative(get(std).or(get(total))?),
-            total: relative(get(total)?),
-        })
+        let total = &recording[path(total)];
+        Estimate {
+            error: relative(&recording[path(hat)]).into_iter().map(|hat| hat - 1.0).collect(),
+            std: relative(recording.get(&path(std)).unwrap_or(total)),
+            total: relative(total),
+        }
     };
     scenario.used().into_iter().map(of_magnet).collect()
 }
@@ -162,10 +163,10 @@ pub fn touched(recording: &Recording) -> Option<usize> {
 }
 
 /// Judges a run at instants in s, up to the row at which the rotor touches down, if it does. There is no bound without noise, or if a λ steps.
-pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: Option<usize>) -> Option<Trial> {
+pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: Option<usize>) -> Trial {
     let machine = scenario.machine;
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
-    let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording)?, get("valid")?);
+    let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording), &recording["estimator.valid"]);
     let lambda = machine.of_magnets("lambda");
     let jump = used.iter().filter_map(|k| profile_of(scenario, &lambda[*k])).find(|profile| profile.hold);
     let jump_s = jump.map(|profile| profile.time_s[0]);
@@ -222,7 +223,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: 
             verdict: get("verdict").map(|values| verdict(values[row])),
         });
     }
-    Some(trial)
+    trial
 }
 
 /// Errors of an unbalance, `[magnitude, phase]`: relative, and in rad within half a turn.
