@@ -14,7 +14,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_export::package::platforms::{self, Platform};
 
-use crate::machine::MACHINES;
+use crate::machine::{MACHINES, Machine};
 use crate::output::{self, Format};
 use crate::package;
 use crate::report::frame;
@@ -67,8 +67,8 @@ enum Command {
     ///
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
-        /// Machines: planar, spindle, planar4, spindle4, axial; by default the first two.
-        #[arg(value_name = "MACHINE", conflicts_with = "all", default_values = package::USUAL, hide_default_value = true)]
+        /// Machines, by default the first two of these.
+        #[arg(value_name = "MACHINE", value_parser = MACHINES.map(|machine| machine.name), conflicts_with = "all", default_values = package::USUAL, hide_default_value = true)]
         machines: Vec<String>,
         /// Packages all machines.
         #[arg(long)]
@@ -377,7 +377,8 @@ fn binary(argument: &str) -> std::result::Result<Binary, String> {
 }
 
 fn package(binaries: &[Binary], machines: &[impl AsRef<str>], arrays: bool, folder: &Path) -> Result<()> {
-    let machines = package::machines(machines).map_err(refused)?;
+    let is_wanted = |machine: &&Machine| machines.iter().any(|name| name.as_ref() == machine.name);
+    let machines: Vec<_> = MACHINES.iter().filter(is_wanted).collect();
     for written in package::package(&package::binaries(binaries)?, &machines, arrays, folder)? {
         let platforms = written.platforms.join(", ");
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
