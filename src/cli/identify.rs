@@ -95,8 +95,8 @@ pub struct Arguments {
     changes: Vec<Pair>,
     /// likelihood (maximum likelihood over the whole recording; the default), or an on-line method to compare with: predictionError, of the machine planar
     /// paperLiteral and paper as well, or all.
-    #[arg(long, value_name = "METHOD", value_parser = names::<Method>(&[LIKELIHOOD, ALL]), hide_possible_values = true)]
-    method: Option<String>,
+    #[arg(long, value_name = "METHOD", value_parser = names::<Method>(&[LIKELIHOOD, ALL]), hide_possible_values = true, default_value = LIKELIHOOD, hide_default_value = true)]
+    method: String,
     /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
     /// the scenario). The parameter is then estimated as well.
@@ -161,7 +161,7 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 impl Arguments {
     /// Identifies a bearing by maximum likelihood from all recordings, and on line from the first. Also returns the scenario.
     fn identify(&self, machine: &'static Machine) -> Result<(Results, Scenario)> {
-        let method = self.method();
+        let method = self.method.as_str();
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
         // The data decide if none is stated.

@@ -7,7 +7,7 @@ use super::bound;
 use crate::estimation::Verdict;
 use crate::simulation::synchronous::forces;
 use crate::simulation::{Profile, Recording, Scenario};
-use crate::studies::statistics::rms;
+use crate::studies::statistics::{mean, rms};
 use crate::variables::Choice;
 use fmu_export::variable::Value;
 
@@ -173,12 +173,11 @@ pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: 
     let detection_s = DETECTION_REVOLUTIONS * TAU / scenario.number("plant", "omega").abs().max(1.0);
     let time_s = &recording.time_s;
     let rows = touched.unwrap_or(time_s.len());
-    let counted = || (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
-    let good = counted().filter(|row| valid[*row] == 1.0).count();
+    let counted = (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
     let changes: Vec<f64> = (1..rows).filter(|row| valid[*row] != valid[row - 1]).map(|row| time_s[row]).collect();
     let within_a_second = |(n, begin_s): (usize, &f64)| changes.partition_point(|at_s| *at_s < begin_s + 1.0) - n;
     let mut trial = Trial {
-        valid: good as f64 / counted().count() as f64,
+        valid: mean(counted.map(|row| valid[row])),
         changes: changes.iter().enumerate().map(within_a_second).max().unwrap_or(0),
         touched_s: touched.map(|row| time_s[row]),
         left: scenario.balance_s.and_then(|balance_s| {
