@@ -50,19 +50,32 @@ pub(super) fn peak_to_peak(values: &[f64]) -> f64 {
 }
 
 /// Distances of a point with these coordinates from the centre.
-pub(super) fn lengths(coordinates: &[&[f64]]) -> Vec<f64> {
-    let samples = coordinates.iter().map(|values| values.len()).min().unwrap_or(0);
-    (0..samples).map(|at| coordinates.iter().map(|values| values[at] * values[at]).sum::<f64>().sqrt()).collect()
+pub(super) fn lengths<'v>(coordinates: impl IntoIterator<Item = &'v [f64]>) -> Vec<f64> {
+    let coordinates: Vec<_> = coordinates.into_iter().collect();
+    let length = |at: usize| coordinates.iter().map(|values| values[at] * values[at]).sum::<f64>().sqrt();
+    (0..coordinates[0].len()).map(length).collect()
 }
 
-/// Position minus reference for each reading.
-pub(super) fn errors(machine: &Machine, recording: &Recording) -> Vec<Vec<f64>> {
-    let of_reading = |(position, reference): (String, String)| {
-        let position = recording[format!("plant.{position}")].iter();
-        let reference = &recording[format!("controller.{reference}")];
-        position.zip(reference).map(|(position, reference)| position - reference).collect()
+/// Signals along the axis of a reading, in m.
+pub(super) struct Axis<'r> {
+    pub reading: &'static Reading,
+    /// The true position.
+    pub position: &'r [f64],
+    pub reference: &'r [f64],
+    /// Position minus reference.
+    pub error: Vec<f64>,
+}
+
+/// The signals along the axes of all readings.
+pub(super) fn axes<'r>(machine: &Machine, recording: &'r Recording) -> Vec<Axis<'r>> {
+    let names = machine.positions().into_iter().zip(machine.of_references());
+    let axis = |(reading, (position, reference)): (&'static Reading, (String, String))| {
+        let [position, reference] =
+            [&recording[format!("plant.{position}")], &recording[format!("controller.{reference}")]];
+        let error = position.iter().zip(reference).map(|(position, reference)| position - reference).collect();
+        Axis { reading, position, reference, error }
     };
-    machine.positions().into_iter().zip(machine.of_references()).map(of_reading).collect()
+    machine.readings.iter().zip(names).map(axis).collect()
 }
 
 /// The first sample that shows an estimate in use by the controller, if any; it is in use since the sample before.
@@ -124,7 +137,7 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
     let (machine, recording) = (scenario.machine, &run.recording);
     let stretches = Some(stretches(recording)).filter(|stretches| !stretches.is_empty())?;
     let theta = &recording["plant.theta"];
-    let (errors, positions) = (errors(machine, recording), machine.positions());
+    let axes = axes(machine, recording);
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: String, unit: &str, value: &dyn Fn(&Stretch) -> String| {
         let cells = stretches.iter().map(value);
@@ -132,11 +145,9 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
     };
     let limit_v = scenario.number("plant", "coil.uMax");
     for (b, bearing) in machine.bearings.iter().enumerate() {
-        let (Bearing { prefix, magnets, .. }, readings) = (bearing, machine.readings_of(b));
+        let (Bearing { prefix, magnets, .. }, axes) = (bearing, &axes[machine.readings_of(b)]);
         let at = titled("", bearing);
-        let columns: Vec<&[f64]> =
-            positions[readings.clone()].iter().map(|name| &recording[format!("plant.{name}")]).collect();
-        let radius = lengths(&columns);
+        let radius = lengths(axes.iter().map(|axis| axis.position));
         row(format!("largest displacement from the centre{at}"), "µm", &|s| {
             format!("{:.2}", largest(s.of(&radius)) * 1e6)
         });
@@ -144,12 +155,12 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
         row(format!("largest displacement / clearance of {:.0} µm{at}", 1e6 * clearance_m), "%", &|s| {
             format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
         });
-        let error = lengths(&errors[readings.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let error = lengths(axes.iter().map(|axis| &axis.error[..]));
         row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
         row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
-        for (reading, signal) in machine.readings[readings].iter().zip(columns) {
-            row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
-                let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
+        for axis in axes {
+            row(format!("1× / 2× / 3× components of {}", axis.reading.axis), "µm", &|s| {
+                let part = |n| 1e6 * harmonic(s.of(axis.position), s.of(theta), n);
                 format!("{:.2} / {:.3} / {:.3}", part(1.0), part(2.0), part(3.0))
             });
         }

@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use super::experiment::Paper;
 use super::{title_of, titled};
 use crate::machine::Bearing;
-use crate::report::evaluation::{self, Sensitivities, Stretch, lengths};
+use crate::report::evaluation::{self, Axis, Sensitivities, Stretch, lengths};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::simulation::{Recording, Scenario};
 use crate::studies::sensitivity::ZONES;
@@ -95,15 +95,10 @@ pub(super) struct Signals<'r> {
 }
 
 impl<'r> Signals<'r> {
-    /// Columns of `element`.
-    fn all(&self, element: &str, names: &[String]) -> Vec<&'r [f64]> {
-        names.iter().map(|name| &self.recording[format!("{element}.{name}")]).collect()
-    }
-
     /// Columns of the magnets of a bearing.
     fn of_magnets(&self, element: &str, bearing: &Bearing, name: &str) -> Vec<&'r [f64]> {
-        let names: Vec<_> = (1..=bearing.magnets).map(|k| format!("{}{name}[{k}]", bearing.prefix)).collect();
-        self.all(element, &names)
+        let of_magnet = |k: usize| &self.recording[format!("{element}.{}{name}[{k}]", bearing.prefix)];
+        (1..=bearing.magnets).map(of_magnet).collect()
     }
 
     /// A plot for each method and bearing, with a title that tells it apart.
@@ -387,20 +382,17 @@ fn tracking(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
     let truth = |name: &str| Line::new(name, colour::INK).dashed();
     let mut plots = Vec::new();
-    let names = machine.positions().into_iter().zip(machine.of_references());
-    for (reading, (position, reference)) in machine.readings.iter().zip(names) {
+    let axes = evaluation::axes(machine, run.recording);
+    for Axis { reading, position, reference, .. } in &axes {
         let mut plot = run.plot(&reading.axis[..1], PlotUnit::MICROMETRE);
-        run.column(&mut plot, Line::new("position", colour::MAGNETS[0]), &format!("plant.{position}"));
-        run.column(&mut plot, truth("reference"), &format!("controller.{reference}"));
+        run.line(&mut plot, Line::new("position", colour::MAGNETS[0]), position);
+        run.line(&mut plot, truth("reference"), reference);
         plots.push(plot.title(format!("Position along {}", reading.axis)));
     }
-    let errors = evaluation::errors(machine, run.recording);
     for (b, bearing) in machine.bearings.iter().enumerate() {
-        let readings = machine.readings_of(b);
         let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
-        let of_bearing = machine.readings.iter().zip(&errors).take(readings.end).skip(readings.start);
-        for ((reading, error), colour) in of_bearing.zip(colour::MAGNETS) {
-            run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
+        for (axis, colour) in axes[machine.readings_of(b)].iter().zip(colour::MAGNETS) {
+            run.line(&mut plot, Line::new(&axis.reading.axis[..1], colour), &axis.error);
         }
         plots.push(plot.title(titled("Tracking error", bearing)));
     }
@@ -439,30 +431,27 @@ fn currents(run: &Signals) -> Figure {
 }
 
 fn orbit(run: &Signals) -> Option<Figure> {
-    let axes = |what: &str| {
+    let plot_of = |what: &str| {
         let axis = |letter: &str| if what.is_empty() { letter.to_owned() } else { format!("{what} of {letter}") };
         Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
     let machine = run.scenario.machine;
-    let (positions, references) = (machine.positions(), machine.of_references());
-    let all_errors = evaluation::errors(machine, run.recording);
+    let axes = evaluation::axes(machine, run.recording);
     // The last stretch has the first colour.
     let colours = colour::MAGNETS[..run.stretches.len()].iter().rev();
     let mut plots = Vec::new();
-    for (b, bearing) in machine.bearings.iter().enumerate().filter(|(_, of)| of.is_radial) {
-        let at = machine.readings_of(b);
-        let mut path = axes("").title(titled("Orbit", bearing));
-        let mut errors = axes("error").title(titled("Error", bearing));
-        let position = run.all("plant", &positions[at.clone()]);
-        let error: Vec<&[f64]> = all_errors[at.clone()].iter().map(Vec::as_slice).collect();
+    for (b, bearing) in machine.bearings.iter().enumerate() {
+        // Radial bearings only.
+        let [y, z] = &axes[machine.readings_of(b)] else { continue };
+        let mut path = plot_of("").title(titled("Orbit", bearing));
+        let mut errors = plot_of("error").title(titled("Error", bearing));
         for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
-            for (plot, signals) in [(&mut path, &position), (&mut errors, &error)] {
-                plot.line(Line::new(stretch.title, colour), stretch.of(signals[0]), stretch.of(signals[1]));
-            }
+            let line = Line::new(stretch.title, colour);
+            path.line(line.clone(), stretch.of(y.position), stretch.of(z.position));
+            errors.line(line, stretch.of(&y.error), stretch.of(&z.error));
         }
         if let Some(last) = run.stretches.last() {
-            let reference = run.all("controller", &references[at]);
-            path.line(Line::new("reference", colour::INK).dashed(), last.of(reference[0]), last.of(reference[1]));
+            path.line(Line::new("reference", colour::INK).dashed(), last.of(y.reference), last.of(z.reference));
         }
         if run.paper.is_some() {
             for (radius, name) in REQUIRED_M {
@@ -484,20 +473,20 @@ fn orbit(run: &Signals) -> Option<Figure> {
 /// Distance of the rotor from the centre of each bearing, beside the clearance of the backup bearing.
 fn clearance(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
-    let positions = machine.positions();
+    let axes = evaluation::axes(machine, run.recording);
     let (mut plots, mut touched) = (Vec::new(), false);
     for (b, bearing) in machine.bearings.iter().enumerate() {
         let clearance_m = evaluation::clearance_m(run.scenario, bearing);
-        let radius = lengths(&run.all("plant", &positions[machine.readings_of(b)]));
+        let radius = lengths(axes[machine.readings_of(b)].iter().map(|axis| axis.position));
         let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
         let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
         distance = distance.range(1, [0.0, 1.1 * most]);
         run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
         distance.level(clearance_m, "clearance");
         plots.push(distance.title(titled("Distance from the centre", bearing)));
-        let axes = if bearing.is_radial { &["Y", "Z"][..] } else { &["X"] };
-        let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
-        let push_n = lengths(&run.all("plant", &names));
+        let letters = if bearing.is_radial { &["Y", "Z"][..] } else { &["X"] };
+        let force = |letter: &&str| &run.recording[format!("plant.{}touchdown.F{letter}", bearing.prefix)];
+        let push_n = lengths(letters.iter().map(force));
         if push_n.iter().any(|force| *force > 0.0) {
             touched = true;
             let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);

@@ -172,9 +172,9 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         }
         rows.push(cells);
     };
-    for (reading, error) in machine.readings.iter().zip(evaluation::errors(machine, &run.recording)) {
-        let name = format!("largest tracking error, {}", reading.axis);
-        row(name, 1e6, "µm", "slightly smaller after", &error, evaluation::largest);
+    for axis in evaluation::axes(machine, &run.recording) {
+        let name = format!("largest tracking error, {}", axis.reading.axis);
+        row(name, 1e6, "µm", "slightly smaller after", &axis.error, evaluation::largest);
     }
     let observed = machine.of_loads("p", "Hat").into_iter().map(|name| format!("controller.{name}"));
     let truth = machine.coordinates.iter().map(|coordinate| format!("plant.{}", coordinate.perturbation));
