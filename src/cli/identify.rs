@@ -208,10 +208,8 @@ impl Arguments {
             };
             // With maximum likelihood the default method shows drift.
             let shown = if method == LIKELIHOOD { PREDICTION_ERROR } else { method };
-            Method::all()
-                .filter(|method| [method.name(), ALL].contains(&shown))
-                .map(track)
-                .collect::<std::result::Result<Vec<_>, _>>()
+            let methods = Method::all().filter(|method| [method.name(), ALL].contains(&shown));
+            methods.map(track).collect::<Result<Vec<_>, _>>()
         };
         let equally_likely =
             holds.filter(|_| wanted.is_none()).map_or_else(Vec::new, |holds| holds.equally_likely(currents));
@@ -235,7 +233,7 @@ impl Arguments {
     }
 
     /// Adds the comparison with another recording.
-    fn add_check(&self, results: &mut Results, check: std::result::Result<Check, String>) {
+    fn add_check(&self, results: &mut Results, check: Result<Check, String>) {
         let path = self.check.as_deref().unwrap_or(Path::new("")).display();
         let (agrees, verdict, json) = match check {
             Ok(check) => (check.agrees, format!("{path}: {}", check.verdict), check.json()),
@@ -352,7 +350,7 @@ impl Arguments {
     ///
     /// # Errors
     /// All reasons why it cannot be used, signs of misread units among them.
-    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> std::result::Result<Samples, Vec<String>> {
+    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> Result<Samples, Vec<String>> {
         let open = |path: &Path| open(path).map_err(|error| vec![error.to_string()]);
         let samples = match &self.currents {
             None => Samples::read(open(path)?, reading),
@@ -415,7 +413,7 @@ impl Arguments {
     }
 }
 
-fn rpm(text: &str) -> std::result::Result<f64, String> {
+fn rpm(text: &str) -> Result<f64, String> {
     finite(text).ok_or_else(|| format!("expected {SPEED}, negative against the angle"))
 }
 

@@ -254,7 +254,7 @@ macro_rules! say {
 }
 use say;
 
-type Result<T> = std::result::Result<T, Box<dyn Error>>;
+type Result<T, E = Box<dyn Error>> = std::result::Result<T, E>;
 
 /// Runs the program; errors go to the standard error. `commit` is the one that the program was built from, if known.
 pub fn main(commit: Option<&str>) -> ExitCode {
@@ -371,7 +371,7 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 type Binary = (&'static Platform, PathBuf);
 
 /// Reads the argument `PLATFORM=FILE`.
-fn binary(argument: &str) -> std::result::Result<Binary, String> {
+fn binary(argument: &str) -> Result<Binary, String> {
     let (name, path) = argument.split_once('=').ok_or("expected PLATFORM=FILE, as in win64=magnetic_bearing.dll")?;
     Ok((platforms::by_name(name)?, path.into()))
 }
@@ -548,7 +548,7 @@ fn write_table(path: &Path, recording: &Recording) -> Result<()> {
 }
 
 /// `name=value`.
-fn pair(text: &str) -> std::result::Result<Pair, String> {
+fn pair(text: &str) -> Result<Pair, String> {
     let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
     Ok((name.trim().into(), value.trim().into()))
 }
@@ -560,12 +560,12 @@ fn write_page(folder: &Path, page: &str) -> Result<()> {
 }
 
 /// Parses a number above 0.
-fn above_0(what: &'static str) -> impl Fn(&str) -> std::result::Result<f64, String> + Clone {
+fn above_0(what: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| finite(text).filter(|value| *value > 0.0).ok_or_else(|| format!("expected {what} above 0"))
 }
 
 /// Parses a number, 0 or above.
-fn from_0(what: &'static str) -> impl Fn(&str) -> std::result::Result<f64, String> + Clone {
+fn from_0(what: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| finite(text).filter(|value| *value >= 0.0).ok_or_else(|| format!("expected {what}, 0 or above"))
 }
 
@@ -574,7 +574,7 @@ fn finite(text: &str) -> Option<f64> {
 }
 
 /// A number of runs.
-fn count(text: &str) -> std::result::Result<usize, String> {
+fn count(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|runs: &usize| *runs > 0).ok_or_else(|| "expected a whole number above 0".into())
 }
 

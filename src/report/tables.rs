@@ -109,15 +109,14 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
 
 fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
     let machine = scenario.machine;
+    let end_s = scenario.balance_s.unwrap_or(f64::INFINITY) - 1e-9;
+    let last = run.recording.time_s.partition_point(|time_s| *time_s < end_s).saturating_sub(1);
     let row = |plane: usize| {
         let name = |what: &str| machine.of_planes(what).swap_remove(plane);
         let of = |what: &str| {
-            let found = &run.recording[format!("estimator.{}", name(what))];
-            let before = |balance_s| run.recording.time_s.partition_point(|time_s| *time_s < balance_s - 1e-9);
-            let at = scenario.balance_s.map_or(found.len(), before);
-            Some((scenario.real(&name(what))?, *found.get(at.checked_sub(1)?)?))
+            (scenario.number("plant", &name(what)), run.recording[format!("estimator.{}", name(what))][last])
         };
-        let ((size, size_hat), (phase, phase_hat)) = (of("magnitude")?, of("phase")?);
+        let ((size, size_hat), (phase, phase_hat)) = (of("magnitude"), of("phase"));
         let position = scenario.real(&name("position"));
         (size > 0.0).then_some(vec![
             position.map_or_else(String::new, |at_m| format!("plane {}, {} mm", plane + 1, 1e3 * at_m)),

@@ -219,7 +219,7 @@ pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: 
             total: of(|estimate| &estimate.total),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
             unbalance: [0, 1].map(|n| rms(unbalances.iter().map(|plane| plane[n]))),
-            verdict: get("verdict").map(|values| verdict(values[row])),
+            verdict: get("verdict").and_then(|values| Some(Verdict::of_number(values[row] as i32)?.name().into())),
         });
     }
     trial
@@ -229,11 +229,6 @@ pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: 
 pub(super) fn off([size, phase]: [f64; 2], [true_size, true_phase]: [f64; 2]) -> [f64; 2] {
     let turned = phase - true_phase;
     [size / true_size - 1.0, turned - TAU * (turned / TAU).round()]
-}
-
-/// The name of a verdict by its number.
-fn verdict(value: f64) -> String {
-    Verdict::of_number(value as i32).map_or_else(|| value.to_string(), |verdict| verdict.name().to_owned())
 }
 
 /// The figures of a study at one instant, over the runs with a valid estimate; NaN if there are none. Errors are relative to

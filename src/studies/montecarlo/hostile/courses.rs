@@ -152,7 +152,7 @@ fn changes() -> Vec<Course> {
 fn forces() -> Vec<Course> {
     let backward = |force_n: f64| {
         Course::new(&format!("{force_n} N backward"), Valid, 1.0, move |scenario, seed| {
-            cases::backward(scenario, force_n, Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
+            cases::turning(scenario, -1.0, force_n, -Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
         })
     };
     let oscillating = |name: &str, [least_n, most_n]: [f64; 2], [least_hz, most_hz]: [f64; 2]| {
