@@ -135,8 +135,9 @@ fn readings(alter: &Alter, samples: usize) -> Vec<Readings> {
             theta_rad: 50.0 * TAU * time_s,
             omega_rad_s: 50.0 * TAU,
             lambda_nm2_a2: None,
+            at_sensor: false,
         };
-        (change.apply)(&mut readings);
+        change(&mut readings);
         readings
     };
     (0..samples).map(sample).collect()
