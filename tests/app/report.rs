@@ -285,7 +285,7 @@ fn notes_appear_only_where_they_apply() {
 
 #[test]
 fn a_sentence_replaces_a_figure_without_values() {
-    for (gone, id) in [(["plant.F", "plant.im"], "currents"), (["predictionError.lambda", "paper"], "methods")] {
+    for (gone, id) in [(["plant.F", "plant.im"], "currents"), (["predictionError.lambda", "paper"], "errors")] {
         let page = changed(|recording| {
             for column in &mut recording.columns {
                 if gone.iter().any(|start| column.name.starts_with(start)) {
