@@ -9,33 +9,15 @@ use fmu_export::package::{self, Extras, Member, PackageError, Written, documenta
 use maud::PreEscaped;
 
 use crate::fmu::{FMUS, catalogue, find};
-use crate::machine::{self, MACHINES, Machine, PLANAR, SPINDLE};
+use crate::machine::{Machine, PLANAR, SPINDLE};
 use crate::output::Format;
 use crate::report::frame;
-use crate::simulation::{Element, Place, Scenario, suggestion};
+use crate::simulation::{Element, Place, Scenario};
 
 type Result<T> = std::result::Result<T, PackageError>;
 
 /// The machines packaged by default.
 pub const USUAL: [&str; 2] = [PLANAR.name, SPINDLE.name];
-
-/// The machines of these names.
-///
-/// # Errors
-/// An unknown name, with the nearest known one; a duplicate.
-pub fn machines(names: &[impl AsRef<str>]) -> std::result::Result<Vec<&'static Machine>, String> {
-    let known = MACHINES.map(|machine| machine.name);
-    let mut machines: Vec<&Machine> = Vec::new();
-    for name in names.iter().map(AsRef::as_ref) {
-        let unknown = || format!("{name} is not a machine; {}", suggestion(name, &known));
-        let machine = machine::find(name).ok_or_else(unknown)?;
-        if machines.contains(&machine) {
-            return Err(format!("{} is listed twice", machine.name));
-        }
-        machines.push(machine);
-    }
-    Ok(machines)
-}
 
 /// Picture and documentation text of a model, and the licences of every binary: this project's and those of the linked crates.
 /// The controllers of all machines with one bearing share a picture, as do those of the spindles; likewise the estimators.

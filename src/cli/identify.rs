@@ -9,6 +9,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use clap::builder::PossibleValuesParser;
 use fmu_export::variable::Value;
 use serde_json::json;
 
@@ -32,6 +33,8 @@ const SHOWN: usize = 4000;
 const LIKELIHOOD: &str = "likelihood";
 /// The on-line method of every machine.
 const PREDICTION_ERROR: &str = "predictionError";
+/// Value of `--method` for all on-line methods.
+const ALL: &str = "all";
 /// Names with their values.
 type Pairs = Vec<Pair>;
 /// Value of `--hold` that lets the data decide.
@@ -92,8 +95,8 @@ pub struct Arguments {
     changes: Vec<Pair>,
     /// likelihood (maximum likelihood over the whole recording; the default), or an on-line method to compare with: predictionError, of the machine planar
     /// paperLiteral and paper as well, or all.
-    #[arg(long, value_name = "METHOD")]
-    method: Option<String>,
+    #[arg(long, value_name = "METHOD", value_parser = names::<Method>(&[LIKELIHOOD, ALL]), hide_possible_values = true, default_value = LIKELIHOOD, hide_default_value = true)]
+    method: String,
     /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
     /// the scenario). The parameter is then estimated as well.
@@ -106,7 +109,7 @@ pub struct Arguments {
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
     /// unless another one is more likely. A lag behind commands, and a delay of the positions of which nothing is stated, are found as well.
-    #[arg(long, value_name = "HOLD", default_value = AUTO)]
+    #[arg(long, value_name = "HOLD", value_parser = names::<Hold>(&[AUTO]), hide_possible_values = true, default_value = AUTO)]
     hold: String,
     /// Length of the window, in s; one revolution by default.
     #[arg(long, value_name = "SECONDS", value_parser = above_0(TIME), allow_hyphen_values = true)]
@@ -158,10 +161,11 @@ pub fn run(arguments: &Arguments) -> Result<()> {
 impl Arguments {
     /// Identifies a bearing by maximum likelihood from all recordings, and on line from the first. Also returns the scenario.
     fn identify(&self, machine: &'static Machine) -> Result<(Results, Scenario)> {
-        let method = self.method();
+        let method = self.method.as_str();
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
-        let mut wanted = self.stated_hold()?;
+        // The data decide if none is stated.
+        let mut wanted = Hold::all().find(|hold| hold.name() == self.hold);
         if stated.currents().lag {
             // The currents lag behind commands.
             stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
@@ -169,7 +173,6 @@ impl Arguments {
         if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
             return Err(refused("lag: expected held currents, --hold heldAfter or heldBefore"));
         }
-        let methods = methods(method)?;
         if self.recordings.len() > 1 {
             if self.currents.is_some() {
                 return Err(refused("--currents needs a single recording"));
@@ -203,7 +206,10 @@ impl Arguments {
                 estimator.set("method", Value::Integer(method.number()));
                 identify::track(samples, &estimator, every)
             };
-            methods.into_iter().map(track).collect::<std::result::Result<Vec<_>, _>>()
+            // With maximum likelihood the default method shows drift.
+            let shown = if method == LIKELIHOOD { PREDICTION_ERROR } else { method };
+            let methods = Method::all().filter(|method| [method.name(), ALL].contains(&shown));
+            methods.map(track).collect::<Result<Vec<_>, _>>()
         };
         let equally_likely =
             holds.filter(|_| wanted.is_none()).map_or_else(Vec::new, |holds| holds.equally_likely(currents));
@@ -227,7 +233,7 @@ impl Arguments {
     }
 
     /// Adds the comparison with another recording.
-    fn add_check(&self, results: &mut Results, check: std::result::Result<Check, String>) {
+    fn add_check(&self, results: &mut Results, check: Result<Check, String>) {
         let path = self.check.as_deref().unwrap_or(Path::new("")).display();
         let (agrees, verdict, json) = match check {
             Ok(check) => (check.agrees, format!("{path}: {}", check.verdict), check.json()),
@@ -344,7 +350,7 @@ impl Arguments {
     ///
     /// # Errors
     /// All reasons why it cannot be used, signs of misread units among them.
-    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> std::result::Result<Samples, Vec<String>> {
+    fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> Result<Samples, Vec<String>> {
         let open = |path: &Path| open(path).map_err(|error| vec![error.to_string()]);
         let samples = match &self.currents {
             None => Samples::read(open(path)?, reading),
@@ -405,33 +411,15 @@ impl Arguments {
             estimator.set(name, Value::Real(value));
         }
     }
-
-    /// The stated meaning of a current sample; `None` if the data decide.
-    fn stated_hold(&self) -> Result<Option<Hold>> {
-        let stated = Hold::all().find(|hold| hold.name() == self.hold);
-        let wanted = || refused(format!("--hold {}: expected one of {}, {AUTO}", self.hold, names::<Hold>()));
-        if stated.is_some() || self.hold == AUTO { Ok(stated) } else { Err(wanted()) }
-    }
 }
 
-fn rpm(text: &str) -> std::result::Result<f64, String> {
+fn rpm(text: &str) -> Result<f64, String> {
     finite(text).ok_or_else(|| format!("expected {SPEED}, negative against the angle"))
 }
 
-/// The on-line methods to run; with maximum likelihood, the default one, which shows drift.
-fn methods(method: &str) -> Result<Vec<Method>> {
-    let wanted = if method == LIKELIHOOD { PREDICTION_ERROR } else { method };
-    let methods: Vec<_> = Method::all().filter(|method| wanted == method.name() || wanted == "all").collect();
-    if methods.is_empty() {
-        let names = names::<Method>();
-        return Err(refused(format!("--method {method}: expected one of {LIKELIHOOD}, {names}, all")));
-    }
-    Ok(methods)
-}
-
-/// The names of all items, for messages.
-fn names<T: Choice>() -> String {
-    T::all().map(T::name).collect::<Vec<_>>().join(", ")
+/// The names of all items and further words, as the values of an option.
+fn names<T: Choice>(more: &[&'static str]) -> PossibleValuesParser {
+    T::all().map(T::name).chain(more.iter().copied()).collect::<Vec<_>>().into()
 }
 
 fn open(path: &Path) -> Result<Box<dyn io::Read>> {

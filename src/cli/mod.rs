@@ -14,7 +14,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use clap_complete::Shell;
 use fmu_export::package::platforms::{self, Platform};
 
-use crate::machine::MACHINES;
+use crate::machine::{MACHINES, Machine};
 use crate::output::{self, Format};
 use crate::package;
 use crate::report::frame;
@@ -22,7 +22,7 @@ use crate::report::{campbell, experiment};
 use crate::simulation::{Pair, Recording, Scenario, ScenarioError, scenario, simulate, summary};
 use crate::studies::design;
 use crate::studies::identify::{Stated, tolerance};
-use crate::studies::montecarlo::{self, hostile, hostile::Case};
+use crate::studies::montecarlo::{self, hostile, hostile::Course};
 use crate::studies::sensitivity;
 use crate::studies::sweep::Sweep;
 use crate::studies::whirl::{self, Whirl};
@@ -67,8 +67,8 @@ enum Command {
     ///
     /// Binaries for other platforms can be added; `scripts/build-platforms` makes them all.
     Package {
-        /// Machines: planar, spindle, planar4, spindle4, axial; by default the first two.
-        #[arg(value_name = "MACHINE", conflicts_with = "all", default_values = package::USUAL, hide_default_value = true)]
+        /// Machines, by default the first two of these.
+        #[arg(value_name = "MACHINE", value_parser = MACHINES.map(|machine| machine.name), conflicts_with = "all", default_values = package::USUAL, hide_default_value = true)]
         machines: Vec<String>,
         /// Packages all machines.
         #[arg(long)]
@@ -254,7 +254,7 @@ macro_rules! say {
 }
 use say;
 
-type Result<T> = std::result::Result<T, Box<dyn Error>>;
+type Result<T, E = Box<dyn Error>> = std::result::Result<T, E>;
 
 /// Runs the program; errors go to the standard error. `commit` is the one that the program was built from, if known.
 pub fn main(commit: Option<&str>) -> ExitCode {
@@ -371,13 +371,14 @@ fn named(path: &Path) -> impl FnOnce(io::Error) -> Box<dyn Error> {
 type Binary = (&'static Platform, PathBuf);
 
 /// Reads the argument `PLATFORM=FILE`.
-fn binary(argument: &str) -> std::result::Result<Binary, String> {
+fn binary(argument: &str) -> Result<Binary, String> {
     let (name, path) = argument.split_once('=').ok_or("expected PLATFORM=FILE, as in win64=magnetic_bearing.dll")?;
     Ok((platforms::by_name(name)?, path.into()))
 }
 
 fn package(binaries: &[Binary], machines: &[impl AsRef<str>], arrays: bool, folder: &Path) -> Result<()> {
-    let machines = package::machines(machines).map_err(refused)?;
+    let is_wanted = |machine: &&Machine| machines.iter().any(|name| name.as_ref() == machine.name);
+    let machines: Vec<_> = MACHINES.iter().filter(is_wanted).collect();
     for written in package::package(&package::binaries(binaries)?, &machines, arrays, folder)? {
         let platforms = written.platforms.join(", ");
         say!("{} ({} kB) for {platforms}", written.path.display(), written.bytes.div_ceil(1000));
@@ -547,7 +548,7 @@ fn write_table(path: &Path, recording: &Recording) -> Result<()> {
 }
 
 /// `name=value`.
-fn pair(text: &str) -> std::result::Result<Pair, String> {
+fn pair(text: &str) -> Result<Pair, String> {
     let (name, value) = text.split_once('=').ok_or("expected NAME=VALUE")?;
     Ok((name.trim().into(), value.trim().into()))
 }
@@ -559,12 +560,12 @@ fn write_page(folder: &Path, page: &str) -> Result<()> {
 }
 
 /// Parses a number above 0.
-fn above_0(what: &'static str) -> impl Fn(&str) -> std::result::Result<f64, String> + Clone {
+fn above_0(what: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| finite(text).filter(|value| *value > 0.0).ok_or_else(|| format!("expected {what} above 0"))
 }
 
 /// Parses a number, 0 or above.
-fn from_0(what: &'static str) -> impl Fn(&str) -> std::result::Result<f64, String> + Clone {
+fn from_0(what: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
     move |text| finite(text).filter(|value| *value >= 0.0).ok_or_else(|| format!("expected {what}, 0 or above"))
 }
 
@@ -573,7 +574,7 @@ fn finite(text: &str) -> Option<f64> {
 }
 
 /// A number of runs.
-fn count(text: &str) -> std::result::Result<usize, String> {
+fn count(text: &str) -> Result<usize, String> {
     text.parse().ok().filter(|runs: &usize| *runs > 0).ok_or_else(|| "expected a whole number above 0".into())
 }
 
@@ -596,19 +597,19 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
         return run_and_print(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
     }
     let studies = montecarlo::studies(runs);
-    let courses = hostile::courses();
-    let mut cases = hostile::cases(&courses);
+    let mut courses = hostile::courses();
     let text = arguments.only.as_deref().unwrap_or_default();
-    let titles: Vec<_> = studies.iter().map(|study| study.title.clone()).chain(cases.iter().map(Case::title)).collect();
+    let titles: Vec<_> =
+        studies.iter().map(|study| study.title.clone()).chain(courses.iter().map(Course::title)).collect();
     if !titles.iter().any(|title| title.contains(text)) {
         let message =
             format!("--only \"{text}\": no study has this in its title; the studies are\n  {}\n", titles.join("\n  "));
         Arguments::command().error(ErrorKind::InvalidValue, message).exit();
     }
     studies.into_iter().filter(|study| study.title.contains(text)).try_for_each(run_and_print)?;
-    cases.retain(|case| case.title().contains(text));
-    if !cases.is_empty() {
-        print::table(&hostile::table(&cases, &hostile::run(&cases, runs, seed.into())?));
+    courses.retain(|course| course.title().contains(text));
+    if !courses.is_empty() {
+        print::table(&hostile::table(&courses, &hostile::run(&courses, runs, seed.into())?));
         say!();
     }
     Ok(())

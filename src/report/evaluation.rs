@@ -50,19 +50,32 @@ pub(super) fn peak_to_peak(values: &[f64]) -> f64 {
 }
 
 /// Distances of a point with these coordinates from the centre.
-pub(super) fn lengths(coordinates: &[&[f64]]) -> Vec<f64> {
-    let samples = coordinates.iter().map(|values| values.len()).min().unwrap_or(0);
-    (0..samples).map(|at| coordinates.iter().map(|values| values[at] * values[at]).sum::<f64>().sqrt()).collect()
+pub(super) fn lengths<'v>(coordinates: impl IntoIterator<Item = &'v [f64]>) -> Vec<f64> {
+    let coordinates: Vec<_> = coordinates.into_iter().collect();
+    let length = |at: usize| coordinates.iter().map(|values| values[at] * values[at]).sum::<f64>().sqrt();
+    (0..coordinates[0].len()).map(length).collect()
 }
 
-/// Position minus reference for each reading.
-pub(super) fn errors(machine: &Machine, recording: &Recording) -> Option<Vec<Vec<f64>>> {
-    let of_reading = |(position, reference): (String, String)| {
-        let position = recording.get(&format!("plant.{position}"))?;
-        let reference = recording.get(&format!("controller.{reference}"))?;
-        Some(position.iter().zip(reference).map(|(position, reference)| position - reference).collect())
+/// Signals along the axis of a reading, in m.
+pub(super) struct Axis<'r> {
+    pub reading: &'static Reading,
+    /// The true position.
+    pub position: &'r [f64],
+    pub reference: &'r [f64],
+    /// Position minus reference.
+    pub error: Vec<f64>,
+}
+
+/// The signals along the axes of all readings.
+pub(super) fn axes<'r>(machine: &Machine, recording: &'r Recording) -> Vec<Axis<'r>> {
+    let names = machine.positions().into_iter().zip(machine.of_references());
+    let axis = |(reading, (position, reference)): (&'static Reading, (String, String))| {
+        let [position, reference] =
+            [&recording[format!("plant.{position}")], &recording[format!("controller.{reference}")]];
+        let error = position.iter().zip(reference).map(|(position, reference)| position - reference).collect();
+        Axis { reading, position, reference, error }
     };
-    machine.positions().into_iter().zip(machine.of_references()).map(of_reading).collect()
+    machine.readings.iter().zip(names).map(axis).collect()
 }
 
 /// The first sample that shows an estimate in use by the controller, if any; it is in use since the sample before.
@@ -78,9 +91,10 @@ pub fn update(recording: &Recording) -> Option<usize> {
 pub fn stretches(recording: &Recording) -> Vec<Stretch> {
     let time_s = &recording.time_s;
     let end = time_s.len();
-    let Some(theta) = recording.get("plant.theta").filter(|_| end > 1) else {
+    if end < 2 {
         return Vec::new();
-    };
+    }
+    let theta = &recording["plant.theta"];
     let begin = |to: usize| {
         let turned = |from: &usize| has_turned(theta[to - 1] - theta[*from]);
         let by_time = || time_s.partition_point(|time| *time < time_s[to - 1] - WITHOUT_TURNING_S).min(to - 1);
@@ -111,63 +125,59 @@ fn has_turned(angle_rad: f64) -> bool {
 pub(super) fn interval(recording: &Recording, stretches: &[Stretch]) -> String {
     let Some(last) = stretches.last() else { return String::new() };
     let length = |values: &[f64]| values[last.to - 1] - values[last.from];
-    if recording.get("plant.theta").is_some_and(|theta| has_turned(length(theta))) {
+    if has_turned(length(&recording["plant.theta"])) {
         format!("{REVOLUTIONS} revolutions")
     } else {
         format!("{} ms", (1e4 * length(&recording.time_s)).round() / 10.0)
     }
 }
 
-/// The table of figures; `None` if the recording is too short.
+/// The table of figures; `None` if the run is too short.
 pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> Option<Table> {
-    let stretches = Some(stretches(&run.recording)).filter(|stretches| !stretches.is_empty())?;
-    let machine = scenario.machine;
-    let get = |name: String| run.recording.get(&name);
-    let theta = get("plant.theta".into())?;
-    let (errors, positions) = (errors(machine, &run.recording)?, machine.positions());
+    let (machine, recording) = (scenario.machine, &run.recording);
+    let stretches = Some(stretches(recording)).filter(|stretches| !stretches.is_empty())?;
+    let theta = &recording["plant.theta"];
+    let axes = axes(machine, recording);
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |name: String, unit: &str, value: &dyn Fn(&Stretch) -> String| {
         let cells = stretches.iter().map(value);
         rows.push(std::iter::once(name).chain(cells).chain([unit.to_owned()]).collect());
     };
-    let limit_v = scenario.real("coil.uMax");
+    let limit_v = scenario.number("plant", "coil.uMax");
     for (b, bearing) in machine.bearings.iter().enumerate() {
-        let (Bearing { prefix, magnets, .. }, readings) = (bearing, machine.readings_of(b));
+        let (Bearing { prefix, magnets, .. }, axes) = (bearing, &axes[machine.readings_of(b)]);
         let at = titled("", bearing);
-        let columns: Vec<&[f64]> =
-            positions[readings.clone()].iter().map(|name| get(format!("plant.{name}"))).collect::<Option<_>>()?;
-        let radius = lengths(&columns);
+        let radius = lengths(axes.iter().map(|axis| axis.position));
         row(format!("largest displacement from the centre{at}"), "µm", &|s| {
             format!("{:.2}", largest(s.of(&radius)) * 1e6)
         });
-        if let Some(clearance_m) = clearance_m(scenario, bearing) {
-            row(format!("largest displacement / clearance of {:.0} µm{at}", 1e6 * clearance_m), "%", &|s| {
-                format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
-            });
-        }
-        let error = lengths(&errors[readings.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let clearance_m = clearance_m(scenario, bearing);
+        row(format!("largest displacement / clearance of {:.0} µm{at}", 1e6 * clearance_m), "%", &|s| {
+            format!("{:.1}", 100.0 * largest(s.of(&radius)) / clearance_m)
+        });
+        let error = lengths(axes.iter().map(|axis| &axis.error[..]));
         row(format!("largest tracking error{at}"), "µm", &|s| format!("{:.3}", 1e6 * largest(s.of(&error))));
         row(format!("tracking error{at}, rms"), "µm", &|s| format!("{:.3}", 1e6 * rms(s.of(&error))));
-        for (reading, signal) in machine.readings[readings].iter().zip(columns) {
-            row(format!("1× / 2× / 3× components of {}", reading.axis), "µm", &|s| {
-                let part = |n| 1e6 * harmonic(s.of(signal), s.of(theta), n);
+        for axis in axes {
+            row(format!("1× / 2× / 3× components of {}", axis.reading.axis), "µm", &|s| {
+                let part = |n| 1e6 * harmonic(s.of(axis.position), s.of(theta), n);
                 format!("{:.2} / {:.3} / {:.3}", part(1.0), part(2.0), part(3.0))
             });
         }
         for k in 1..=*magnets {
-            let current = get(format!("plant.{prefix}im[{k}]"))?;
+            let current = &recording[format!("plant.{prefix}im[{k}]")];
             row(format!("current of magnet {k}{at}, peak / rms"), "A", &|s| {
                 format!("{:.3} / {:.3}", largest(s.of(current)), rms(s.of(current)))
             });
             // A current controller commands no voltage.
-            let voltage = get(format!("controller.{prefix}u[{k}]")).filter(|voltage| largest(voltage) > 0.0);
-            if let (Some(voltage), Some(limit_v)) = (voltage, limit_v) {
+            let voltage = &recording[format!("controller.{prefix}u[{k}]")];
+            if largest(voltage) > 0.0 {
                 row(format!("voltage of amplifier {k}{at}, peak / headroom"), "V / %", &|s| {
                     let most = largest(s.of(voltage));
                     format!("{most:.1} / {:.0}", 100.0 * (1.0 - most / limit_v))
                 });
             }
-            let force = get(format!("plant.{prefix}F[{k}]"))?;
+            let force = &recording[format!("plant.{prefix}F[{k}]")];
             row(format!("static load of magnet {k}{at}"), "N", &|s| format!("{:.1}", mean(s.of(force))));
         }
     }
@@ -176,14 +186,14 @@ pub fn table(scenario: &Scenario, run: &Run, sensitivities: &Sensitivities) -> O
     let note = format!(
         "Over the last {}, and over those before the update if the speed is the same. Zones of ISO 14839-3: A below \
          3, B below 4, C below 5.",
-        interval(&run.recording, &stretches)
+        interval(recording, &stretches)
     );
     Some(Table::new("Figures of the bearing", note, [""].into_iter().chain(names).chain(["unit"]), rows))
 }
 
 /// Clearance of the backup bearing at a bearing, in m.
-pub(super) fn clearance_m(scenario: &Scenario, bearing: &Bearing) -> Option<f64> {
-    scenario.real(&format!("{}touchdown.clearance", bearing.prefix))
+pub(super) fn clearance_m(scenario: &Scenario, bearing: &Bearing) -> f64 {
+    scenario.number("plant", &format!("{}touchdown.clearance", bearing.prefix))
 }
 
 /// Sensitivity functions of the loop in each stretch, by its name: `[ω, |S|]` of each reading, ω in rad/s, or why they are missing.
@@ -192,12 +202,12 @@ pub type Sensitivities = Vec<(&'static str, Result<Vec<Vec<[f64; 2]>>, String>)>
 /// The sensitivity functions with the λ of the controller before and after the update, or at the end.
 pub fn sensitivities(scenario: &Scenario, run: &Run) -> Sensitivities {
     let one = |stretch: &Stretch| {
-        let used = |name: &String| run.recording.get(&format!("controller.{name}"))?.get(stretch.to - 1).copied();
-        let lambda = scenario.machine.of_magnets("lambdaUsed").iter().map(used).collect::<Option<Vec<_>>>()?;
+        let used = |name: &String| run.recording[format!("controller.{name}")][stretch.to - 1];
+        let lambda: Vec<f64> = scenario.machine.of_magnets("lambdaUsed").iter().map(used).collect();
         let curves = |found: Sensitivity| (0..scenario.machine.readings.len()).map(|n| found.curve(n)).collect();
-        Some((stretch.name, Sensitivity::new(scenario, &lambda).map(curves)))
+        (stretch.name, Sensitivity::new(scenario, &lambda).map(curves))
     };
-    stretches(&run.recording).iter().filter_map(one).collect()
+    stretches(&run.recording).iter().map(one).collect()
 }
 
 /// The peaks: a row for each axis with its name, a cell for each set of λ, and an empty unit.

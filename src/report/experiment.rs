@@ -76,35 +76,33 @@ pub(super) fn coherence_note(scenario: &Scenario, run: &Run) -> String {
 fn answers(scenario: &Scenario, run: &Run) -> Vec<(&'static str, Markup)> {
     const BEST: &str = "predictionError";
     const USED: &str = "estimator";
-    let used = answer(scenario, run, USED);
     let beside = scenario.compared_estimators().iter().any(|element| element.name == BEST);
-    let is_better = used.is_some() && beside && scenario.method(USED) != Some(BEST);
-    let best = is_better.then(|| answer(scenario, run, BEST)).flatten();
-    [(BEST, best), (USED, used)].into_iter().filter_map(|(element, answer)| Some((element, answer?))).collect()
+    let best = (beside && scenario.method(USED) != Some(BEST)).then_some(BEST);
+    best.into_iter().chain([USED]).map(|element| (element, answer(scenario, run, element))).collect()
 }
 
 /// The final answer of an estimator: λ̂ ± beside the true value, and whether it is valid.
-fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
+fn answer(scenario: &Scenario, run: &Run, element: &str) -> Markup {
     let machine = scenario.machine;
-    let column = |name: &str| run.recording.get(&format!("{element}.{name}"));
+    let column = |name: &str| &run.recording[format!("{element}.{name}")];
+    let end = run.recording.time_s.len() - 1;
     let names = machine.of_magnets("lambdaHat").into_iter().zip(machine.of_magnets("lambdaStdTotal")).enumerate();
-    let of_magnet = |(k, (hat, std)): (usize, (String, String))| {
-        let last = |name: &str| column(name)?.last().copied();
-        Some(scenario.uses(k).then_some([last(&hat)?, last(&std)?]))
+    let last = |(k, (hat, std)): (usize, (String, String))| {
+        scenario.uses(k).then(|| [hat, std].map(|name| column(&name)[end]))
     };
-    let lambda = names.map(of_magnet).collect::<Option<Vec<_>>>()?;
-    let valid = *column("valid")?.last()? == 1.0;
+    let lambda: Vec<_> = names.map(last).collect();
+    let valid = column("valid")[end] == 1.0;
     // The verdict on the part of the motion whose tests fail, if any.
-    let verdicts = machine.of_parts("verdict").into_iter().filter_map(|name| column(&name));
+    let parts = machine.of_parts("verdict");
     let passed = f64::from(Verdict::Valid.number());
-    let verdicts = verdicts.max_by_key(|verdicts| verdicts.last().is_some_and(|last| *last != passed))?;
-    let verdict = *verdicts.last()?;
+    let verdicts = column(parts.iter().max_by_key(|name| column(name)[end] != passed).expect("a part"));
+    let verdict = verdicts[end];
     let since = verdicts.iter().rposition(|other| *other != verdict).map_or(0, |at| at + 1);
     let since_s = instant(run.recording.time_s[since]);
     let description = Verdict::of_number(verdict as i32).map_or("", Verdict::description);
     let mut verdict = format!("since {since_s}: {}.", after_colon(description));
     if !valid {
-        verdict += &match column("valid")?.iter().rposition(|valid| *valid == 1.0) {
+        verdict += &match column("valid").iter().rposition(|valid| *valid == 1.0) {
             Some(at) => {
                 let until_s = instant(run.recording.time_s[at]);
                 format!(" It was valid until {until_s}; that estimate is shown.")
@@ -115,7 +113,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
     let method = scenario.method(element);
     let is_paper = method.is_some_and(|method| method.starts_with("paper"));
     let limit = if is_paper { estimation::paper::STD_LIMIT } else { STD_LIMIT };
-    Some(html! {
+    html! {
         p class=(if valid { "verdict good" } else { "verdict bad" }) {
             strong { (if valid { "Valid" } else { "Not valid" }) } " " (verdict)
         }
@@ -141,7 +139,7 @@ fn answer(scenario: &Scenario, run: &Run, element: &str) -> Option<Markup> {
              estimator. It becomes valid when its tests pass and ± is below " (format!("{:.0}", 100.0 * limit))
             " % of each λ. " @if is_paper { (coherence_note(scenario, run)) }
         }
-    })
+    }
 }
 
 /// Events to mark in the plots, with their times in s.
@@ -150,9 +148,8 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
     let time_s = &run.recording.time_s;
     let mut mark = |at_s: f64, label: String| events.push((at_s, label));
     if let Some(update) = evaluation::update(&run.recording) {
-        let first = format!("controller.{}", scenario.machine.of_magnets("lambdaUsed")[0]);
-        let more = run.recording.get(&first).unwrap_or(&[]);
-        let again = more.last() != more.get(update);
+        let first = &run.recording[format!("controller.{}", scenario.machine.of_magnets("lambdaUsed")[0])];
+        let again = first.last() != first.get(update);
         mark(time_s[update - 1], if again { "first update".into() } else { "update".into() });
     }
     if let Some(at_s) = scenario.balance_s {
@@ -178,7 +175,7 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
         }
     }
     for (bearing, name) in scenario.machine.bearings.iter().zip(scenario.machine.of_contact()) {
-        let contact = run.recording.get(&format!("plant.{name}")).unwrap_or(&[]);
+        let contact = &run.recording[format!("plant.{name}")];
         let of = bearing.located("at");
         if let Some(at) = contact.windows(2).position(|pair| pair == [0.0, 1.0]) {
             mark(time_s[at + 1], format!("touchdown{of}"));
@@ -190,7 +187,7 @@ fn events(scenario: &Scenario, run: &Run) -> Vec<(f64, String)> {
     events
 }
 
-/// The report page of a run, made by `command`. A sentence replaces each figure whose signals are missing.
+/// The report page of a run with all its signals, made by `command`. A sentence replaces each figure without usable values.
 pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> String {
     let sensitivities = evaluation::sensitivities(scenario, run);
     let mut tables = tables(name, scenario, run);
@@ -200,7 +197,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         scenario,
         recording: &run.recording,
         methods: methods(scenario),
-        best: answers.first().map_or("estimator", |(element, _)| element),
+        best: answers[0].0,
         truth: scenario.truth(),
         stretches: evaluation::stretches(&run.recording),
         events: events(scenario, run),
@@ -208,7 +205,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         paper: paper(name, scenario),
     };
     let answer = html! {
-        @if let Some((_, best)) = answers.first() { (best) }
+        (answers[0].1)
         (figures::first(&signals))
         @if let Some((_, used)) = answers.get(1) {
             h2 { "The estimate that the controller uses" }

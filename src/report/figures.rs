@@ -8,7 +8,7 @@ use serde_json::{Value as Json, json};
 use super::experiment::Paper;
 use super::{title_of, titled};
 use crate::machine::Bearing;
-use crate::report::evaluation::{self, Sensitivities, Stretch, lengths};
+use crate::report::evaluation::{self, Axis, Sensitivities, Stretch, lengths};
 use crate::report::plot::{self, Line, Plot, PlotUnit, colour};
 use crate::simulation::{Recording, Scenario};
 use crate::studies::sensitivity::ZONES;
@@ -95,15 +95,10 @@ pub(super) struct Signals<'r> {
 }
 
 impl<'r> Signals<'r> {
-    /// Columns of `element`; `None` if any is missing.
-    fn all<N: AsRef<str>>(&self, element: &str, names: &[N]) -> Option<Vec<&'r [f64]>> {
-        names.iter().map(|name| self.recording.get(&format!("{element}.{}", name.as_ref()))).collect()
-    }
-
     /// Columns of the magnets of a bearing.
-    fn of_magnets(&self, element: &str, bearing: &Bearing, name: &str) -> Option<Vec<&'r [f64]>> {
-        let names: Vec<_> = (1..=bearing.magnets).map(|k| format!("{}{name}[{k}]", bearing.prefix)).collect();
-        self.all(element, &names)
+    fn of_magnets(&self, element: &str, bearing: &Bearing, name: &str) -> Vec<&'r [f64]> {
+        let of_magnet = |k: usize| &self.recording[format!("{element}.{}{name}[{k}]", bearing.prefix)];
+        (1..=bearing.magnets).map(of_magnet).collect()
     }
 
     /// A plot for each method and bearing, with a title that tells it apart.
@@ -149,11 +144,9 @@ impl<'r> Signals<'r> {
         plot.line(line, &self.recording.time_s, values);
     }
 
-    /// Adds the line of a column, if it exists.
+    /// Adds the line of a column.
     fn column(&self, plot: &mut Plot, line: Line, name: &str) {
-        if let Some(values) = self.recording.get(name) {
-            self.line(plot, line, values);
-        }
+        self.line(plot, line, &self.recording[name]);
     }
 
     /// Values at the equidistant frames of an animation.
@@ -191,13 +184,13 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize) -> Plot {
     let is_used = |k: usize| run.scenario.uses(magnets.start + k);
     let truth = &run.truth[magnets.clone()];
     let of_magnets = |name: &str| run.of_magnets(element, bearing, name);
-    let Some(lambda) = of_magnets("lambdaHat") else { return plot };
+    let lambda = of_magnets("lambdaHat");
     // From zero to above true values and first guesses: estimates beyond have diverged, or have a very large standard deviation.
     let ends = lambda.iter().zip(truth).enumerate().filter(|(k, _)| is_used(*k));
     let ends = ends.flat_map(|(_, (values, truth))| [values[0], *truth]);
     let most = ends.filter(|value| value.is_finite()).fold(0.0, f64::max);
     plot = plot.range(1, [0.0, 1.15 * most]);
-    let Some(valid) = run.recording.get(&format!("{element}.valid")) else { return plot };
+    let valid = &run.recording[format!("{element}.valid")];
     let is_valid = |at: usize| valid[at] > 0.5;
     let time_s = &run.recording.time_s;
     let rows: Vec<usize> = (0..time_s.len()).collect();
@@ -205,13 +198,11 @@ fn lambda_plot(run: &Signals, element: &str, bearing: usize) -> Plot {
         // Up to the next valid sample.
         plot.shade(time_s[stretch[0]], time_s[(stretch[0] + stretch.len()).min(rows.len() - 1)]);
     }
-    let std = of_magnets("lambdaStdTotal").unwrap_or_default();
-    for (k, lambda) in lambda.into_iter().enumerate().filter(|(k, _)| is_used(*k)) {
+    let magnets = lambda.into_iter().zip(of_magnets("lambdaStdTotal")).enumerate();
+    for (k, (lambda, std)) in magnets.filter(|(k, _)| is_used(*k)) {
         let group = format!("λ{}", k + 1);
         let shown = where_shown(lambda, is_valid);
-        if let Some(std) = std.get(k) {
-            plot.band(&group, colour::BANDS[k], time_s, &shown, std);
-        }
+        plot.band(&group, colour::BANDS[k], time_s, &shown, std);
         let name = format!("λ̂{}", INDEX[k]);
         // The dotted line extends to the first valid sample, where the solid one begins.
         let not_valid = |at: usize| !is_valid(at) || at > 0 && !is_valid(at - 1);
@@ -251,33 +242,35 @@ pub(super) fn first(run: &Signals) -> Markup {
 
 /// The animation and its data at equidistant instants, with the best estimator.
 fn animation(run: &Signals) -> Option<(&'static str, Json)> {
-    let of = |name: &str, factor: f64| run.recording.get(name).map(|values| run.frames(values, factor));
+    let of = |name: &str, factor: f64| run.frames(&run.recording[name], factor);
     let micro = |name: &str| of(name, 1e6);
     let frames = |columns: Vec<&[f64]>, factor: f64| -> Vec<Json> {
         columns.into_iter().map(|values| run.frames(values, factor)).collect()
     };
     let (scenario, machine) = (run.scenario, run.scenario.machine);
+    let bearing = &machine.bearings[0];
     let mut data = json!({
-        "t": run.frames(&run.recording.time_s, 1.0), "theta": of("plant.theta", 1.0)?, "valid": of(&format!("{}.valid", run.best), 1.0),
-        "clearance": evaluation::clearance_m(scenario, &machine.bearings[0])? * 1e6, "timeFactor": time_unit(run.ends_s()[1]).factor,
+        "t": run.frames(&run.recording.time_s, 1.0), "theta": of("plant.theta", 1.0), "valid": of(&format!("{}.valid", run.best), 1.0),
+        "clearance": evaluation::clearance_m(scenario, bearing) * 1e6, "timeFactor": time_unit(run.ends_s()[1]).factor,
         "events": run.events,
     });
     let (id, own) = if machine.is_planar() {
-        let bearing = &machine.bearings[0];
         let alpha: Vec<_> = machine.of_magnets("alpha").iter().map(|name| scenario.real(name)).collect();
         let own = json!({
-            "y": micro("plant.Y")?, "z": micro("plant.Z")?, "refY": micro("controller.reference.Y"),
-            "refZ": micro("controller.reference.Z"), "force": frames(run.of_magnets("plant", bearing, "F")?, 1.0),
-            "lambda": run.of_magnets(run.best, bearing, "lambdaHat").map(|columns| frames(columns, 1e6)),
+            "y": micro("plant.Y"), "z": micro("plant.Z"), "refY": micro("controller.reference.Y"),
+            "refZ": micro("controller.reference.Z"), "force": frames(run.of_magnets("plant", bearing, "F"), 1.0),
+            "lambda": frames(run.of_magnets(run.best, bearing, "lambdaHat"), 1e6),
             "contact": of("plant.touchdown.contact", 1.0), "alpha": alpha, "gap": scenario.real("s")? * 1e6,
         });
         ("orbit-animation", own)
+    } else if !machine.tilts() {
+        return None;
     } else {
         let both = |names: [&str; 2]| names.map(|name| scenario.real(name));
         let own = json!({
-            "x": micro("plant.X")?, "bearings": both(["A.position", "B.position"]),
+            "x": micro("plant.X"), "bearings": both(["A.position", "B.position"]),
             "sensors": both(["A.sensorPosition", "B.sensorPosition"]), "extent": both(["shaft.begin", "shaft.end"]),
-            "orbits": [[micro("plant.A.Y")?, micro("plant.A.Z")?], [micro("plant.B.Y")?, micro("plant.B.Z")?]],
+            "orbits": [[micro("plant.A.Y"), micro("plant.A.Z")], [micro("plant.B.Y"), micro("plant.B.Z")]],
         });
         ("shaft-animation", own)
     };
@@ -313,7 +306,7 @@ pub(super) fn all(run: &Signals) -> Vec<Figure> {
         Some(tracking(run)),
         Some(currents(run)),
         orbit(run),
-        clearance(run),
+        Some(clearance(run)),
         unbalance(run),
         sensitivity(run),
     ];
@@ -342,7 +335,7 @@ fn errors(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
     // A function of the ratio of a column to the true λ, for each magnet of a bearing that is in use.
     let of_ratios = |element: &str, b: usize, name: &str, of: fn(f64) -> f64| -> Vec<(usize, Vec<f64>)> {
-        let columns = run.of_magnets(element, &machine.bearings[b], name).unwrap_or_default();
+        let columns = run.of_magnets(element, &machine.bearings[b], name);
         let magnets = columns.into_iter().zip(machine.magnets_of(b)).enumerate();
         let used = magnets.filter(|(_, (_, k))| run.scenario.uses(*k));
         used.map(|(number, (values, k))| (number, values.iter().map(|value| of(value / run.truth[k])).collect()))
@@ -377,9 +370,8 @@ fn errors(run: &Signals) -> Figure {
 fn condition(run: &Signals) -> Option<Figure> {
     let mut plot = run.plot("condition number", PlotUnit::ONE).decades(1).height(240.0);
     for ([element, label], colour) in run.methods.iter().zip(colour::MAGNETS.into_iter().cycle()) {
-        if let Some(values) = run.recording.get(&format!("{element}.condition")) {
-            run.line(&mut plot, Line::new(label, colour), &where_shown(values, |at| values[at] > 0.0));
-        }
+        let values = &run.recording[format!("{element}.condition")];
+        run.line(&mut plot, Line::new(label, colour), &where_shown(values, |at| values[at] > 0.0));
     }
     let caption = "The condition number of the equations solved: the factor by which errors of the data may grow.";
     let title = "How well the data determine the estimates";
@@ -390,20 +382,17 @@ fn tracking(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
     let truth = |name: &str| Line::new(name, colour::INK).dashed();
     let mut plots = Vec::new();
-    let names = machine.positions().into_iter().zip(machine.of_references());
-    for (reading, (position, reference)) in machine.readings.iter().zip(names) {
+    let axes = evaluation::axes(machine, run.recording);
+    for Axis { reading, position, reference, .. } in &axes {
         let mut plot = run.plot(&reading.axis[..1], PlotUnit::MICROMETRE);
-        run.column(&mut plot, Line::new("position", colour::MAGNETS[0]), &format!("plant.{position}"));
-        run.column(&mut plot, truth("reference"), &format!("controller.{reference}"));
+        run.line(&mut plot, Line::new("position", colour::MAGNETS[0]), position);
+        run.line(&mut plot, truth("reference"), reference);
         plots.push(plot.title(format!("Position along {}", reading.axis)));
     }
-    let errors = evaluation::errors(machine, run.recording).unwrap_or_default();
     for (b, bearing) in machine.bearings.iter().enumerate() {
-        let readings = machine.readings_of(b);
         let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
-        let of_bearing = machine.readings.iter().zip(&errors).take(readings.end).skip(readings.start);
-        for ((reading, error), colour) in of_bearing.zip(colour::MAGNETS) {
-            run.line(&mut plot, Line::new(&reading.axis[..1], colour), error);
+        for (axis, colour) in axes[machine.readings_of(b)].iter().zip(colour::MAGNETS) {
+            run.line(&mut plot, Line::new(&axis.reading.axis[..1], colour), &axis.error);
         }
         plots.push(plot.title(titled("Tracking error", bearing)));
     }
@@ -421,9 +410,9 @@ fn tracking(run: &Signals) -> Figure {
 
 fn currents(run: &Signals) -> Figure {
     let mut plots = Vec::new();
-    let mut add = |title: String, quantity: &str, unit: PlotUnit, columns: Option<Vec<&[f64]>>| {
+    let mut add = |title: String, quantity: &str, unit: PlotUnit, columns: Vec<&[f64]>| {
         let mut plot = run.plot(quantity, unit).title(title);
-        for (k, column) in columns.into_iter().flatten().enumerate() {
+        for (k, column) in columns.into_iter().enumerate() {
             run.line(&mut plot, Line::new(&format!("{quantity}{}", INDEX[k]), colour::MAGNETS[k]), column);
         }
         plots.push(plot);
@@ -432,40 +421,37 @@ fn currents(run: &Signals) -> Figure {
         add(titled("Measured currents", bearing), "i", PlotUnit::AMPERE, run.of_magnets("plant", bearing, "im"));
         add(titled("Forces", bearing), "F", PlotUnit::NEWTON, run.of_magnets("plant", bearing, "F"));
         let voltages = run.of_magnets("controller", bearing, "u");
-        let voltages = voltages.filter(|voltages| voltages.iter().any(|u| u.iter().any(|u| *u != 0.0)));
-        add(titled("Voltages", bearing), "u", PlotUnit::VOLT, voltages);
+        // A current controller commands no voltage.
+        if voltages.iter().any(|u| u.iter().any(|u| *u != 0.0)) {
+            add(titled("Voltages", bearing), "u", PlotUnit::VOLT, voltages);
+        }
     }
     let caption = "The magnets only pull: the sign of a current has no meaning.";
     run.figure("currents", "Currents of the magnets", plots, caption)
 }
 
 fn orbit(run: &Signals) -> Option<Figure> {
-    let axes = |what: &str| {
+    let plot_of = |what: &str| {
         let axis = |letter: &str| if what.is_empty() { letter.to_owned() } else { format!("{what} of {letter}") };
         Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
     let machine = run.scenario.machine;
-    let (positions, references) = (machine.positions(), machine.of_references());
-    let all_errors = evaluation::errors(machine, run.recording);
+    let axes = evaluation::axes(machine, run.recording);
     // The last stretch has the first colour.
     let colours = colour::MAGNETS[..run.stretches.len()].iter().rev();
     let mut plots = Vec::new();
-    for (b, bearing) in machine.bearings.iter().enumerate().filter(|(_, of)| of.is_radial) {
-        let at = machine.readings_of(b);
-        let mut path = axes("").title(titled("Orbit", bearing));
-        let mut errors = axes("error").title(titled("Error", bearing));
-        let position = run.all("plant", &positions[at.clone()]);
-        let error = all_errors.as_ref().map(|all| all[at.clone()].iter().map(Vec::as_slice).collect::<Vec<_>>());
+    for (b, bearing) in machine.bearings.iter().enumerate() {
+        // Radial bearings only.
+        let [y, z] = &axes[machine.readings_of(b)] else { continue };
+        let mut path = plot_of("").title(titled("Orbit", bearing));
+        let mut errors = plot_of("error").title(titled("Error", bearing));
         for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
-            for (plot, signals) in [(&mut path, &position), (&mut errors, &error)] {
-                if let Some([y, z]) = signals.as_deref() {
-                    plot.line(Line::new(stretch.title, colour), stretch.of(y), stretch.of(z));
-                }
-            }
+            let line = Line::new(stretch.title, colour);
+            path.line(line.clone(), stretch.of(y.position), stretch.of(z.position));
+            errors.line(line, stretch.of(&y.error), stretch.of(&z.error));
         }
-        let reference = run.all("controller", &references[at]);
-        if let (Some([y, z]), Some(last)) = (reference.as_deref(), run.stretches.last()) {
-            path.line(Line::new("reference", colour::INK).dashed(), last.of(y), last.of(z));
+        if let Some(last) = run.stretches.last() {
+            path.line(Line::new("reference", colour::INK).dashed(), last.of(y.reference), last.of(z.reference));
         }
         if run.paper.is_some() {
             for (radius, name) in REQUIRED_M {
@@ -485,23 +471,22 @@ fn orbit(run: &Signals) -> Option<Figure> {
 }
 
 /// Distance of the rotor from the centre of each bearing, beside the clearance of the backup bearing.
-fn clearance(run: &Signals) -> Option<Figure> {
+fn clearance(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
-    let positions = machine.positions();
+    let axes = evaluation::axes(machine, run.recording);
     let (mut plots, mut touched) = (Vec::new(), false);
     for (b, bearing) in machine.bearings.iter().enumerate() {
-        let clearance_m = evaluation::clearance_m(run.scenario, bearing)?;
-        let at = machine.readings_of(b);
-        let radius = lengths(&run.all("plant", &positions[at.clone()])?);
+        let clearance_m = evaluation::clearance_m(run.scenario, bearing);
+        let radius = lengths(axes[machine.readings_of(b)].iter().map(|axis| axis.position));
         let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
         let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
         distance = distance.range(1, [0.0, 1.1 * most]);
         run.line(&mut distance, Line::new("rotor", colour::MAGNETS[0]).unlisted(), &radius);
         distance.level(clearance_m, "clearance");
         plots.push(distance.title(titled("Distance from the centre", bearing)));
-        let axes = if bearing.is_radial { &["Y", "Z"][..] } else { &["X"] };
-        let names: Vec<_> = axes.iter().map(|axis| format!("{}touchdown.F{axis}", bearing.prefix)).collect();
-        let push_n = run.all("plant", &names).map(|forces| lengths(&forces)).unwrap_or_default();
+        let letters = if bearing.is_radial { &["Y", "Z"][..] } else { &["X"] };
+        let force = |letter: &&str| &run.recording[format!("plant.{}touchdown.F{letter}", bearing.prefix)];
+        let push_n = lengths(letters.iter().map(force));
         if push_n.iter().any(|force| *force > 0.0) {
             touched = true;
             let mut push = run.plot("force", PlotUnit::NEWTON).height(260.0);
@@ -511,7 +496,7 @@ fn clearance(run: &Signals) -> Option<Figure> {
     }
     let caption =
         if touched { "The rotor touches the backup bearing." } else { "The backup bearing is never touched." };
-    Some(run.figure("clearance", "Clearance", plots, caption))
+    run.figure("clearance", "Clearance", plots, caption)
 }
 
 /// The identified unbalance beside the true one.

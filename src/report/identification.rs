@@ -145,11 +145,12 @@ impl<'s> Drawn<'s> {
     }
 
     fn over_time(&self, quantity: &str, unit: PlotUnit) -> Plot {
-        let plot = Plot::over_time(self.unit, (quantity, unit));
-        match self.time_s[..] {
-            [first, .., last] => plot.range(0, [first, last]),
-            _ => plot,
-        }
+        Plot::over_time(self.unit, (quantity, unit)).range(0, self.ends_s())
+    }
+
+    /// The instants of the first and of the last row, in s.
+    fn ends_s(&self) -> [f64; 2] {
+        [0, self.time_s.len()].map(|row| self.instant(row))
     }
 
     /// λ over the recording: the answer with its parts, and the on-line estimate for comparison.
@@ -161,13 +162,7 @@ impl<'s> Drawn<'s> {
             let bearing = bearing.name();
             let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
             for (number, k) in magnets.clone().enumerate() {
-                // NaN leaves a gap after each part.
-                let corners = |(from, to, estimate): (f64, f64, Estimate)| {
-                    let std = estimate.total_std.max(estimate.noise_std);
-                    [(from, estimate.value), (to, estimate.value), (to, f64::NAN)].map(|(x, value)| [x, value, std])
-                };
-                let corners: Vec<_> = self.parts(found, k).into_iter().flat_map(corners).collect();
-                let [x, value, std] = [0, 1, 2].map(|n| corners.iter().map(|corner| corner[n]).collect::<Vec<_>>());
+                let [x, value, std] = self.corners(found, k);
                 let name = NAMES[number];
                 whole.band(name, colour::BANDS[number], &x, &value, &std);
                 whole.line(Line::new(name, colour::MAGNETS[number]).group(name).width(2.0), &x, &value);
@@ -182,8 +177,7 @@ impl<'s> Drawn<'s> {
                 for (number, k) in magnets.enumerate() {
                     let line = Line::new("maximum likelihood", colour::MAGNETS[number]);
                     let line = line.group(NAMES[number]).dashed().unlisted();
-                    let all = [self.instant(0), self.instant(self.time_s.len())];
-                    on_line.line(line, &all, &[found.lambda[k].value; 2]);
+                    on_line.line(line, &self.ends_s(), &[found.lambda[k].value; 2]);
                 }
                 plots.push(on_line.title(of("On-line estimator")));
             }
@@ -199,30 +193,25 @@ impl<'s> Drawn<'s> {
         Figure::new("constants", "Force constants", plots, caption + self.which)
     }
 
-    /// The parts of the recording: begin and end in s, and λ of one magnet there.
-    fn parts(&self, found: &Identification, k: usize) -> Vec<(f64, f64, Estimate)> {
-        let mut changes: Vec<_> = found
-            .contradictions
-            .iter()
-            .filter(|part| part.recording == 0)
-            .filter_map(|part| match &part.what {
-                Change::Lambda(lambda) => {
-                    let first = if part.part == 0 { 0 } else { found.lambda.len() - lambda.len() };
-                    Some((part.rows.clone(), *lambda.get(k.checked_sub(first)?)?))
-                }
-                _ => None,
-            })
-            .collect();
-        changes.sort_by_key(|(rows, _)| rows.start);
-        let (mut parts, mut from) = (Vec::new(), 0);
-        for (rows, estimate) in changes {
-            parts.push((from, rows.start, found.lambda[k]));
-            parts.push((rows.start, rows.end, estimate));
-            from = rows.end;
+    /// λ of one magnet over the recording: instant in s, value and standard deviation at begin and end of each part, and a gap after it.
+    fn corners(&self, found: &Identification, k: usize) -> [Vec<f64>; 3] {
+        let mut estimates = vec![&found.lambda[k]; self.time_s.len()];
+        for part in found.contradictions.iter().filter(|part| part.recording == 0) {
+            let Change::Lambda(lambda) = &part.what else { continue };
+            let first = if part.part == 0 { 0 } else { found.lambda.len() - lambda.len() };
+            if let Some(own) = k.checked_sub(first).and_then(|k| lambda.get(k)) {
+                estimates[part.rows.clone()].fill(own);
+            }
         }
-        parts.push((from, self.time_s.len(), found.lambda[k]));
-        parts.retain(|(from, to, _)| from < to);
-        parts.into_iter().map(|(from, to, estimate)| (self.instant(from), self.instant(to), estimate)).collect()
+        let rows: Vec<usize> = (0..estimates.len()).collect();
+        let parts = rows.chunk_by(|one, other| std::ptr::eq(estimates[*one], estimates[*other]));
+        let corners = |part: &[usize]| {
+            let [from, to] = [part[0], part[0] + part.len()].map(|row| self.instant(row));
+            let &Estimate { value, total_std, noise_std, .. } = estimates[part[0]];
+            [(from, value), (to, value), (to, f64::NAN)].map(|(x, value)| [x, value, total_std.max(noise_std)])
+        };
+        let corners: Vec<_> = parts.flat_map(corners).collect();
+        [0, 1, 2].map(|n| corners.iter().map(|corner| corner[n]).collect())
     }
 
     /// The instant of a row in s; rows past the end have the last one.

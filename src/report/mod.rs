@@ -104,16 +104,14 @@ fn prose(text: &str) -> Markup {
 
 /// The length of the recording, and whether all of it is drawn.
 fn summary_of(time_s: &[f64]) -> String {
-    let (Some(first), Some(last)) = (time_s.first(), time_s.last()) else {
-        return "The recording is empty.".into();
-    };
+    let [first, last] = [0, time_s.len() - 1].map(|at| instant(time_s[at]));
     let samples = time_s.len();
     let thinned = if samples <= plot::MAX_UNTHINNED {
         "all drawn"
     } else {
         "of which the plots show the smallest and the largest value of short intervals"
     };
-    format!("{samples} samples from {} to {}, {thinned}.", instant(*first), instant(*last))
+    format!("{samples} samples from {first} to {last}, {thinned}.")
 }
 
 /// An instant to a tenth of a millisecond, without trailing zeros.
@@ -176,20 +174,17 @@ pub(super) fn table_of(table: &Table) -> Markup {
         let mut cells = table.rows.iter().filter_map(|row| row.get(column)).filter(|cell| !cell.is_empty()).peekable();
         column > 0 && cells.peek().is_some() && cells.all(|cell| looks_numeric(cell))
     };
-    let columns = table.rows.iter().map(Vec::len).chain([table.head.len()]).max().unwrap_or(0);
-    let numeric: Vec<bool> = (0..columns).map(numeric).collect();
+    let numeric: Vec<bool> = (0..table.head.len()).map(numeric).collect();
     html! {
         div.table {
-            @if !table.title.is_empty() { h2 { (table.title) } }
+            h2 { (table.title) }
             @if !table.note.is_empty() { p { (table.note) } }
             div.scroll {
                 table {
-                    @if !table.head.is_empty() {
-                        thead {
-                            tr {
-                                @for (cell, numeric) in table.head.iter().zip(&numeric) {
-                                    th scope="col" class=[numeric.then_some("number")] { (cell) }
-                                }
+                    thead {
+                        tr {
+                            @for (cell, numeric) in table.head.iter().zip(&numeric) {
+                                th scope="col" class=[numeric.then_some("number")] { (cell) }
                             }
                         }
                     }

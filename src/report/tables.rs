@@ -39,13 +39,10 @@ fn comparison(scenario: &Scenario, run: &Run, paper: bool) -> Table {
     for instant_s in INSTANTS_S.into_iter().chain(end_s) {
         let Some(at) = run.recording.time_s.iter().position(|time_s| *time_s >= instant_s - 1e-9) else { continue };
         for [element, label] in methods(scenario) {
-            let value = |name: &str| run.recording.get(&format!("{element}.{name}"))?.get(at).copied();
-            let names = scenario.machine.of_magnets("lambdaHat");
-            let lambda: Option<Vec<f64>> = names.iter().map(|name| value(name)).collect();
-            if let (Some(lambda), Some(valid)) = (lambda, value("valid")) {
-                let valid = if valid == 1.0 { "yes" } else { "no" };
-                rows.push(row(format!("{label} at {instant_s} s"), &lambda, valid));
-            }
+            let value = |name: &str| run.recording[format!("{element}.{name}")][at];
+            let lambda: Vec<f64> = scenario.machine.of_magnets("lambdaHat").iter().map(|name| value(name)).collect();
+            let valid = if value("valid") == 1.0 { "yes" } else { "no" };
+            rows.push(row(format!("{label} at {instant_s} s"), &lambda, valid));
         }
     }
     let head = [vec![String::new()], of_magnets("λ"), of_magnets("error "), vec!["valid".to_owned()]];
@@ -59,7 +56,7 @@ fn literal_note(scenario: &Scenario, run: &Run, truth: &[f64]) -> String {
         return String::new();
     }
     let of_magnet = |(k, truth): (usize, &f64)| {
-        let column = run.recording.get(&format!("paperLiteral.lambdaHat[{}]", k + 1)).unwrap_or(&[]);
+        let column = &run.recording[format!("paperLiteral.lambdaHat[{}]", k + 1)];
         let late = run.recording.time_s.iter().zip(column).filter(|(time_s, _)| **time_s >= INSTANTS_S[0]);
         late.map(|(time_s, value)| ((value / truth - 1.0).abs(), *time_s)).collect::<Vec<_>>()
     };
@@ -87,21 +84,21 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
     let symbols = machine.symbols("λ");
     let names = ["lambdaHat", "lambdaStdTotal", "ki", "ks"].map(|name| machine.of_magnets(name));
     let row = |(k, truth): (usize, f64)| {
-        let of = |quantity: usize| last(run, &format!("estimator.{}", names[quantity][k]));
-        let hat = of(0);
+        let last = |names: &Vec<String>| run.recording[format!("estimator.{}", names[k])].last().copied();
+        let [hat, std, ki, ks] = names.each_ref().map(|names| last(names).unwrap_or(f64::NAN));
         vec![
             symbols[k].clone(),
             format!("{:.4}", truth * 1e6),
             format!("{:.4}", hat * 1e6),
             percent(hat / truth - 1.0),
-            format!("{:.2} %", 100.0 * of(1) / hat),
-            format!("{:.1}", of(2)),
-            format!("{:.0}", of(3)),
+            format!("{:.2} %", 100.0 * std / hat),
+            format!("{ki:.1}"),
+            format!("{ks:.0}"),
         ]
     };
-    let valid = match run.recording.get("estimator.valid") {
-        Some(valid) if valid.last() == Some(&1.0) => "Valid at the end of the run",
-        Some(valid) if valid.contains(&1.0) => "Not valid at the end of the run",
+    let valid = match &run.recording["estimator.valid"] {
+        [.., 1.0] => "Valid at the end of the run",
+        valid if valid.contains(&1.0) => "Not valid at the end of the run",
         _ => "Never valid: these are the first guesses",
     };
     let note = format!("{valid}. ± is one standard deviation; ki in N/A and ks in N/m at the operating point.");
@@ -110,22 +107,16 @@ fn constants(scenario: &Scenario, run: &Run) -> Table {
     Table::new("Estimated force constants, 10⁻⁶ N·m²/A²", note, head, rows)
 }
 
-/// The last value of a column.
-fn last(run: &Run, name: &str) -> f64 {
-    run.recording.get(name).and_then(|values| values.last().copied()).unwrap_or(f64::NAN)
-}
-
 fn unbalance(scenario: &Scenario, run: &Run) -> Option<Table> {
     let machine = scenario.machine;
+    let end_s = scenario.balance_s.unwrap_or(f64::INFINITY) - 1e-9;
+    let last = run.recording.time_s.partition_point(|time_s| *time_s < end_s).saturating_sub(1);
     let row = |plane: usize| {
         let name = |what: &str| machine.of_planes(what).swap_remove(plane);
         let of = |what: &str| {
-            let found = run.recording.get(&format!("estimator.{}", name(what)))?;
-            let before = |balance_s| run.recording.time_s.partition_point(|time_s| *time_s < balance_s - 1e-9);
-            let at = scenario.balance_s.map_or(found.len(), before);
-            Some((scenario.real(&name(what))?, *found.get(at.checked_sub(1)?)?))
+            (scenario.number("plant", &name(what)), run.recording[format!("estimator.{}", name(what))][last])
         };
-        let ((size, size_hat), (phase, phase_hat)) = (of("magnitude")?, of("phase")?);
+        let ((size, size_hat), (phase, phase_hat)) = (of("magnitude"), of("phase"));
         let position = scenario.real(&name("position"));
         (size > 0.0).then_some(vec![
             position.map_or_else(String::new, |at_m| format!("plane {}, {} mm", plane + 1, 1e3 * at_m)),
@@ -180,9 +171,9 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         }
         rows.push(cells);
     };
-    for (reading, error) in machine.readings.iter().zip(evaluation::errors(machine, &run.recording)?) {
-        let name = format!("largest tracking error, {}", reading.axis);
-        row(name, 1e6, "µm", "slightly smaller after", &error, evaluation::largest);
+    for axis in evaluation::axes(machine, &run.recording) {
+        let name = format!("largest tracking error, {}", axis.reading.axis);
+        row(name, 1e6, "µm", "slightly smaller after", &axis.error, evaluation::largest);
     }
     let observed = machine.of_loads("p", "Hat").into_iter().map(|name| format!("controller.{name}"));
     let truth = machine.coordinates.iter().map(|coordinate| format!("plant.{}", coordinate.perturbation));
@@ -190,7 +181,7 @@ fn tracking(scenario: &Scenario, run: &Run, is_paper: bool) -> Option<Table> {
         for (name, column, paper) in [("estimated", observed, PAPER_RATIO), ("true", truth, "")] {
             let name =
                 format!("{name} perturbation, peak to peak, {}", machine.direction(n).trim_start_matches("along "));
-            row(name, 1.0, machine.either(n, "N", "N·m"), paper, run.recording.get(&column)?, evaluation::peak_to_peak);
+            row(name, 1.0, machine.either(n, "N", "N·m"), paper, &run.recording[column], evaluation::peak_to_peak);
         }
     }
     let names = stretches.iter().map(|stretch| stretch.name);

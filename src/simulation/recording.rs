@@ -1,6 +1,7 @@
 //! Sampled signals: the result of a run.
 
 use std::io::{self, BufWriter, Write};
+use std::ops::Index;
 
 /// One signal over the samples of a [`Recording`].
 #[derive(Clone, Debug, PartialEq)]
@@ -20,6 +21,18 @@ pub struct Recording {
     pub time_s: Vec<f64>,
     /// The signals, each as long as `time_s`.
     pub columns: Vec<Column>,
+}
+
+/// The values of the signal of this name, such as an output that every machine has.
+///
+/// # Panics
+/// If there is none.
+impl<N: AsRef<str>> Index<N> for Recording {
+    type Output = [f64];
+
+    fn index(&self, name: N) -> &[f64] {
+        self.get(name.as_ref()).unwrap_or_else(|| panic!("{} is not recorded", name.as_ref()))
+    }
 }
 
 /// A name with its unit, if it has one: `plant.Y [m]`.

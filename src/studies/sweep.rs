@@ -85,12 +85,9 @@ enum Sampling {
 }
 
 /// Distribution of a variable.
-#[derive(Deserialize)]
-#[serde(untagged)]
 enum Range {
     Between(Between),
     OneOf(Vec<toml::Value>),
-    Always(toml::Value),
 }
 
 #[derive(Deserialize)]
@@ -434,12 +431,12 @@ fn draw(document: &Document) -> Result<Design, String> {
     let (mut columns, mut bounds) = (Vec::new(), Vec::new());
     let mut cases = vec![Vec::new(); document.cases];
     for (path, range) in leaves(&document.ranges, &|inner| inner.contains_key("from")) {
-        let range: Range = match range.clone().try_into() {
-            Ok(Range::Always(toml::Value::Table(_))) | Err(_) => {
-                let wanted = "expected { from = …, to = … }, with unit and log if they are wanted, a list, or a value";
-                return Err(format!("{path} = {range} is refused: {wanted}"));
-            }
-            Ok(range) => range,
+        let wanted = "expected { from = …, to = … }, with unit and log if they are wanted, a list, or a value";
+        let refused = |_| format!("{path} = {range} is refused: {wanted}");
+        let range = match range.clone() {
+            toml::Value::Array(items) => Range::OneOf(items),
+            table @ toml::Value::Table(_) => Range::Between(table.try_into().map_err(refused)?),
+            value => Range::OneOf(vec![value]),
         };
         let (unit, ends) = match &range {
             Range::Between(Between { from, to, log, unit }) => {
@@ -449,7 +446,6 @@ fn draw(document: &Document) -> Result<Design, String> {
                 (unit.as_ref(), [from, to].map(|end| format!("{end:e}")).to_vec())
             }
             Range::OneOf(items) => (None, items.iter().map(text).collect()),
-            Range::Always(value) => (None, vec![text(value)]),
         };
         let mut strata: Vec<usize> = (0..document.cases).collect();
         // Fisher–Yates.
@@ -471,7 +467,6 @@ fn draw(document: &Document) -> Result<Design, String> {
                     let item = items.get(((share * items.len() as f64) as usize).min(items.len().saturating_sub(1)));
                     text(item.ok_or_else(|| format!("{path}: the list is empty"))?)
                 }
-                Range::Always(value) => text(value),
             });
         }
         let column = unit.map_or(path.clone(), |unit| format!("{path} [{unit}]"));

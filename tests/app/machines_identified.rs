@@ -301,7 +301,7 @@ fn wrong_columns_and_options_are_named() {
         ("run.csv --set force.slow=1", &["--set force.slow=1: expected 0, or --estimate force.slow"]),
         ("run.csv --set force.slow=0 --estimate force.slow", &["force.slow is both set and estimated"]),
         ("run.csv --machine spindle --window 1 --method paper", &["no --window", "no --method but likelihood"]),
-        ("run.csv --machine spindle --hold none", &["--hold none: expected one of heldBefore"]),
+        ("run.csv --machine spindle --hold none", &["'none' for '--hold", "heldBefore"]),
         ("run.csv --hold linear --estimate lag", &["lag: expected held currents"]),
         ("run.csv --machine spindle --set s=1mm", &["--set s: the estimator of the machine"]),
         ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),

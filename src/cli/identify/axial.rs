@@ -68,7 +68,7 @@ impl Bench {
         self.errors.extend(stated.err().map(|why| format!("{from}{why}")));
     }
 
-    fn stated(&mut self, name: &str, value: Option<&str>) -> std::result::Result<(), String> {
+    fn stated(&mut self, name: &str, value: Option<&str>) -> Result<(), String> {
         let Some(value) = value else {
             if matches!(name, MASS | USED) {
                 return Err(format!("{name}: it cannot be estimated; expected --set {name}=…"));
@@ -99,7 +99,7 @@ impl Bench {
 }
 
 /// Index of a parameter of the axis.
-fn parameter(name: &str) -> std::result::Result<usize, String> {
+fn parameter(name: &str) -> Result<usize, String> {
     PARAMETERS.iter().position(|(known, ..)| *known == name).ok_or_else(|| {
         let names = [MASS, USED].into_iter().chain(PARAMETERS.map(|(name, ..)| name));
         let suggestion = suggestion(name, &names.map(str::to_owned).collect::<Vec<_>>());

@@ -30,10 +30,6 @@ impl Arguments {
         named.or_else(|| Scenario::machine_of(self.scenario.as_deref()?)).unwrap_or_default()
     }
 
-    pub(super) fn method(&self) -> &str {
-        self.method.as_deref().unwrap_or(LIKELIHOOD)
-    }
-
     /// Known loads stated by `--set`, and its other settings.
     pub(super) fn loads(&self, machine: &Machine) -> (Pairs, Pairs) {
         let loads = machine.of_coordinates(|coordinate| coordinate.load);
@@ -42,7 +38,7 @@ impl Arguments {
 
     /// A message for each option that does not apply to the machine.
     pub(super) fn unused(&self, machine: &Machine) -> Vec<String> {
-        let (is_axial, is_planar, method) = (*machine == AXIAL, *machine == PLANAR, self.method());
+        let (is_axial, is_planar, method) = (*machine == AXIAL, *machine == PLANAR, self.method.as_str());
         let has_none = |option: &str| format!("the machine {} has no {option}", machine.name);
         let is_usual = [LIKELIHOOD, PREDICTION_ERROR].contains(&method);
         let options = [

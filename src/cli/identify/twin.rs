@@ -21,9 +21,8 @@ impl Arguments {
     /// The library of the FMUs for the closed loop, if requested; read first, so that a missing one is reported before the work.
     pub(super) fn binaries(&self) -> Result<Option<Binaries>> {
         let binaries = self.ssp.is_some().then(|| package::binaries(&[])).transpose()?;
-        let method = self.method();
-        if self.wants_twin() && method != LIKELIHOOD {
-            return Err(refused(format!("--save, --ssv and --ssp need --method {LIKELIHOOD}, not {method}")));
+        if self.wants_twin() && self.method != LIKELIHOOD {
+            return Err(refused(format!("--save, --ssv and --ssp need --method {LIKELIHOOD}, not {}", self.method)));
         }
         Ok(binaries)
     }

@@ -275,8 +275,8 @@ pub const FAULTS: [Fault; 11] = [
     ("offset of the position sensor y, 10 µm", |to| raise(to, "plant", &["sensor.offsetY"], 1e-5)),
     ("offset of the position sensor z, 10 µm", |to| raise(to, "plant", &["sensor.offsetZ"], 1e-5)),
     ("positions and currents 20 µs late", |to| raise(to, "plant", &["sensor.delay"], 2e-5)),
-    ("force that turns backward, 1 N", |to| backward(to, 1.0, 0.0, 1.0)),
-    ("force that turns backward, 2 N", |to| backward(to, 2.0, 0.0, 1.0)),
+    ("force that turns backward, 1 N", |to| turning(to, -1.0, 1.0, 0.0, 1.0)),
+    ("force that turns backward, 2 N", |to| turning(to, -1.0, 2.0, 0.0, 1.0)),
 ];
 
 /// Raises variables of an element by the same value.
@@ -286,12 +286,8 @@ fn raise(scenario: &mut Scenario, element: &str, variables: &[&str], by: f64) {
     }
 }
 
-/// Adds a force in N that rotates backward at the speed of the rotor, from an angle in rad until an instant in s.
-pub fn backward(scenario: &mut Scenario, force_n: f64, phase: f64, end_s: f64) {
-    turning(scenario, -1.0, force_n, -phase, end_s);
-}
-
-/// Adds a force in N that rotates at `order` times the speed of the rotor, from an angle in rad until an instant in s.
+/// Adds a force in N that rotates at `order` times the speed of the rotor, backward if that is negative, from an angle in rad until an
+/// instant in s.
 pub fn turning(scenario: &mut Scenario, order: f64, force_n: f64, phase: f64, end_s: f64) {
     let omega = order * scenario.number("plant", "omega");
     push(scenario, &["pY", "pZ"], end_s, |time_s| {

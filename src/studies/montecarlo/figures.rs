@@ -7,7 +7,7 @@ use super::bound;
 use crate::estimation::Verdict;
 use crate::simulation::synchronous::forces;
 use crate::simulation::{Profile, Recording, Scenario};
-use crate::studies::statistics::rms;
+use crate::studies::statistics::{mean, rms};
 use crate::variables::Choice;
 use fmu_export::variable::Value;
 
@@ -121,8 +121,8 @@ fn profile_of<'a>(scenario: &'a Scenario, lambda: &str) -> Option<&'a Profile> {
     scenario.profiles.iter().find(|profile| profile.targets.contains(&place))
 }
 
-/// The estimates for the magnets in use; `None` if the recording lacks outputs of the estimator.
-fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>> {
+/// The estimates for the magnets in use.
+fn estimates(scenario: &Scenario, recording: &Recording) -> Vec<Estimate> {
     let names = ["lambda", "lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| scenario.machine.of_magnets(name));
     let of_magnet = |k: usize| {
         let [truth, hat, std, total] = names.each_ref().map(|names| names[k].as_str());
@@ -130,13 +130,14 @@ fn estimates(scenario: &Scenario, recording: &Recording) -> Option<Vec<Estimate>
         // The value during the interval that ends at the row.
         let at = |time_s: &f64| profile.and_then(|profile| profile.at(time_s - 0.5 * scenario.step_s));
         let truth: Vec<f64> = recording.time_s.iter().map(|time_s| at(time_s).map_or(start, Value::as_f64)).collect();
-        let get = |name: &str| recording.get(&format!("estimator.{name}"));
+        let path = |name: &str| format!("estimator.{name}");
         let relative = |of: &[f64]| of.iter().zip(&truth).map(|(value, truth)| value / truth).collect::<Vec<_>>();
-        Some(Estimate {
-            error: relative(get(hat)?).into_iter().map(|hat| hat - 1.0).collect(),
-            std: relative(get(std).or(get(total))?),
-            total: relative(get(total)?),
-        })
+        let total = &recording[path(total)];
+        Estimate {
+            error: relative(&recording[path(hat)]).into_iter().map(|hat| hat - 1.0).collect(),
+            std: relative(recording.get(&path(std)).unwrap_or(total)),
+            total: relative(total),
+        }
     };
     scenario.used().into_iter().map(of_magnet).collect()
 }
@@ -162,22 +163,21 @@ pub fn touched(recording: &Recording) -> Option<usize> {
 }
 
 /// Judges a run at instants in s, up to the row at which the rotor touches down, if it does. There is no bound without noise, or if a λ steps.
-pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: Option<usize>) -> Option<Trial> {
+pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: Option<usize>) -> Trial {
     let machine = scenario.machine;
     let get = |name: &str| recording.get(&format!("estimator.{name}"));
-    let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording)?, get("valid")?);
+    let (used, estimates, valid) = (scenario.used(), estimates(scenario, recording), &recording["estimator.valid"]);
     let lambda = machine.of_magnets("lambda");
     let jump = used.iter().filter_map(|k| profile_of(scenario, &lambda[*k])).find(|profile| profile.hold);
     let jump_s = jump.map(|profile| profile.time_s[0]);
     let detection_s = DETECTION_REVOLUTIONS * TAU / scenario.number("plant", "omega").abs().max(1.0);
     let time_s = &recording.time_s;
     let rows = touched.unwrap_or(time_s.len());
-    let counted = || (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
-    let good = counted().filter(|row| valid[*row] == 1.0).count();
+    let counted = (0..rows).filter(|row| time_s[*row] >= VALID_FROM_S);
     let changes: Vec<f64> = (1..rows).filter(|row| valid[*row] != valid[row - 1]).map(|row| time_s[row]).collect();
     let within_a_second = |(n, begin_s): (usize, &f64)| changes.partition_point(|at_s| *at_s < begin_s + 1.0) - n;
     let mut trial = Trial {
-        valid: good as f64 / counted().count() as f64,
+        valid: mean(counted.map(|row| valid[row])),
         changes: changes.iter().enumerate().map(within_a_second).max().unwrap_or(0),
         touched_s: touched.map(|row| time_s[row]),
         left: scenario.balance_s.and_then(|balance_s| {
@@ -219,21 +219,16 @@ pub fn judge(scenario: &Scenario, recording: &Recording, at_s: &[f64], touched: 
             total: of(|estimate| &estimate.total),
             bound: bounds.as_ref().map_or_else(|| vec![f64::NAN; used.len()], |bounds| of_magnets(&bounds[at])),
             unbalance: [0, 1].map(|n| rms(unbalances.iter().map(|plane| plane[n]))),
-            verdict: get("verdict").map(|values| verdict(values[row])),
+            verdict: get("verdict").and_then(|values| Some(Verdict::of_number(values[row] as i32)?.name().into())),
         });
     }
-    Some(trial)
+    trial
 }
 
 /// Errors of an unbalance, `[magnitude, phase]`: relative, and in rad within half a turn.
 pub(super) fn off([size, phase]: [f64; 2], [true_size, true_phase]: [f64; 2]) -> [f64; 2] {
     let turned = phase - true_phase;
     [size / true_size - 1.0, turned - TAU * (turned / TAU).round()]
-}
-
-/// The name of a verdict by its number.
-fn verdict(value: f64) -> String {
-    Verdict::of_number(value as i32).map_or_else(|| value.to_string(), |verdict| verdict.name().to_owned())
 }
 
 /// The figures of a study at one instant, over the runs with a valid estimate; NaN if there are none. Errors are relative to

@@ -18,7 +18,7 @@ use std::sync::Arc;
 
 use crate::estimation::Method;
 use crate::machine::Bearing;
-use crate::simulation::{Refused, Scenario, Stopped, simulate};
+use crate::simulation::{Scenario, Stopped, simulate};
 use crate::studies::parallel::in_order_shown;
 use crate::studies::statistics::{median, rms};
 use crate::table::Table;
@@ -119,7 +119,7 @@ impl Study {
         scenario
     }
 
-    /// One run. If the rotor touches down before the controller takes over an estimate, the bearing is drawn again.
+    /// One run. If the rotor touches down before the controller takes over an estimate, a drawn bearing is drawn again.
     fn trial(&self, seed: u64) -> Result<Trial, Stopped> {
         drawn_again(seed, |attempt| {
             let scenario = self.case(seed, attempt);
@@ -131,19 +131,18 @@ impl Study {
                 None => judge(&scenario, &run.recording, &self.instants_s, touched(&run.recording)),
                 Some(bench) => bench.judge(&scenario, &run.recording, &self.instants_s, seed),
             };
-            Ok((trial, scenario.number("controller", "update.time")))
+            // A bearing that is not drawn would touch down again.
+            Ok((trial, if self.mixed { scenario.number("controller", "update.time") } else { f64::NEG_INFINITY }))
         })
     }
 }
 
 /// Draws the bearing of the run with this seed again if the rotor touches down too early to test the estimator; of a later contact, the run until then counts.
 /// `run` makes the run of a draw, and returns the time in s until which contact is too early.
-fn drawn_again(seed: u64, run: impl Fn(u64) -> Result<(Option<Trial>, f64), Stopped>) -> Result<Trial, Stopped> {
+fn drawn_again(seed: u64, run: impl Fn(u64) -> Result<(Trial, f64), Stopped>) -> Result<Trial, Stopped> {
     let mut attempt = 0;
     loop {
         let (trial, early_s) = run(attempt)?;
-        let missing = || Refused(vec!["the plant or the estimator lacks an output that a study needs".into()]);
-        let trial = trial.ok_or_else(missing)?;
         attempt += 1;
         if trial.touched_s.is_none_or(|touched_s| touched_s > early_s) || attempt == ATTEMPTS {
             return Ok(Trial { seed, ..trial });

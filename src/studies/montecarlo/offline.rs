@@ -40,8 +40,8 @@ impl Offline {
     }
 
     /// Identifies from the recording up to each instant and compares with the truth. There is no bound if bench parameters are estimated too.
-    pub fn judge(&self, scenario: &Scenario, recording: &Recording, instants_s: &[f64], seed: u64) -> Option<Trial> {
-        let whole = misread(recording, scenario.step_s, &self.errors(seed))?;
+    pub fn judge(&self, scenario: &Scenario, recording: &Recording, instants_s: &[f64], seed: u64) -> Trial {
+        let whole = misread(recording, scenario.step_s, &self.errors(seed));
         let truth = scenario.truth();
         let unbalance = ["unbalance.magnitude", "unbalance.phase"].map(|name| scenario.number("plant", name));
         let touched = touched(recording);
@@ -77,7 +77,7 @@ impl Offline {
             trial.worst = all.map(|(error, std)| Worst::of(*instant_s, *error, *std)).fold(trial.worst, Worst::max);
             trial.samples.push(sample);
         }
-        Some(trial)
+        trial
     }
 }
 
@@ -104,15 +104,15 @@ fn differ(scenario: &mut Scenario, errors: &[f64]) {
 }
 
 /// The recording that the bench would make, including rotation and run-out of its sensors.
-fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples> {
-    let column = |name: &str| recording.get(&format!("plant.{name}")).map(<[f64]>::to_vec);
+fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Samples {
+    let column = |name: &str| recording[format!("plant.{name}")].to_vec();
     let of = |name: &str| error_of(errors, name);
     let mut samples = Samples {
         step_s,
-        position_m: vec![column("Ym")?, column("Zm")?],
-        current_a: vec![column("im[1]")?, column("im[2]")?, column("im[3]")?],
-        theta_rad: column("theta")?,
-        omega_rad_s: column("omegam")?,
+        position_m: ["Ym", "Zm"].map(column).to_vec(),
+        current_a: ["im[1]", "im[2]", "im[3]"].map(column).to_vec(),
+        theta_rad: column("theta"),
+        omega_rad_s: column("omegam"),
         rotation: Rotation::Both,
         ..Samples::default()
     };
@@ -124,7 +124,7 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples
         ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|part| of(&format!("runout1.{part}")));
     let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|part| of(&format!("runout2.{part}")));
     if sin == 0.0 && once.iter().chain(&twice).all(|part| *part == 0.0) {
-        return Some(samples);
+        return samples;
     }
     for (row, theta) in samples.theta_rad.iter().enumerate() {
         let ((s, c), (s2, c2)) = (libm::sincos(*theta), libm::sincos(2.0 * theta));
@@ -134,7 +134,7 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Option<Samples
         samples.position_m[0][row] = gain[0] * (cos * y - sin * z) + offset[0];
         samples.position_m[1][row] = gain[1] * (sin * y + cos * z) + offset[1];
     }
-    Some(samples)
+    samples
 }
 
 /// The first `rows` rows of a recording.

@@ -21,15 +21,12 @@ pub struct Readings {
     pub omega_rad_s: f64,
     /// Force constants for the controller in place of the estimates, in N·m²/A².
     pub lambda_nm2_a2: Option<Vec<f64>>,
+    /// Whether the controller gets these readings too, because the sensors are at fault.
+    pub at_sensor: bool,
 }
 
-/// Changes the readings of a run, sample by sample.
-pub struct Change {
-    /// Changes the readings of the next sample.
-    pub apply: Box<dyn FnMut(&mut Readings)>,
-    /// Whether the controller gets the changed readings too, because the sensor is at fault.
-    at_sensor: bool,
-}
+/// Changes the readings of a run, sample by sample; those of the estimator alone unless it states otherwise.
+pub type Change = Box<dyn FnMut(&mut Readings)>;
 
 /// Creates the change of a run from its scenario and seed.
 pub type Alter = Box<dyn Fn(&Scenario, u64) -> Change + Send + Sync>;
@@ -72,15 +69,16 @@ impl Wires {
         let all = |places: &[usize]| places.iter().map(|at| values[*at].clone().as_f64()).collect();
         let [theta_rad, omega_rad_s] = self.rotation.map(|at| values[at].clone().as_f64());
         let (position_m, current_a) = (all(&self.position), all(&self.current));
-        let mut readings = Readings { time_s, position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2: None };
-        (change.apply)(&mut readings);
+        let (lambda_nm2_a2, at_sensor) = (None, false);
+        let mut readings = Readings { time_s, position_m, current_a, theta_rad, omega_rad_s, lambda_nm2_a2, at_sensor };
+        change(&mut readings);
         let mut put = |places: &[usize], numbers: &[f64]| {
             places.iter().zip(numbers).for_each(|(at, number)| values[*at] = Value::Real(*number));
         };
         put(&self.position, &readings.position_m);
         put(&self.current, &readings.current_a);
         put(&self.rotation, &[readings.theta_rad, readings.omega_rad_s]);
-        if change.at_sensor {
+        if readings.at_sensor {
             put(&self.to_controller, &[readings.position_m, readings.current_a].concat());
         }
         if let Some(lambda) = readings.lambda_nm2_a2 {
@@ -90,23 +88,13 @@ impl Wires {
     }
 }
 
-/// A change of the readings of the estimator alone.
-pub fn at_estimator(change: impl FnMut(&mut Readings) + 'static) -> Change {
-    Change { apply: Box::new(change), at_sensor: false }
-}
-
-/// A change of the sensors: controller and estimator get the same readings.
-pub fn at_sensor(change: impl FnMut(&mut Readings) + 'static) -> Change {
-    Change { apply: Box::new(change), at_sensor: true }
-}
-
 /// The controller gets the true λ with random errors of this relative standard deviation, not the estimates.
 pub fn given_lambda(deviation: f64) -> Alter {
     Box::new(move |scenario, seed| {
         let mut draw = Draw::new(seed ^ 0x7a09);
         let truth = scenario.truth().into_iter();
         let lambda: Vec<f64> = truth.map(|lambda| lambda * (1.0 + deviation * draw.normal())).collect();
-        at_estimator(move |readings| readings.lambda_nm2_a2 = Some(lambda.clone()))
+        Box::new(move |readings| readings.lambda_nm2_a2 = Some(lambda.clone()))
     })
 }
 
@@ -114,7 +102,7 @@ pub fn given_lambda(deviation: f64) -> Alter {
 pub fn noisy_angle(speed: f64, angle_rad: f64) -> Alter {
     Box::new(move |_, seed| {
         let mut draw = Draw::new(seed ^ 0xa9e1);
-        at_estimator(move |readings| {
+        Box::new(move |readings| {
             readings.omega_rad_s *= 1.0 + speed * draw.normal();
             readings.theta_rad += angle_rad * draw.normal();
         })
@@ -125,7 +113,7 @@ pub fn noisy_angle(speed: f64, angle_rad: f64) -> Alter {
 pub fn encoder(counts: f64) -> Alter {
     Box::new(move |scenario, _| {
         let (step_s, mut last) = (scenario.step_s, None);
-        at_estimator(move |readings| {
+        Box::new(move |readings| {
             let angle = (readings.theta_rad * counts / TAU).floor() * TAU / counts;
             readings.omega_rad_s = last.map_or(readings.omega_rad_s, |last| (angle - last) / step_s);
             readings.theta_rad = angle;
@@ -137,7 +125,7 @@ pub fn encoder(counts: f64) -> Alter {
 /// An encoder whose disc is eccentric by this fraction of its radius.
 pub fn eccentric(fraction: f64) -> Alter {
     Box::new(move |_, _| {
-        at_estimator(move |readings| {
+        Box::new(move |readings| {
             let (sin, cos) = libm::sincos(readings.theta_rad);
             readings.theta_rad += fraction * sin;
             readings.omega_rad_s *= 1.0 + fraction * cos;
@@ -147,7 +135,7 @@ pub fn eccentric(fraction: f64) -> Alter {
 
 /// The speed is changed by this function.
 pub fn speed(change: fn(f64) -> f64) -> Alter {
-    Box::new(move |_, _| at_estimator(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))
+    Box::new(move |_, _| Box::new(move |readings| readings.omega_rad_s = change(readings.omega_rad_s)))
 }
 
 /// Coloured noise of these readings: low-pass filtered white noise (first order), with this standard deviation in their unit and this
@@ -156,7 +144,8 @@ pub fn coloured(std: f64, cut_off_hz: f64, of: fn(&mut Readings) -> &mut Vec<f64
     Box::new(move |scenario, seed| {
         let pole = libm::exp(-TAU * cut_off_hz * scenario.step_s);
         let (mut draw, mut states) = (Draw::new(seed ^ 0xc010), Vec::new());
-        at_sensor(move |readings| {
+        Box::new(move |readings| {
+            readings.at_sensor = true;
             let values = of(readings);
             states.resize_with(values.len(), || draw.normal());
             for (value, state) in values.iter_mut().zip(&mut states) {
@@ -171,7 +160,7 @@ pub fn coloured(std: f64, cut_off_hz: f64, of: fn(&mut Readings) -> &mut Vec<f64
 pub fn late_currents(until_s: f64) -> Alter {
     Box::new(move |_, _| {
         let mut last: Option<Vec<f64>> = None;
-        at_estimator(move |readings| {
+        Box::new(move |readings| {
             let now = readings.current_a.clone();
             if let (Some(last), true) = (last.take(), readings.time_s < until_s) {
                 readings.current_a = last;
@@ -196,7 +185,7 @@ pub fn missing(how: Missing, when: fn(u64, &mut Draw) -> bool) -> Alter {
         let mut draw = Draw::new(seed ^ 0xd20f);
         let mut number = 0;
         let mut last: Option<Readings> = None;
-        at_estimator(move |readings| {
+        Box::new(move |readings| {
             number += 1;
             match (when(number, &mut draw), how, &last) {
                 (true, Missing::Repeated, Some(last)) => readings.clone_from(last),
@@ -213,7 +202,8 @@ pub fn missing(how: Missing, when: fn(u64, &mut Draw) -> bool) -> Alter {
 pub fn outliers(fraction: f64, std_m: f64) -> Alter {
     Box::new(move |_, seed| {
         let mut draw = Draw::new(seed ^ 0x5919);
-        at_sensor(move |readings| {
+        Box::new(move |readings| {
+            readings.at_sensor = true;
             for position_m in &mut readings.position_m {
                 if draw.chance(fraction) {
                     *position_m += std_m * draw.normal();
@@ -226,7 +216,8 @@ pub fn outliers(fraction: f64, std_m: f64) -> Alter {
 /// An error of the position sensors, in m, as a function of time in s and angle in rad.
 pub fn added(error_m: impl Fn(f64, f64) -> [f64; 2] + Copy + Send + Sync + 'static) -> Alter {
     Box::new(move |_, _| {
-        at_sensor(move |readings| {
+        Box::new(move |readings| {
+            readings.at_sensor = true;
             let error_m = error_m(readings.time_s, readings.theta_rad);
             readings.position_m.iter_mut().zip(error_m).for_each(|(position, error)| *position += error);
         })

@@ -27,6 +27,7 @@ impl Course {
             only: None,
             rubs: false,
             drawn: false,
+            noise_is_known: true,
         }
     }
 
@@ -39,9 +40,14 @@ impl Course {
 /// Leaves the scenario as it is.
 fn unchanged(_: &mut Scenario, _: u64) {}
 
-/// All courses; those of other machines last.
+/// All courses, with the noise known and then estimated; of each, those of other machines last.
 pub fn courses() -> Vec<Course> {
-    [excitation, changes, forces, angles, readings, machines].into_iter().flat_map(|of| of()).collect()
+    let of_noise = |noise_is_known| {
+        let all = [excitation, changes, forces, angles, readings, machines].into_iter().flat_map(|of| of());
+        all.map(move |course| Course { noise_is_known, ..course })
+    };
+    let is_wanted = |course: &Course| course.only.is_none_or(|only| only == course.noise_is_known);
+    [true, false].into_iter().flat_map(of_noise).filter(is_wanted).collect()
 }
 
 /// Low excitation, wrong first guesses, other speeds and sample times.
@@ -146,7 +152,7 @@ fn changes() -> Vec<Course> {
 fn forces() -> Vec<Course> {
     let backward = |force_n: f64| {
         Course::new(&format!("{force_n} N backward"), Valid, 1.0, move |scenario, seed| {
-            cases::backward(scenario, force_n, Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
+            cases::turning(scenario, -1.0, force_n, -Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
         })
     };
     let oscillating = |name: &str, [least_n, most_n]: [f64; 2], [least_hz, most_hz]: [f64; 2]| {

@@ -36,7 +36,7 @@ pub enum Requirement {
 /// Changes the scenario of a run; the number is its seed.
 type Set = Box<dyn Fn(&mut Scenario, u64) + Send + Sync>;
 
-/// A course: how the scenario of a run, and its readings, differ from the nominal.
+/// A course: how the scenario of its runs, and the readings, differ from the nominal.
 pub struct Course {
     /// Short description.
     pub name: String,
@@ -57,12 +57,6 @@ pub struct Course {
     rubs: bool,
     /// The bearing is drawn at random; one that touches down early is drawn again.
     drawn: bool,
-}
-
-/// Runs of a course with the noise known or estimated.
-pub struct Case<'a> {
-    /// The course.
-    pub course: &'a Course,
     /// Whether the estimator knows the noise.
     pub noise_is_known: bool,
 }
@@ -73,33 +67,23 @@ impl Course {
         let is_wrong = |trial: &&Trial| trial.is_beyond() || (self.asked == Requirement::NotValid && trial.valid > 0.0);
         trials.iter().filter(is_wrong).count()
     }
-}
 
-/// The word for the noise in titles.
-fn noise(known: bool) -> &'static str {
-    if known { "known" } else { "estimated" }
-}
+    /// The word for the noise in titles.
+    fn noise_in_words(&self) -> &'static str {
+        if self.noise_is_known { "known" } else { "estimated" }
+    }
 
-/// All courses, with the noise known and estimated.
-pub fn cases(courses: &[Course]) -> Vec<Case<'_>> {
-    let all = |noise_is_known| courses.iter().map(move |course| Case { course, noise_is_known });
-    let wanted = |case: &Case| case.course.only.is_none_or(|only| only == case.noise_is_known);
-    all(true).chain(all(false)).filter(wanted).collect()
-}
-
-impl Case<'_> {
     /// The title of these runs among those of all studies.
     pub fn title(&self) -> String {
-        format!("hostile: {}, noise {}", self.course.name, noise(self.noise_is_known))
+        format!("hostile: {}, noise {}", self.name, self.noise_in_words())
     }
 
     /// The scenario of the run with this seed, in the draw numbered `attempt`.
     pub fn scenario(&self, seed: u64, attempt: u64) -> Scenario {
-        let course = self.course;
-        let mut scenario = study("", &built_in(course.base), course.noise, self.noise_is_known, 1).scenario;
-        scenario.duration_s = course.length_s;
+        let mut scenario = study("", &built_in(self.base), self.noise, self.noise_is_known, 1).scenario;
+        scenario.duration_s = self.length_s;
         // Seeds of different draws are far apart.
-        (course.set)(&mut scenario, seed + (attempt << 32));
+        (self.set)(&mut scenario, seed + (attempt << 32));
         scenario.set("plant", "sensor.seed", seed as i32);
         scenario
     }
@@ -108,7 +92,7 @@ impl Case<'_> {
         drawn_again(seed, |attempt| {
             let scenario = self.scenario(seed, attempt);
             let wires = Wires::new(&scenario);
-            let mut alter = self.course.alter.as_ref().map(|alter| alter(&scenario, seed));
+            let mut alter = self.alter.as_ref().map(|alter| alter(&scenario, seed));
             let wanted = |path: &str| {
                 let quantities = ["lambdaHat", "lambdaStdTotal", "estimator.valid"];
                 is_contact(path) || quantities.iter().any(|quantity| path.contains(quantity))
@@ -119,49 +103,47 @@ impl Case<'_> {
                 }
             };
             let run = simulate::run_altered(&scenario, &wanted, &mut altered)?;
-            let mut trial = judge(&scenario, &run.recording, self.course.rubs);
-            if let Some(trial) = trial.as_mut().filter(|_| run.error.is_some()) {
+            let mut trial = judge(&scenario, &run.recording, self.rubs);
+            if run.error.is_some() {
                 trial.touched_s = trial.touched_s.or(run.recording.time_s.last().copied());
             }
             // A bearing that is not drawn would touch down again.
-            Ok((trial, if self.course.drawn { VALID_FROM_S } else { f64::NEG_INFINITY }))
+            Ok((trial, if self.drawn { VALID_FROM_S } else { f64::NEG_INFINITY }))
         })
     }
 }
 
 /// Judges a run by its valid samples and at its end; it ends when the rotor touches down, unless that is part of the course.
-pub fn judge(scenario: &Scenario, recording: &Recording, rubs: bool) -> Option<Trial> {
+pub fn judge(scenario: &Scenario, recording: &Recording, rubs: bool) -> Trial {
     let touched = touched(recording).filter(|_| !rubs);
     let last = touched.unwrap_or(recording.time_s.len()).checked_sub(1);
     let instants_s: Vec<f64> = last.map(|last| recording.time_s[last]).into_iter().collect();
     figures::judge(scenario, recording, &instants_s, touched)
 }
 
-/// Makes `runs` runs of every case, on all processors; the trials of each case are in the order of the seeds.
+/// Makes `runs` runs of every course, on all processors; the trials of each course are in the order of the seeds.
 ///
 /// # Errors
 /// All parameters that a model refuses; the reason why a run ended early.
-pub fn run(cases: &[Case], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Stopped> {
-    let trial = |index: usize| cases[index / runs].trial(first_seed + (index % runs) as u64);
-    let all = in_order_shown("runs", cases.len() * runs, &trial);
+pub fn run(courses: &[Course], runs: usize, first_seed: u64) -> Result<Vec<Vec<Trial>>, Stopped> {
+    let trial = |index: usize| courses[index / runs].trial(first_seed + (index % runs) as u64);
+    let all = in_order_shown("runs", courses.len() * runs, &trial);
     let mut all = all.into_iter();
-    cases.iter().map(|_| all.by_ref().take(runs).collect()).collect()
+    courses.iter().map(|_| all.by_ref().take(runs).collect()).collect()
 }
 
 /// The number of runs that violate the requirement, and of all runs with a requirement.
-pub fn wrong(cases: &[Case], found: &[Vec<Trial>], known: bool) -> (usize, usize) {
-    let counted = cases
-        .iter()
-        .zip(found)
-        .filter(|(case, _)| case.noise_is_known == known && case.course.asked != Requirement::Nothing);
-    counted.fold((0, 0), |(wrong, runs), (case, trials)| (wrong + case.course.wrong(trials), runs + trials.len()))
+pub fn wrong(courses: &[Course], found: &[Vec<Trial>], known: bool) -> (usize, usize) {
+    let is_counted = |course: &Course| course.noise_is_known == known && course.asked != Requirement::Nothing;
+    let counted = courses.iter().zip(found).filter(|(course, _)| is_counted(course));
+    counted.fold((0, 0), |(wrong, runs), (course, trials)| (wrong + course.wrong(trials), runs + trials.len()))
 }
 
-/// A row for each case.
-pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
+/// A row for each course.
+pub fn table(courses: &[Course], found: &[Vec<Trial>]) -> Table {
     let head =
         ["", "wrong", "worst", "error, %", "stated, %", "seed", "valid, %", "changes", "± at the end, %", "error/±"];
-    let row = |(case, trials): (&Case, &Vec<Trial>)| {
+    let row = |(course, trials): (&Course, &Vec<Trial>)| {
         let (seed, worst) = figures::worst(trials);
         let samples = trials.iter().filter_map(|trial| trial.samples.last()).filter(|sample| sample.valid);
         // Standard deviations, and errors in units of these.
@@ -171,7 +153,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
             .collect();
         let square = |which: usize| at_end.iter().map(|end| end[which] * end[which]).sum::<f64>() / at_end.len() as f64;
         let of_worst = |text: String| if worst.ratio > 0.0 { text } else { "–".into() };
-        let mark = match case.course.asked {
+        let mark = match course.asked {
             Requirement::Valid => "",
             Requirement::NotWrong => " *",
             Requirement::NotValid => " **",
@@ -180,8 +162,8 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         let ended = trials.iter().filter(|trial| trial.touched_s.is_some()).count();
         let ended = if ended > 0 { format!(" ({ended} ended by contact)") } else { String::new() };
         vec![
-            format!("{}, {}{mark}{ended}", case.course.name, noise(case.noise_is_known)),
-            format!("{}/{}", case.course.wrong(trials), trials.len()),
+            format!("{}, {}{mark}{ended}", course.name, course.noise_in_words()),
+            format!("{}/{}", course.wrong(trials), trials.len()),
             or_dash(worst.ratio, 1),
             of_worst(or_dash(100.0 * worst.error, 2)),
             of_worst(or_dash(100.0 * worst.std, 2)),
@@ -195,7 +177,7 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
     let seeds = found.first().and_then(|trials| Some((trials.first()?.seed, trials.last()?.seed)));
     let (first, last) = seeds.unwrap_or_default();
     let fraction = |known: bool| {
-        let (wrong, runs) = wrong(cases, found, known);
+        let (wrong, runs) = wrong(courses, found, known);
         format!("{wrong} of {runs} runs ({:.1} %)", 100.0 * wrong as f64 / runs.max(1) as f64)
     };
     let note = format!(
@@ -207,5 +189,5 @@ pub fn table(cases: &[Case], found: &[Vec<Trial>]) -> Table {
         fraction(true),
         fraction(false),
     );
-    Table::new("Hostile courses", note, head, cases.iter().zip(found).map(row))
+    Table::new("Hostile courses", note, head, courses.iter().zip(found).map(row))
 }
