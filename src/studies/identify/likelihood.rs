@@ -189,9 +189,8 @@ impl Options {
     pub(super) fn given(mut self, found: &Identification) -> Self {
         let (mut lambda, mut unbalance, mut bench) = (found.lambda.iter(), found.unbalance.iter(), found.bench.iter());
         for part in &mut self.parts {
-            let [_, magnets, planes] = part.body.sizes();
-            let lambda = lambda.by_ref().take(magnets).map(|of| of.value);
-            let unbalance = unbalance.by_ref().take(planes).flat_map(Unbalance::components);
+            let lambda = lambda.by_ref().take(part.body.magnets()).map(|of| of.value);
+            let unbalance = unbalance.by_ref().take(part.body.planes()).flat_map(Unbalance::components);
             let bench = bench.by_ref().take(part.parameters.len()).map(|of| of.estimate.value);
             part.given = lambda.chain(unbalance).chain(bench).collect();
         }

@@ -18,8 +18,9 @@ use std::ops::Range;
 use super::SHORTEST;
 use super::data::{Input, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
-use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
-use crate::bearing::array;
+use super::rotor::{ByMagnet, Description, Interval, Layout, Shaft, State, regressors};
+use crate::bearing::{RotorConfig, array};
+use crate::plant::PLANES;
 use crate::studies::identify::agreement::rows_ahead;
 
 /// Columns in a processor register.
@@ -521,9 +522,10 @@ impl Request {
     }
 }
 
-/// Passes of the filter with sizes fixed at compile time, since they run at every sample.
+/// Description of the rotor and passes of the filter, with sizes fixed at compile time, since they run at every sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passes {
+    pub describe: fn(&RotorConfig<f64, 2>, [f64; PLANES]) -> Description,
     pub columns: fn(Input<'_>, &Request) -> Vec<Block>,
     /// Coordinates and rates, row by row.
     pub smooth: fn(Input<'_>) -> Vec<f64>,
@@ -534,9 +536,10 @@ pub(super) struct Passes {
 }
 
 impl Passes {
-    /// For N coordinates, K magnets and S states.
-    fn of<const N: usize, const K: usize, const S: usize>() -> Self {
+    /// For N coordinates, K magnets, U unknowns of the on-line estimator, and S states.
+    fn sized<const N: usize, const K: usize, const U: usize, const S: usize>() -> Self {
         Self {
+            describe: Description::of::<N, K, U>,
             columns: columns_of::<N, K, S>,
             smooth: smooth::<N, K, S>,
             innovations: innovations::<N, K, S>,
@@ -544,17 +547,17 @@ impl Passes {
             gaps_and_squares: gaps_and_squares::<N, K>,
         }
     }
-}
 
-/// Filters of all parts of machines, by coordinates and magnets: without and with a slow force. An axis has one for both, as each takes a second to compile.
-pub(super) fn passes(coordinates: usize, magnets: usize) -> [Passes; 2] {
-    match (coordinates, magnets) {
-        (1, 2) => [Passes::of::<1, 2, 3>(); 2],
-        (2, 3) => [Passes::of::<2, 3, 4>(), Passes::of::<2, 3, 6>()],
-        (2, 4) => [Passes::of::<2, 4, 4>(), Passes::of::<2, 4, 6>()],
-        (4, 6) => [Passes::of::<4, 6, 8>(), Passes::of::<4, 6, 12>()],
-        (4, 8) => [Passes::of::<4, 8, 8>(), Passes::of::<4, 8, 12>()],
-        _ => unreachable!("a part of a machine"),
+    /// For a part of a machine: without and with a slow force. An axis has one filter for both, as each takes a second to compile.
+    pub fn of(coordinates: usize, magnets: usize) -> [Self; 2] {
+        match (coordinates, magnets) {
+            (1, 2) => [Self::sized::<1, 2, 3, 3>(); 2],
+            (2, 3) => [Self::sized::<2, 3, 9, 4>(), Self::sized::<2, 3, 9, 6>()],
+            (2, 4) => [Self::sized::<2, 4, 10, 4>(), Self::sized::<2, 4, 10, 6>()],
+            (4, 6) => [Self::sized::<4, 6, 18, 8>(), Self::sized::<4, 6, 18, 12>()],
+            (4, 8) => [Self::sized::<4, 8, 20, 8>(), Self::sized::<4, 8, 20, 12>()],
+            _ => unreachable!("a part of a machine"),
+        }
     }
 }
 

@@ -11,9 +11,12 @@ use super::case::Case;
 use super::filter::{ColumnValues, Passes};
 use super::lag::Lag;
 use super::{Options, Part};
-use crate::bearing::array;
+use crate::bearing::{RotorConfig, array};
 use crate::estimation::Machine;
 use crate::plant::PLANES;
+
+/// Step of central differences, in typical tolerances: the truncation error is below 10⁻⁸ of a derivative.
+const STEP: f64 = 1e-3;
 
 /// A value for each coordinate, and for each magnet, with room for the largest machine.
 pub(super) type ByAxis<T = f64> = [T; 4];
@@ -109,7 +112,13 @@ pub(super) struct Description {
 }
 
 impl Description {
-    pub fn of<const N: usize, const K: usize, const U: usize>(machine: &Machine<N, K, U>) -> Self {
+    /// With U unknowns of the on-line estimator.
+    pub fn of<const N: usize, const K: usize, const U: usize>(
+        rotor: &RotorConfig<f64, 2>,
+        planes_m: [f64; PLANES],
+    ) -> Self {
+        let machine =
+            Machine::<N, K, U>::of(rotor, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"));
         let row = |j: usize| {
             let mut row = ByAxis::default();
             (0..N).for_each(|n| row[n] = machine.accelerations[(j, n)]);
@@ -154,18 +163,40 @@ impl Description {
 pub(super) struct Model<'a> {
     pub part: &'a Part,
     pub options: &'a Options,
-    /// Describes the rotor for given values of its bench.
-    pub describe: Describe<'a>,
-    /// Bench parameters that change the description, with the steps of central differences.
-    pub varied: Vec<(usize, f64)>,
     pub places: Places,
     pub layout: Layout,
     /// Filters of its sizes, without and with a slow force.
     pub passes: [Passes; 2],
 }
 
-/// Describes a rotor for given values of its bench.
-pub(super) type Describe<'a> = Box<dyn Fn(&[f64]) -> Description + Sync + 'a>;
+impl Model<'_> {
+    /// The rotor for given values of its bench.
+    fn describe(&self, bench: &[f64]) -> Description {
+        let error = |at: Option<usize>| at.map_or(0.0, |at| bench[at]);
+        let (mut rotor, mut planes_m) = (self.part.body.rotor, self.part.body.planes_m);
+        let [heavier, kappa] = [Some(self.places.mass), self.places.dynamics].map(|at| 1.0 + error(at));
+        let [transverse, polar, of_planes @ ..] = self.places.shaft.map(error);
+        rotor.shaft.m_kg = rotor.shaft.m_kg * heavier * kappa;
+        rotor.shaft.transverse_kgm2 *= heavier * kappa * (1.0 + transverse);
+        rotor.shaft.polar_kgm2 *= heavier * kappa * (1.0 + polar);
+        planes_m.iter_mut().zip(of_planes).for_each(|(at_m, error_m)| *at_m += error_m);
+        for (bearing, of) in rotor.bearings.iter_mut().zip(&self.places.bearings) {
+            let [gap, iron_m, magnets_m, sensors_m, of_alpha @ ..] = of.map(error);
+            bearing.gap_m = bearing.gap_m * (1.0 + gap) + iron_m;
+            bearing.position_m += magnets_m;
+            bearing.sensor_position_m += sensors_m;
+            bearing.alpha_rad.iter_mut().zip(of_alpha).for_each(|(alpha_rad, error_rad)| *alpha_rad += error_rad);
+        }
+        (self.passes[0].describe)(&rotor, planes_m)
+    }
+
+    /// Bench parameters that change the description.
+    fn varied(&self) -> impl Iterator<Item = usize> {
+        let Places { mass, dynamics, shaft, bearings, .. } = &self.places;
+        let of_body = [Some(*mass), *dynamics].into_iter().chain(*shaft);
+        of_body.chain(bearings.as_flattened().iter().copied()).flatten()
+    }
+}
 
 /// The shaft at one sample instant.
 #[derive(Clone, Copy, Debug)]
@@ -277,16 +308,17 @@ impl Rotor {
     pub fn new(model: &Model<'_>, theta: Vec<f64>, case: &Case<'_>) -> Self {
         let (layout, places) = (model.layout, model.places.clone());
         let bench = &theta[layout.base..];
-        let varied = model.varied.iter().map(|(at, step)| {
-            let [more, less] = [*step, -*step].map(|change| {
+        let varied = model.varied().map(|at| {
+            let step = STEP * model.part.parameters[at].typical;
+            let [more, less] = [step, -step].map(|change| {
                 let mut bench = bench.to_vec();
-                bench[*at] += change;
-                (model.describe)(&bench)
+                bench[at] += change;
+                model.describe(&bench)
             });
-            (*at, Description::derivative(more, less, *step))
+            (at, Description::derivative(more, less, step))
         });
         let varied: Vec<(usize, Description)> = varied.collect();
-        let machine = (model.describe)(bench);
+        let machine = model.describe(bench);
         let gain = |k: usize| 1.0 + bench[places.current_gain + k];
         let mut current = ByMagnet::default();
         let mut levels = Vec::new();
