@@ -97,7 +97,7 @@ fn segments(usable: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
     segments.map(|rows| rows[0]..rows[rows.len() - 1] + 1).collect()
 }
 
-fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
+fn pieces(recording: usize, segments: &[Range<usize>], h: f64) -> Vec<Piece> {
     let rows: usize = segments.iter().map(Range::len).sum();
     let block = (rows / BLOCKS).max(SHORTEST_BLOCK);
     let margin = (MARGIN_S / h).ceil() as usize;
@@ -109,7 +109,7 @@ fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
             // A short remainder joins the piece before it.
             let to = if segment.end - from < length + length / 2 { segment.end } else { from + length };
             let filtered = from.saturating_sub(margin).max(segment.start)..(to + margin).min(segment.end);
-            pieces.push(Piece { filtered, counted: from..to, block, blocks_from: segment.start });
+            pieces.push(Piece { recording, filtered, counted: from..to, block, blocks_from: segment.start });
             from = to;
         }
     }
@@ -133,7 +133,8 @@ fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
     fourth.min(rms(&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)).max(1e-10)
 }
 
-pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
+/// The recording with this index; `None` if it is too short.
+pub(super) fn prepare<'a>(r: usize, recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
     let (h, rows) = (recording.step_s, recording.rows());
     fn columns<T>(of: &[Vec<T>], first: usize, count: usize) -> Vec<&[T]> {
         of.iter().skip(first).take(count).map(Vec::as_slice).collect()
@@ -179,7 +180,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         current,
         position_error,
         square_error,
-        pieces: pieces(&segments, h),
+        pieces: pieces(r, &segments, h),
         segments,
         position_noise: noise.max(1e-10),
         current_noise: recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A).max(1e-7),

@@ -94,6 +94,8 @@ pub(super) struct Track {
 /// A piece of a recording: the counted rows within the filtered ones. A filter starts at the first row of `filtered`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Piece {
+    /// Index of the recording.
+    pub recording: usize,
     pub filtered: Range<usize>,
     pub counted: Range<usize>,
     /// Rows per block, and the row from which blocks are counted.

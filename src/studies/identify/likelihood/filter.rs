@@ -67,6 +67,8 @@ impl<const N: usize> LogProduct<N> {
 /// Sums over one block of rows.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
+    /// Index of the recording.
+    pub recording: usize,
     pub rows: Range<usize>,
     /// Number of innovations (rows).
     pub count: f64,
@@ -163,7 +165,12 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
     let mut blocks = Vec::new();
     let expected = |row: usize| pass.expected(row).filter(|_| *columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
-    let empty = |row: usize| Block { rows: row..row, harmonics: vec![Default::default(); N], ..Block::default() };
+    let empty = |row: usize| Block {
+        recording: piece.recording,
+        rows: row..row,
+        harmonics: vec![Default::default(); N],
+        ..Block::default()
+    };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [0.0; N];
