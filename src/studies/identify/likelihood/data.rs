@@ -141,10 +141,11 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
         Some((array::from_fn(|k| f64::from(of[k])), state))
     }
 
-    /// Variances of the position readings in a row, where noise grows with this power of the gap.
+    /// Variances of the position readings in a row.
     #[inline(always)]
-    pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
+    pub fn variance(&self, row: usize, levels: &Levels) -> [f64; N] {
         let Input { case, rotor, .. } = self.input;
+        let exponent = case.exponent + levels.exponent;
         let variance = case.position_noise * case.position_noise;
         let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(MIN_GAP), 2.0 * exponent);
         let mut variances =
@@ -157,9 +158,9 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
 
     /// Variance gained by the acceleration of a slow force in this number of rows.
     #[inline(always)]
-    pub fn slow(&self, rows: usize) -> f64 {
+    pub fn slow(&self, rows: usize, levels: &Levels) -> f64 {
         let rotor = self.input.rotor;
-        rotor.slow * rotor.slow * rows as f64 * rotor.h
+        levels.slow * levels.slow * (rotor.slow * rotor.slow * rows as f64 * rotor.h)
     }
 
     /// The interval that ends at `row`.
