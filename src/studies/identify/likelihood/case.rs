@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::data::{Piece, Track};
+use super::data::Piece;
 use super::filter::Likelihoods;
 use super::{Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
@@ -60,7 +60,11 @@ pub(super) struct Case<'a> {
     pub resolution_m: Vec<f64>,
     /// Effective number of rows, if fewer than all.
     effective_rows: Option<usize>,
-    pub track: Track,
+    /// Trajectory about which a pass is linearised: coordinates and rates, row by row.
+    pub state: Vec<f64>,
+    /// Expected values by row, in single precision to save memory: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
+    /// and rates. Empty until known.
+    pub expected: Vec<f32>,
 }
 
 impl Case<'_> {
@@ -154,14 +158,14 @@ pub(super) fn prepare<'a>(r: usize, recording: &'a Recording, part: &Part, usabl
     };
     let (theta, omega) = (&recording.theta_rad, &recording.omega_rad_s);
     let n = position.len();
-    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new() };
+    let mut state = vec![0.0; 2 * n * rows];
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
             let rate = |of: &[f64]| (of[after] - of[before]) / ((after - before) as f64 * h);
             for (at, of) in position.iter().enumerate() {
-                track.state[2 * n * row + at] = of[row];
-                track.state[2 * n * row + n + at] = rate(of);
+                state[2 * n * row + at] = of[row];
+                state[2 * n * row + n + at] = rate(of);
             }
         }
     }
@@ -191,7 +195,8 @@ pub(super) fn prepare<'a>(r: usize, recording: &'a Recording, part: &Part, usabl
         restored: 1.0,
         resolution_m,
         effective_rows,
-        track,
+        state,
+        expected: Vec::new(),
     })
 }
 

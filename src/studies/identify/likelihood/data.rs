@@ -81,16 +81,6 @@ impl Case<'_> {
     }
 }
 
-/// The trajectory about which a pass is linearised.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Track {
-    /// Coordinates and rates, row by row.
-    pub state: Vec<f64>,
-    /// Expected values by row, in single precision to save memory: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
-    /// and rates. Empty until known.
-    pub expected: Vec<f32>,
-}
-
 /// A piece of a recording: the counted rows within the filtered ones. A filter starts at the first row of `filtered`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Piece {
@@ -128,7 +118,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
             input,
             position: array::from_fn(|n| input.case.position[n]),
             current: array::from_fn(|k| input.case.current[k]),
-            state: input.case.track.state.as_chunks().0.as_chunks().0,
+            state: input.case.state.as_chunks().0.as_chunks().0,
         }
     }
 
@@ -136,7 +126,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     #[inline(always)]
     pub fn expected(&self, row: usize) -> Option<([f64; K], State<N>)> {
         let size = K + 2 * N;
-        let of = self.input.case.track.expected.get(size * row..size * (row + 1))?;
+        let of = self.input.case.expected.get(size * row..size * (row + 1))?;
         let state = array::from_fn(|d| array::from_fn(|n| f64::from(of[K + N * d + n])));
         Some((array::from_fn(|k| f64::from(of[k])), state))
     }

@@ -196,7 +196,7 @@ impl Search<'_> {
     fn store(&mut self, smoothed: Vec<(Piece, Vec<f64>)>) {
         for (Piece { recording, counted, .. }, track) in smoothed {
             let n = 2 * self.coordinates();
-            self.cases[recording].track.state[n * counted.start..n * counted.end].copy_from_slice(&track);
+            self.cases[recording].state[n * counted.start..n * counted.end].copy_from_slice(&track);
         }
     }
 
@@ -234,7 +234,7 @@ impl Search<'_> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), whitened) in self.cases.iter_mut().zip(&rotors).zip(&whitened) {
             let input = Input { case, rotor, piece: &case.pieces[0] };
-            case.track.expected = expected(input, whitened);
+            case.expected = expected(input, whitened);
         }
     }
 

@@ -150,7 +150,7 @@ fn scores(blocks: &[Block], of: &[usize], step: &DVector<f64>, none: &Normal) ->
 impl Search<'_> {
     /// Whether expected values are known for all recordings.
     fn has_instruments(&self) -> bool {
-        self.cases.iter().all(|case| !case.track.expected.is_empty())
+        self.cases.iter().all(|case| !case.expected.is_empty())
     }
 
     /// Sums over all columns, with instruments if available, and the columns of the sensitivities to the estimated unknowns.
