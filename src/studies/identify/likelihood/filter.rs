@@ -388,7 +388,7 @@ fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> V
     smoothed
 }
 
-/// Innovations of the counted rows, row by row: in m, whitened, and errors of predictions [`AHEAD_S`] ahead, m, one after another.
+/// Innovations of the counted rows, row by row: in m, whitened, and errors of predictions [`rows_ahead`], m, one after another.
 fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> [Vec<f64>; 3] {
     let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;

@@ -17,7 +17,7 @@ use super::filter::{Block, Columns, Levels, Likelihoods, Request, UNCHANGED};
 use super::outcome;
 use super::rotor::{Model, Rotor};
 use super::solve::{Normal, inverse, submatrix};
-use super::{Body, Change, Contradiction, Failed, Identified, Knowledge, Recording, SHORTEST};
+use super::{Body, Change, Contradiction, Failed, Identified, Knowledge, Recording};
 use crate::bearing::array;
 use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
@@ -411,9 +411,11 @@ fn start<'a>(
     held: &[usize],
 ) -> Result<Search<'a>, Failed> {
     let (part, body) = (model.part, &model.part.body);
-    let cases = recordings.iter().zip(masks).enumerate().map(|(r, (of, mask))| {
-        prepare(r, of, part, mask).ok_or(Failed::TooShort { recording: r + 1, wanted: SHORTEST })
-    });
+    let cases = recordings
+        .iter()
+        .zip(masks)
+        .enumerate()
+        .map(|(r, (of, mask))| prepare(r, of, part, mask).ok_or(Failed::TooShort { recording: r + 1 }));
     let mut cases: Vec<Case<'_>> = cases.collect::<Result<_, _>>()?;
     if model.options.slow_force {
         cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * body.m_kg() * GRAVITY_M_S2);
