@@ -98,7 +98,7 @@ impl Bearing {
     }
 
     /// Number of directions in which it supports the rotor.
-    const fn directions(&self) -> usize {
+    pub(crate) const fn directions(&self) -> usize {
         if self.is_radial { 2 } else { 1 }
     }
 

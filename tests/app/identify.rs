@@ -7,7 +7,6 @@ use crate::support::library;
 use magnetic_bearing::estimation::{EstimatorConfig, Hold};
 use magnetic_bearing::report::identification::{self, Results};
 
-use magnetic_bearing::studies::identify::likelihood::Body;
 use magnetic_bearing::studies::identify::{self, Currents, Holds, Question, Stated, Track, likelihood};
 
 const TRUTH: [f64; 3] = [1.8e-6, 2.0e-6, 2.2e-6];
@@ -267,7 +266,7 @@ fn exact_positions_with_errors_of_the_forces_are_refused() {
     is_right("without noise", &ask(std::slice::from_ref(&exact), &[]));
     for gap_m in [5.2e-4, 6e-4] {
         let mut question = question(&exact, &[]);
-        question.stated.parts[0].body = disc(6.7, gap_m);
+        question.stated.parts[0].body.rotor.bearings[0].gap_m = gap_m;
         is_refused(&identify::answer(std::slice::from_ref(&exact), question), "the residuals call for");
     }
     scenario.set("plant", "sensor.currentNoise", 0.01);
@@ -460,15 +459,11 @@ fn recorded(bench: &Bench) -> Samples {
     read(&text)
 }
 
-/// A rotor of this mass between magnets with this gap.
-fn disc(m_kg: f64, gap_m: f64) -> Body {
-    Body::Disc { m_kg, gap_m, alpha_rad: Bench::default().alpha.to_vec() }
-}
-
 /// The question about a recording of a bench whose mass and gap are stated correctly.
 fn question_to(bench: &Bench, samples: &Samples) -> Question {
     let mut question = question(samples, &[]);
-    question.stated.parts[0].body = disc(bench.m, bench.s);
+    let rotor = &mut question.stated.parts[0].body.rotor;
+    (rotor.shaft.m_kg, rotor.bearings[0].gap_m) = (bench.m, bench.s);
     question
 }
 

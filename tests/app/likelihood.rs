@@ -1,6 +1,7 @@
 //! Maximum likelihood over whole recordings: accuracy, imperfect benches, changes.
 
 use crate::prelude::*;
+use magnetic_bearing::bearing::{BearingConfig, RotorConfig, Shaft};
 use magnetic_bearing::plant::noise::Noise;
 use magnetic_bearing::studies::identify::likelihood::{self, Recording, *};
 use magnetic_bearing::studies::montecarlo::figures::{Trial, wanted};
@@ -43,7 +44,11 @@ fn is_right(what: &str, found: &Identification, bench: &Bench) {
 }
 
 fn options(bench: &Bench) -> Options {
-    let body = Body::Disc { m_kg: bench.m, gap_m: bench.s, alpha_rad: bench.alpha.to_vec() };
+    let mut bearing = BearingConfig { gap_m: bench.s, ..BearingConfig::default() };
+    bearing.alpha_rad[..3].copy_from_slice(&bench.alpha);
+    let shaft = Shaft { m_kg: bench.m, transverse_kgm2: 0.0, polar_kgm2: 0.0 };
+    let rotor = RotorConfig { shaft, extent_m: [0.0; 2], bearings: [bearing; 2] };
+    let body = Body { bearings: PLANAR.bearings, rotor, planes_m: [0.0; 2] };
     Options { parts: vec![Part::new(body, 0, 0)], slow_force: false, excludes_rows: true, corrects_bias: true }
 }
 

@@ -189,9 +189,8 @@ impl Options {
     pub(super) fn given(mut self, found: &Identification) -> Self {
         let (mut lambda, mut unbalance, mut bench) = (found.lambda.iter(), found.unbalance.iter(), found.bench.iter());
         for part in &mut self.parts {
-            let [_, magnets, planes] = part.body.sizes();
-            let lambda = lambda.by_ref().take(magnets).map(|of| of.value);
-            let unbalance = unbalance.by_ref().take(planes).flat_map(Unbalance::components);
+            let lambda = lambda.by_ref().take(part.body.magnets()).map(|of| of.value);
+            let unbalance = unbalance.by_ref().take(part.body.planes()).flat_map(Unbalance::components);
             let bench = bench.by_ref().take(part.parameters.len()).map(|of| of.estimate.value);
             part.given = lambda.chain(unbalance).chain(bench).collect();
         }
@@ -211,12 +210,10 @@ impl Options {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum Failed {
     /// Too few consecutive samples.
-    #[error("recording {recording} has no {wanted} usable samples in a row")]
+    #[error("recording {recording} has no {SHORTEST} usable samples in a row")]
     TooShort {
         /// Number of the recording, from 1.
         recording: usize,
-        /// Number of samples needed.
-        wanted: usize,
     },
     /// Some rows are inconsistent with the others, and none may be left out.
     #[error("some rows are inconsistent with the others")]
@@ -433,7 +430,7 @@ pub struct Identification {
 pub type Identified = Result<Identification, Failed>;
 
 /// Shortest segment, in rows: its first rows determine only its initial state.
-pub const SHORTEST: usize = 16;
+const SHORTEST: usize = 16;
 
 /// Identifies force constants, unbalance, loads and unknown bench parameters from all recordings together. The columns of a recording have equal length
 /// and are finite where usable.

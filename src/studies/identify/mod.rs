@@ -38,7 +38,7 @@ pub use self::units::{duration_s, rate_s};
 use self::units::{significant, time};
 use crate::bearing::{BearingConfig, RotorConfig, Shaft, array};
 use crate::estimation::Hold;
-use crate::machine::Machine;
+use crate::machine::{Bearing, Machine};
 use crate::simulation::Element;
 use crate::studies::statistics::{mean, rms};
 use crate::table::Table;
@@ -65,11 +65,9 @@ impl Stated {
     pub fn of(machine: &'static Machine, estimator: &Element) -> Self {
         let value = |name: &str| estimator.value(name).map(Value::as_f64);
         let real = |name: &str| value(name).unwrap_or(f64::NAN);
-        let alpha_rad =
-            |prefix: &str| -> Vec<f64> { (1..).map_while(|k| value(&format!("{prefix}alpha[{k}]"))).collect() };
-        let bearing = |prefix: &str| {
+        let bearing = |Bearing { prefix, .. }: &Bearing| {
             let of = |name: &str| real(&format!("{prefix}{name}"));
-            let angles = alpha_rad(prefix);
+            let angles: Vec<f64> = (1..).map_while(|k| value(&format!("{prefix}alpha[{k}]"))).collect();
             BearingConfig {
                 position_m: of("position"),
                 sensor_position_m: of("sensorPosition"),
@@ -77,28 +75,21 @@ impl Stated {
                 alpha_rad: array::from_fn(|k| angles.get(k).copied().unwrap_or(0.0)),
             }
         };
-        let m_kg = real("m");
-        let bodies = if machine.is_planar() {
-            vec![Body::Disc { m_kg, gap_m: real("s"), alpha_rad: alpha_rad("") }]
-        } else {
-            let shaft = Shaft { m_kg, transverse_kgm2: real("Jt"), polar_kgm2: real("Jp") };
-            let extent_m = ["shaft.begin", "shaft.end"].map(real);
-            let bearings = ["A.", "B.", "X."].map(bearing);
-            let geometry = Box::new(RotorConfig { shaft, extent_m, bearings });
-            let planes_m = [1, 2].map(|plane| real(&format!("unbalance[{plane}].position")));
-            let magnets = machine.bearings[0].magnets;
-            let axis = (machine.parts() > 1).then_some(Body::Axis { m_kg, gap_m: bearings[2].gap_m });
-            [Body::Shaft { geometry, magnets, planes_m }].into_iter().chain(axis).collect()
-        };
+        let shaft = Shaft { m_kg: real("m"), transverse_kgm2: real("Jt"), polar_kgm2: real("Jp") };
         let noise = ["sensor.positionNoise", "sensor.currentNoise"].map(|name| value(name).unwrap_or(0.0));
         let (mut positions, mut magnets) = (0, 0);
-        let part = |body: Body| {
-            let part = Part::new(body, positions, magnets);
+        let part = |of: &'static [Bearing]| {
+            let bearings = array::from_fn(|b| of.get(b).map(bearing).unwrap_or_default());
+            let rotor = RotorConfig { shaft, extent_m: [0.0; 2], bearings };
+            let planes_m = [1, 2].map(|plane| real(&format!("unbalance[{plane}].position")));
+            let part = Part::new(Body { bearings: of, rotor, planes_m }, positions, magnets);
             positions += part.body.coordinates();
             magnets += part.body.magnets();
             part
         };
-        Self { machine, parts: bodies.into_iter().map(part).collect(), hold: chosen(estimator, "hold"), noise }
+        // Radial and axial magnets move different parts.
+        let parts = machine.bearings.chunk_by(|a, b| a.is_radial == b.is_radial).map(part).collect();
+        Self { machine, parts, hold: chosen(estimator, "hold"), noise }
     }
 
     /// The parameters of its bench.

@@ -6,10 +6,11 @@
 use fmu_export::variable::Value;
 
 use super::answer::Answer;
-use super::likelihood::{Body, DYNAMICS, Part};
+use super::likelihood::{DYNAMICS, Part};
 use super::samples::Samples;
 use super::tolerance::plain;
 use super::{Stated, mean, rms};
+use crate::machine::Bearing;
 use crate::simulation::{Scenario, simulate};
 
 /// Communication steps of the run: 0.4 s at 10 kHz.
@@ -34,7 +35,7 @@ impl Stated {
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));
         let mut values = Vec::new();
         for Part { body, .. } in &self.parts {
-            let is_axis = matches!(body, Body::Axis { .. });
+            let is_axis = body.is_axis();
             for (name, stated) in body.numbers() {
                 let error = of(&name);
                 let value = match plain(&name) {
@@ -46,11 +47,10 @@ impl Stated {
                 };
                 values.push((name, value));
             }
-            let prefixes = body.prefixes();
-            for prefix in prefixes {
+            for Bearing { prefix, magnets, .. } in body.bearings {
                 let of = |name: &str| of(&format!("{prefix}{name}"));
                 let mut put = |name: &str, value: f64| values.push((format!("{prefix}{name}"), value));
-                for k in 1..=body.magnets() / prefixes.len() {
+                for k in 1..=*magnets {
                     put(&format!("sensor.currentOffset[{k}]"), of(&format!("current.offset[{k}]")));
                     put(&format!("sensor.currentGainError[{k}]"), of(&format!("current.gain[{k}]")));
                 }
@@ -65,7 +65,7 @@ impl Stated {
                     }
                 }
             }
-            if let Body::Disc { .. } = body {
+            if !is_axis && !body.is_shaft() {
                 // B_c cos θ + B_s sin θ in y, −B_c sin θ + B_s cos θ in z, as sines of ωt.
                 let (c, s) = (of("force.backward.cos"), of("force.backward.sin"));
                 for (axis, cos, sin) in [("Y", c, s), ("Z", s, -c)] {

@@ -16,7 +16,7 @@ const WRONG: &[Wrong] = &[
     // Each row holds the command issued at its instant.
     (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
     (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
-    (|_, question| question.stated.parts[0].body = disc(6.7, 6e-4), "--estimate s"),
+    (|_, question| question.stated.parts[0].body.rotor.bearings[0].gap_m = 6e-4, "--estimate s"),
 ];
 
 /// A gain that is off by as much as gaps are: both have about the same effect, so it is no part of the pairs below.

@@ -18,6 +18,7 @@ use self::Scope::{Axial, Bearing, Machine, OnShaft, Radial, Shaft};
 use super::PartSettings;
 use super::body::Body;
 use crate::bearing::array;
+use crate::machine as names;
 
 /// One bench parameter.
 #[derive(Clone, Debug, PartialEq)]
@@ -119,8 +120,7 @@ pub(in crate::studies::identify) const LAG: &str = "lag";
 /// Bench parameters of a body by index, including κ and the lag of the currents if requested. Those of a bearing have its prefix.
 #[must_use]
 pub fn parameters(body: &Body, settings: &PartSettings) -> Vec<BenchParameter> {
-    let (is_radial, is_shaft) = (!matches!(body, Body::Axis { .. }), matches!(body, Body::Shaft { .. }));
-    let magnets = body.magnets() / body.prefixes().len();
+    let (is_radial, is_shaft, magnets) = (!body.is_axis(), body.is_shaft(), body.bearings[0].magnets);
     let applies = |(scope, name, ..): &Row| match scope {
         Machine => (*name != DYNAMICS || settings.dynamics) && (*name != LAG || settings.lag),
         Shaft | OnShaft => is_shaft,
@@ -132,7 +132,7 @@ pub fn parameters(body: &Body, settings: &PartSettings) -> Vec<BenchParameter> {
         let prefixes = match scope {
             // The axial motion has a mass and a delay of its own.
             Machine | Shaft => vec![body.prefix()],
-            _ => body.prefixes().to_vec(),
+            _ => body.bearings.iter().map(|bearing| bearing.prefix).collect(),
         };
         let count = if name.contains("{}") { magnets } else { 1 };
         let instances = prefixes.into_iter().flat_map(move |prefix| (1..=count).map(move |number| (prefix, number)));
@@ -157,7 +157,7 @@ pub fn by_name(parameters: &[BenchParameter], name: &str) -> Option<usize> {
     parameters.iter().position(|parameter| parameter.name == name)
 }
 
-/// Indices of the parameters in the equations; those of the bearing itself are used in its description.
+/// Indices of the parameters in the equations.
 #[derive(Clone, Debug)]
 pub(super) struct Places {
     /// By pair of position sensors.
@@ -167,7 +167,12 @@ pub(super) struct Places {
     pub mass: usize,
     pub delay: usize,
     /// If requested.
+    pub dynamics: Option<usize>,
     pub lag: Option<usize>,
+    /// Of a shaft: moments of inertia across and along it, and positions of the planes of unbalance.
+    pub shaft: [Option<usize>; 4],
+    /// By bearing: relative gap, iron path, positions of the magnets and of the sensors, angles of the magnets.
+    pub bearings: Vec<[Option<usize>; 8]>,
     /// Of the first magnet; the others follow.
     pub current_offset: usize,
     pub current_gain: usize,
@@ -187,19 +192,16 @@ pub(super) struct Sensors {
     pub runout: [usize; 8],
 }
 
-/// Index of a parameter in the table.
-pub(super) fn place(parameters: &[BenchParameter], prefix: &str, name: &str) -> usize {
-    let name = format!("{prefix}{name}");
-    by_name(parameters, &name).unwrap_or_else(|| unreachable!("{name} is in the table"))
-}
-
 impl Places {
     pub fn of(body: &Body, parameters: &[BenchParameter]) -> Self {
-        let (prefixes, is_axis) = (body.prefixes(), matches!(body, Body::Axis { .. }));
-        let first = |name: &str| place(parameters, prefixes[0], name);
-        let of_all = |name: &str| place(parameters, body.prefix(), name);
-        let pair = |prefix: &&str| {
-            let at = |name: &str| place(parameters, prefix, name);
+        let find = |prefix: &str, name: &str| by_name(parameters, &format!("{prefix}{name}"));
+        let place = |prefix: &str, name: &str| {
+            find(prefix, name).unwrap_or_else(|| unreachable!("{prefix}{name} is in the table"))
+        };
+        let is_axis = body.is_axis();
+        let first = |name: &str| place(body.bearings[0].prefix, name);
+        let pair = |bearing: &names::Bearing| {
+            let at = |name: &str| place(bearing.prefix, name);
             let once = ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|of| format!("runout1.{of}"));
             let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|of| format!("runout2.{of}"));
             let runout = [once, twice];
@@ -211,12 +213,17 @@ impl Places {
                 runout: array::from_fn(|part| at(&runout[part / 4][part % 4])),
             }
         };
+        let of_bearing =
+            ["s", "gap.iron", "position", "sensorPosition", "alpha[1]", "alpha[2]", "alpha[3]", "alpha[4]"];
         Self {
-            pairs: prefixes.iter().filter(|_| !is_axis).map(pair).collect(),
+            pairs: body.bearings.iter().filter(|_| !is_axis).map(pair).collect(),
             single: is_axis.then(|| ["sensor.offset", "sensor.gain"].map(first)),
-            mass: of_all("m"),
-            delay: of_all(DELAY),
-            lag: by_name(parameters, &format!("{}{LAG}", body.prefix())),
+            mass: place(body.prefix(), "m"),
+            delay: place(body.prefix(), DELAY),
+            dynamics: find(body.prefix(), DYNAMICS),
+            lag: find(body.prefix(), LAG),
+            shaft: ["Jt", "Jp", "unbalance[1].position", "unbalance[2].position"].map(|name| find("", name)),
+            bearings: body.bearings.iter().map(|bearing| of_bearing.map(|name| find(bearing.prefix, name))).collect(),
             current_offset: first("current.offset[1]"),
             current_gain: first("current.gain[1]"),
             backward: if is_axis { [0; 2] } else { ["force.backward.cos", "force.backward.sin"].map(first) },

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::data::{Piece, Track};
+use super::data::Piece;
 use super::filter::Likelihoods;
 use super::{Part, Recording, SHORTEST, resolution};
 use crate::estimation::START_CURRENT_NOISE_A;
@@ -60,7 +60,11 @@ pub(super) struct Case<'a> {
     pub resolution_m: Vec<f64>,
     /// Effective number of rows, if fewer than all.
     effective_rows: Option<usize>,
-    pub track: Track,
+    /// Trajectory about which a pass is linearised: coordinates and rates, row by row.
+    pub state: Vec<f64>,
+    /// Expected values by row, in single precision to save memory: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
+    /// and rates. Empty until known.
+    pub expected: Vec<f32>,
 }
 
 impl Case<'_> {
@@ -97,7 +101,7 @@ fn segments(usable: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
     segments.map(|rows| rows[0]..rows[rows.len() - 1] + 1).collect()
 }
 
-fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
+fn pieces(recording: usize, segments: &[Range<usize>], h: f64) -> Vec<Piece> {
     let rows: usize = segments.iter().map(Range::len).sum();
     let block = (rows / BLOCKS).max(SHORTEST_BLOCK);
     let margin = (MARGIN_S / h).ceil() as usize;
@@ -109,7 +113,7 @@ fn pieces(segments: &[Range<usize>], h: f64) -> Vec<Piece> {
             // A short remainder joins the piece before it.
             let to = if segment.end - from < length + length / 2 { segment.end } else { from + length };
             let filtered = from.saturating_sub(margin).max(segment.start)..(to + margin).min(segment.end);
-            pieces.push(Piece { filtered, counted: from..to, block, blocks_from: segment.start });
+            pieces.push(Piece { recording, filtered, counted: from..to, block, blocks_from: segment.start });
             from = to;
         }
     }
@@ -133,7 +137,8 @@ fn position_noise(position: &[&[f64]], segments: &[Range<usize>]) -> f64 {
     fourth.min(rms(&[1.0, -6.0, 15.0, -20.0, 15.0, -6.0, 1.0], 924.0)).max(1e-10)
 }
 
-pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
+/// The recording with this index; `None` if it is too short.
+pub(super) fn prepare<'a>(r: usize, recording: &'a Recording, part: &Part, usable: &[bool]) -> Option<Case<'a>> {
     let (h, rows) = (recording.step_s, recording.rows());
     fn columns<T>(of: &[Vec<T>], first: usize, count: usize) -> Vec<&[T]> {
         of.iter().skip(first).take(count).map(Vec::as_slice).collect()
@@ -153,14 +158,14 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
     };
     let (theta, omega) = (&recording.theta_rad, &recording.omega_rad_s);
     let n = position.len();
-    let mut track = Track { state: vec![0.0; 2 * n * rows], expected: Vec::new() };
+    let mut state = vec![0.0; 2 * n * rows];
     for segment in &segments {
         for row in segment.clone() {
             let (before, after) = (row.max(segment.start + 1) - 1, (row + 1).min(segment.end - 1));
             let rate = |of: &[f64]| (of[after] - of[before]) / ((after - before) as f64 * h);
             for (at, of) in position.iter().enumerate() {
-                track.state[2 * n * row + at] = of[row];
-                track.state[2 * n * row + n + at] = rate(of);
+                state[2 * n * row + at] = of[row];
+                state[2 * n * row + n + at] = rate(of);
             }
         }
     }
@@ -179,7 +184,7 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         current,
         position_error,
         square_error,
-        pieces: pieces(&segments, h),
+        pieces: pieces(r, &segments, h),
         segments,
         position_noise: noise.max(1e-10),
         current_noise: recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A).max(1e-7),
@@ -190,7 +195,8 @@ pub(super) fn prepare<'a>(recording: &'a Recording, part: &Part, usable: &[bool]
         restored: 1.0,
         resolution_m,
         effective_rows,
-        track,
+        state,
+        expected: Vec::new(),
     })
 }
 

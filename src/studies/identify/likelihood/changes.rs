@@ -31,24 +31,13 @@ const LOUD: f64 = 0.1;
 /// 50 ms mostly a tenth (simulator of `scripts/faults.py`, seeds 905001 to 905006).
 const MIN_EXPLAINED: f64 = 0.5;
 
-/// Kind of a change.
-#[derive(PartialEq)]
-pub(super) enum Changed {
-    Lambda,
-    Load,
-    /// λ throughout the recording, linearly: relative differences between its end and its start.
-    Drift(Vec<f64>),
-}
-
-/// A change of λ or load in a recording.
+/// A change of λ or load in a recording; λ is not known before the sides are [compared](compare).
 pub(super) struct Detected {
     pub recording: usize,
     /// First row after the change; the number of rows for a drift.
     pub row: usize,
-    pub what: Changed,
+    pub what: Change,
     pub chi_square: f64,
-    /// χ² of a change of λ at the same place, whose effect may be that of a load.
-    pub of_lambda: f64,
     /// Amount by which χ² exceeds the threshold.
     pub excess: f64,
 }
@@ -96,23 +85,28 @@ pub(super) fn change(finished: &Finished<'_>, fitted: &Finished<'_>) -> Option<D
         let blocks: Vec<&Block> = finished.blocks(r).collect();
         let end = blocks.last().map_or(0, |block| block.rows.end);
         for block in blocks.iter().take(blocks.len().saturating_sub(1)) {
-            until.add(block, r, 1.0);
+            until.add(block, 1.0);
             // A few rows at the end carry no information, and the covariance of those before them is dominated by rounding.
             if end - block.rows.end < SHORTEST_BLOCK {
                 continue;
             }
             let mut of_lambda = 0.0;
-            for (what, unknowns) in [(Changed::Lambda, &lambda), (Changed::Load, &loads)] {
+            for (is_lambda, unknowns) in [(true, &lambda), (false, &loads)] {
                 if unknowns.is_empty() {
                     continue;
                 }
                 let Some((chi_square, change)) = test(unknowns, &until, &until) else { continue };
-                let is_lambda = what == Changed::Lambda;
                 of_lambda = if is_lambda { chi_square } else { of_lambda };
                 let excess = excess(chi_square, unknowns);
                 let is_large = !is_lambda || is_large(&relative(&change));
                 if excess > found.as_ref().map_or(0.0, |found| found.excess) && is_large {
-                    found = Some(Detected { recording: r, row: block.rows.end, what, chi_square, of_lambda, excess });
+                    let what = if is_lambda {
+                        Change::Lambda(vec![Estimate::default().scaled(f64::NAN); layout.magnets])
+                    } else {
+                        // The effect of a change of λ may be that of a load.
+                        Change::Load { chi_square, or_lambda: of_lambda > ALIKE * chi_square }
+                    };
+                    found = Some(Detected { recording: r, row: block.rows.end, what, chi_square, excess });
                 }
             }
         }
@@ -121,42 +115,34 @@ pub(super) fn change(finished: &Finished<'_>, fitted: &Finished<'_>) -> Option<D
         }
         for block in &blocks {
             let weight = (block.rows.start + block.rows.end) as f64 / (2.0 * end as f64);
-            weighted.add(block, r, weight);
-            squared.add(block, r, weight * weight);
+            weighted.add(block, weight);
+            squared.add(block, weight * weight);
         }
         let Some((chi_square, change)) = test(&lambda, &weighted, &squared) else { continue };
         let (excess, relative) = (excess(chi_square, &lambda), relative(&change));
         if excess > found.as_ref().map_or(0.0, |found| found.excess) && is_large(&relative) {
-            let what = Changed::Drift(relative);
-            found = Some(Detected { recording: r, row: end, what, chi_square, of_lambda: chi_square, excess });
+            found = Some(Detected { recording: r, row: end, what: Change::Drift(relative), chi_square, excess });
         }
     }
     found
 }
 
 /// Leaves out the smaller side of a change; none if no rows would remain. A drift leaves no rows that agree.
-pub(super) fn leave_out(masks: &mut [Vec<bool>], finished: &Finished<'_>, change: &Detected) -> Option<Contradiction> {
-    let (search, recording) = (&finished.search, change.recording);
-    if let Changed::Drift(relative) = &change.what {
-        let what = Change::Drift(relative.clone());
-        return Some(Contradiction { recording, part: 0, rows: 0..change.row, what });
+pub(super) fn leave_out(masks: &mut [Vec<bool>], finished: &Finished<'_>, change: Detected) -> Option<Contradiction> {
+    let Detected { recording, row, what, .. } = change;
+    if let Change::Drift(_) = what {
+        return Some(Contradiction { recording, part: 0, rows: 0..row, what });
     }
-    let (mask, block) = (&mut masks[recording], search.cases[recording].block());
+    let (mask, block) = (&mut masks[recording], finished.search.cases[recording].block());
     let used = |rows: &[bool]| rows.iter().filter(|used| **used).count();
-    let (before, after) = (used(&mask[..change.row]), used(&mask[change.row..]));
+    let (before, after) = (used(&mask[..row]), used(&mask[row..]));
     if before.min(after) == 0 || before.max(after) < SHORTEST {
         return None;
     }
     let end = mask.len();
-    let rows = if before < after { 0..change.row } else { change.row..end };
+    let rows = if before < after { 0..row } else { row..end };
     // The change lies somewhere within the block before or after.
     mask[rows.start.saturating_sub(block)..(rows.end + block).min(end)].fill(false);
-    let what = if change.what == Changed::Lambda {
-        Change::Lambda(vec![Estimate::default().scaled(f64::NAN); search.model.layout.magnets])
-    } else {
-        let or_lambda = change.of_lambda > ALIKE * change.chi_square;
-        Change::Load { chi_square: change.chi_square, or_lambda }
-    };
     Some(Contradiction { recording, part: 0, rows, what })
 }
 

@@ -81,19 +81,11 @@ impl Case<'_> {
     }
 }
 
-/// The trajectory about which a pass is linearised.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Track {
-    /// Coordinates and rates, row by row.
-    pub state: Vec<f64>,
-    /// Expected values by row, in single precision to save memory: `i_k²/gap_k²` in A²/m² over the interval that ends there, then coordinates
-    /// and rates. Empty until known.
-    pub expected: Vec<f32>,
-}
-
 /// A piece of a recording: the counted rows within the filtered ones. A filter starts at the first row of `filtered`.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Piece {
+    /// Index of the recording.
+    pub recording: usize,
     pub filtered: Range<usize>,
     pub counted: Range<usize>,
     /// Rows per block, and the row from which blocks are counted.
@@ -126,7 +118,7 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
             input,
             position: array::from_fn(|n| input.case.position[n]),
             current: array::from_fn(|k| input.case.current[k]),
-            state: input.case.track.state.as_chunks().0.as_chunks().0,
+            state: input.case.state.as_chunks().0.as_chunks().0,
         }
     }
 
@@ -134,15 +126,16 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
     #[inline(always)]
     pub fn expected(&self, row: usize) -> Option<([f64; K], State<N>)> {
         let size = K + 2 * N;
-        let of = self.input.case.track.expected.get(size * row..size * (row + 1))?;
+        let of = self.input.case.expected.get(size * row..size * (row + 1))?;
         let state = array::from_fn(|d| array::from_fn(|n| f64::from(of[K + N * d + n])));
         Some((array::from_fn(|k| f64::from(of[k])), state))
     }
 
-    /// Variances of the position readings in a row, where noise grows with this power of the gap.
+    /// Variances of the position readings in a row.
     #[inline(always)]
-    pub fn variance(&self, row: usize, exponent: f64) -> [f64; N] {
+    pub fn variance(&self, row: usize, levels: &Levels) -> [f64; N] {
         let Input { case, rotor, .. } = self.input;
+        let exponent = case.exponent + levels.exponent;
         let variance = case.position_noise * case.position_noise;
         let grown = |at: f64| libm::pow((1.0 + at / rotor.nominal_m).max(MIN_GAP), 2.0 * exponent);
         let mut variances =
@@ -155,9 +148,9 @@ impl<'a, const N: usize, const K: usize> Pass<'a, N, K> {
 
     /// Variance gained by the acceleration of a slow force in this number of rows.
     #[inline(always)]
-    pub fn slow(&self, rows: usize) -> f64 {
+    pub fn slow(&self, rows: usize, levels: &Levels) -> f64 {
         let rotor = self.input.rotor;
-        rotor.slow * rotor.slow * rows as f64 * rotor.h
+        levels.slow * levels.slow * (rotor.slow * rotor.slow * rows as f64 * rotor.h)
     }
 
     /// The interval that ends at `row`.

@@ -32,7 +32,7 @@ fn terms([cos, sin]: [f64; 2]) -> Terms {
     terms
 }
 
-/// Expected values of the rows of a recording, as in [`Track`](super::data::Track); empty if there are too few turns.
+/// Expected values of the rows of a recording, as in [`Case`](super::case::Case); empty if there are too few turns.
 ///
 /// A Fourier series over the shaft angle for each stretch of rows is fitted to the stretches before and after it. The residual, which controller and
 /// rotor make of noise, is regressed on past whitened innovations over all other stretches. Innovations are white, so neither part is correlated with
@@ -47,7 +47,7 @@ pub(super) fn expected(input: Input<'_>, innovations: &[f64]) -> Vec<f32> {
     let signals = |row: usize, to: &mut [f64]| {
         let [gaps, squares] = (input.rotor.passes.gaps_and_squares)(input, row);
         (0..magnets).for_each(|k| to[k] = squares[k] / (gaps[k] * gaps[k]));
-        to[magnets..].copy_from_slice(&case.track.state[2 * n * row..2 * n * (row + 1)]);
+        to[magnets..].copy_from_slice(&case.state[2 * n * row..2 * n * (row + 1)]);
     };
     let angle: f64 = rows().map(|(row, _)| (case.recording.omega_rad_s[row] * case.recording.step_s).abs()).sum();
     let turns = angle / std::f64::consts::TAU;

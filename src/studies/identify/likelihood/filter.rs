@@ -18,8 +18,9 @@ use std::ops::Range;
 use super::SHORTEST;
 use super::data::{Input, Pass};
 use super::kalman::{Innovation, Kalman, Transition};
-use super::rotor::{ByMagnet, Interval, Layout, Shaft, State, regressors};
-use crate::bearing::array;
+use super::rotor::{ByMagnet, Description, Interval, Layout, Shaft, State, regressors};
+use crate::bearing::{RotorConfig, array};
+use crate::plant::PLANES;
 use crate::studies::identify::agreement::rows_ahead;
 
 /// Columns in a processor register.
@@ -66,6 +67,8 @@ impl<const N: usize> LogProduct<N> {
 /// Sums over one block of rows.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Block {
+    /// Index of the recording.
+    pub recording: usize,
     pub rows: Range<usize>,
     /// Number of innovations (rows).
     pub count: f64,
@@ -151,7 +154,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
     let h = rotor.h;
     let (h_2, d) = (0.5 * h * h, rotor.delay);
     let m = rotor.sensor;
-    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(piece.filtered.start));
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(piece.filtered.start, &UNCHANGED));
     // Filters with the noise of one current raised give the derivatives of the innovations with respect to its level, and so the effect of the parameters
     // through the gains. Without it λ of a slow bearing seems known almost four times as well as it is.
     let gains = matches!(columns, Columns::Total | Columns::Instruments);
@@ -162,12 +165,17 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
     let mut blocks = Vec::new();
     let expected = |row: usize| pass.expected(row).filter(|_| *columns == Columns::Instruments);
     let block_of = |row: usize| (row - piece.blocks_from) / piece.block;
-    let empty = |row: usize| Block { rows: row..row, harmonics: vec![Default::default(); N], ..Block::default() };
+    let empty = |row: usize| Block {
+        recording: piece.recording,
+        rows: row..row,
+        harmonics: vec![Default::default(); N],
+        ..Block::default()
+    };
     let mut block = empty(piece.counted.start);
     let mut log_det = LogProduct::<N>::new();
     let mut former = [0.0; N];
     each_row(pass, piece.filtered.start..piece.counted.end, |row, to, interval, residual| {
-        if let Some((interval, transition)) = interval {
+        if let Some(interval) = interval {
             let ahead: State<N> = [
                 array::from_fn(|a| interval.middle[0][a] + kalman.x[a] + 0.5 * h * kalman.x[N + a]),
                 array::from_fn(|a| interval.middle[1][a] + kalman.x[N + a]),
@@ -177,18 +185,18 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
                 Some((pulls, [q, v])) => ([array::from_fn(|a| q[a] - 0.5 * h * v[a]), v], pulls),
                 None => (ahead, measured),
             };
-            kalman.predict((interval, transition), &UNCHANGED.currents, pass.slow(1));
+            kalman.predict(interval, &UNCHANGED.currents, pass.slow(1, &UNCHANGED));
             for k in 0..if gains { K } else { 0 } {
                 let mut levels = UNCHANGED;
                 levels.currents[k] += LEVEL_STEP;
                 let scales = pass.scales(row, &levels);
-                raised[k].predict((interval, transition), &scales, pass.slow(1));
+                raised[k].predict(interval, &scales, pass.slow(1, &UNCHANGED));
             }
             rotor.force_columns(&at, pulls, measured, &interval.shaft, *bench, &mut force);
             if let Some((j, column)) = pass.by_lag(row, &at[0]).filter(|_| *bench) {
                 force.put(j, column);
             }
-            let [a, b, c, g] = &transition.blocks;
+            let [a, b, c, g] = &interval.transition.blocks;
             for (x, register) in x.iter_mut().zip(registers) {
                 let force = &force.0[*register];
                 for l in 0..REGISTER {
@@ -220,10 +228,10 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
                 Some((_, state)) => state,
                 None => array::from_fn(|d| array::from_fn(|a| pass.state[row][d][a] + kalman.x[N * d + a])),
             };
-            let acceleration = interval.map_or([0.0; N], |(interval, _)| interval.end);
+            let acceleration = interval.map_or([0.0; N], |interval| interval.end);
             rotor.sensor_columns(&[at, rate, acceleration], to, &mut sensor);
         }
-        let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
+        let innovation = kalman.update(rotor, pass.variance(row, &UNCHANGED), residual);
         let counts = row >= piece.counted.start;
         let w = innovation.factor.whiten(innovation.e);
         if counts && block_of(row) != block_of(block.rows.start) {
@@ -257,7 +265,7 @@ fn columns_of<const N: usize, const K: usize, const S: usize>(input: Input<'_>, 
         }
         if gains {
             let by_level: [[f64; N]; K] = array::from_fn(|k| {
-                let other = raised[k].update(rotor, pass.variance(row, rotor.exponent), residual);
+                let other = raised[k].update(rotor, pass.variance(row, &UNCHANGED), residual);
                 innovation.factor.whiten(array::from_fn(|a| (other.e[a] - innovation.e[a]) / LEVEL_STEP))
             });
             for (j, k, level) in &rotor.levels {
@@ -308,28 +316,24 @@ fn close<const N: usize>(block: &mut Block, sums: &mut Sums<'_>, log_det: &mut L
     *log_det = LogProduct::new();
 }
 
-/// Calls `each` with every row, the shaft there, the interval that ends there with its transition (none at the first row), and the residual: measured
-/// position minus the reading at the trajectory.
+/// Calls `each` with every row, the shaft there, the interval that ends there (none at the first row), and the residual: measured position minus the
+/// reading at the trajectory.
 #[inline(always)]
 fn each_row<const N: usize, const K: usize>(
     pass: &Pass<N, K>,
     rows: Range<usize>,
-    mut each: impl FnMut(usize, &Shaft, Option<(&Interval<N, K>, &Transition<N>)>, [f64; N]),
+    mut each: impl FnMut(usize, &Shaft, Option<&Interval<N, K>>, [f64; N]),
 ) {
     let Input { case, rotor, .. } = pass.input;
     let mut from = case.shaft(rows.start);
     for row in rows.clone() {
         let to = case.shaft(row);
-        let interval = (row > rows.start).then(|| {
-            let interval = pass.interval(row, &from, &to);
-            let transition = Transition::of(rotor.h, &interval.stiffness, &interval.gyroscopic);
-            (interval, transition)
-        });
-        let acceleration = interval.as_ref().map_or([0.0; N], |(interval, _)| interval.end);
+        let interval = (row > rows.start).then(|| pass.interval(row, &from, &to));
+        let acceleration = interval.as_ref().map_or([0.0; N], |interval| interval.end);
         let [at, rate] = pass.state[row];
         let read = rotor.reading(&[at, rate, acceleration], &to);
         let residual = array::from_fn(|a| pass.position[a][row] - read[a]);
-        each(row, &to, interval.as_ref().map(|(interval, transition)| (interval, transition)), residual);
+        each(row, &to, interval.as_ref(), residual);
         from = to;
     }
 }
@@ -346,15 +350,15 @@ struct FilteredRow<const N: usize, const S: usize> {
 fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> Vec<f64> {
     let (Input { rotor, piece, .. }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
-    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start));
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start, &UNCHANGED));
     let mut filtered = Vec::with_capacity(piece.filtered.len());
     each_row(pass, piece.filtered.clone(), |row, _, interval, residual| {
         if let Some(interval) = interval {
-            kalman.predict(interval, &UNCHANGED.currents, pass.slow(1));
+            kalman.predict(interval, &UNCHANGED.currents, pass.slow(1, &UNCHANGED));
         }
-        let transition = interval.map(|(_, transition)| *transition);
+        let transition = interval.map(|interval| interval.transition);
         let predicted = kalman.clone();
-        let innovation = kalman.update(rotor, pass.variance(row, rotor.exponent), residual);
+        let innovation = kalman.update(rotor, pass.variance(row, &UNCHANGED), residual);
         filtered.push(FilteredRow { transition, predicted, innovation });
     });
     let (m, d) = (&rotor.sensor, rotor.delay);
@@ -384,21 +388,21 @@ fn smooth<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> V
     smoothed
 }
 
-/// Innovations of the counted rows, row by row: in m, whitened, and errors of predictions [`AHEAD_S`] ahead, m, one after another.
+/// Innovations of the counted rows, row by row: in m, whitened, and errors of predictions [`rows_ahead`], m, one after another.
 fn innovations<const N: usize, const K: usize, const S: usize>(input: Input<'_>) -> [Vec<f64>; 3] {
     let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
     let ahead = rows_ahead(rotor.h);
-    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start));
+    let mut kalman = Kalman::<S>::diffuse::<N>(pass.slow(start, &UNCHANGED));
     let mut without_readings = kalman.clone();
     let mut innovations = [0; 3].map(|_| Vec::with_capacity(N * piece.counted.len()));
     each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
         if let Some(interval) = interval {
             for kalman in [&mut kalman, &mut without_readings] {
-                kalman.predict(interval, &UNCHANGED.currents, pass.slow(1));
+                kalman.predict(interval, &UNCHANGED.currents, pass.slow(1, &UNCHANGED));
             }
         }
-        let variance = pass.variance(row, rotor.exponent);
+        let variance = pass.variance(row, &UNCHANGED);
         let innovation = kalman.update(rotor, variance, residual);
         let mut error_ahead = [f64::NAN; N];
         if (row - start) % ahead == SHORTEST % ahead {
@@ -440,20 +444,17 @@ pub(super) type Likelihoods = [[f64; 3]; 3];
 fn likelihoods<const N: usize, const K: usize, const S: usize>(input: Input<'_>, levels: &[Levels; 3]) -> Likelihoods {
     let (Input { case, rotor, piece }, pass) = (input, &Pass::<N, K>::of(input));
     let start = piece.filtered.start;
-    let slow = |levels: &Levels, rows: usize| levels.slow * levels.slow * pass.slow(rows);
-    let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(slow(&levels, start)));
+    let mut kalman = levels.map(|levels| Kalman::<S>::diffuse::<N>(pass.slow(start, &levels)));
     let mut logs = [LogProduct::<N>::new(); 3];
     let mut sums = [[0.0; 3]; 3];
     each_row(pass, start..piece.counted.end, |row, _, interval, residual| {
         if let Some(interval) = interval {
             for (kalman, levels) in kalman.iter_mut().zip(levels) {
-                let scales = pass.scales(row, levels);
-                kalman.predict(interval, &scales, slow(levels, 1));
+                kalman.predict(interval, &pass.scales(row, levels), pass.slow(1, levels));
             }
         }
         for f in 0..3 {
-            let variance = pass.variance(row, rotor.exponent + levels[f].exponent);
-            let innovation = kalman[f].update(rotor, variance, residual);
+            let innovation = kalman[f].update(rotor, pass.variance(row, &levels[f]), residual);
             if row >= piece.counted.start.max(start + 4) && case.is_informative(row) {
                 let w = innovation.factor.whiten(innovation.e);
                 logs[f].times(innovation.det);
@@ -521,9 +522,10 @@ impl Request {
     }
 }
 
-/// Passes of the filter with sizes fixed at compile time, since they run at every sample.
+/// Description of the rotor and passes of the filter, with sizes fixed at compile time, since they run at every sample.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Passes {
+    pub describe: fn(&RotorConfig<f64, 2>, [f64; PLANES]) -> Description,
     pub columns: fn(Input<'_>, &Request) -> Vec<Block>,
     /// Coordinates and rates, row by row.
     pub smooth: fn(Input<'_>) -> Vec<f64>,
@@ -534,9 +536,10 @@ pub(super) struct Passes {
 }
 
 impl Passes {
-    /// For N coordinates, K magnets and S states.
-    fn of<const N: usize, const K: usize, const S: usize>() -> Self {
+    /// For N coordinates, K magnets, U unknowns of the on-line estimator, and S states.
+    fn sized<const N: usize, const K: usize, const U: usize, const S: usize>() -> Self {
         Self {
+            describe: Description::of::<N, K, U>,
             columns: columns_of::<N, K, S>,
             smooth: smooth::<N, K, S>,
             innovations: innovations::<N, K, S>,
@@ -544,17 +547,17 @@ impl Passes {
             gaps_and_squares: gaps_and_squares::<N, K>,
         }
     }
-}
 
-/// Filters of all parts of machines, by coordinates and magnets: without and with a slow force. An axis has one for both, as each takes a second to compile.
-pub(super) fn passes(coordinates: usize, magnets: usize) -> [Passes; 2] {
-    match (coordinates, magnets) {
-        (1, 2) => [Passes::of::<1, 2, 3>(); 2],
-        (2, 3) => [Passes::of::<2, 3, 4>(), Passes::of::<2, 3, 6>()],
-        (2, 4) => [Passes::of::<2, 4, 4>(), Passes::of::<2, 4, 6>()],
-        (4, 6) => [Passes::of::<4, 6, 8>(), Passes::of::<4, 6, 12>()],
-        (4, 8) => [Passes::of::<4, 8, 8>(), Passes::of::<4, 8, 12>()],
-        _ => unreachable!("a part of a machine"),
+    /// For a part of a machine: without and with a slow force. An axis has one filter for both, as each takes a second to compile.
+    pub fn of(coordinates: usize, magnets: usize) -> [Self; 2] {
+        match (coordinates, magnets) {
+            (1, 2) => [Self::sized::<1, 2, 3, 3>(); 2],
+            (2, 3) => [Self::sized::<2, 3, 9, 4>(), Self::sized::<2, 3, 9, 6>()],
+            (2, 4) => [Self::sized::<2, 4, 10, 4>(), Self::sized::<2, 4, 10, 6>()],
+            (4, 6) => [Self::sized::<4, 6, 18, 8>(), Self::sized::<4, 6, 18, 12>()],
+            (4, 8) => [Self::sized::<4, 8, 20, 8>(), Self::sized::<4, 8, 20, 12>()],
+            _ => unreachable!("a part of a machine"),
+        }
     }
 }
 

@@ -72,7 +72,7 @@ impl<const N: usize> Factor<N> {
 }
 
 /// Transition over one interval minus identity: stiffness K and gyroscopic matrix G act to the third order of its length.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Transition<const N: usize> {
     /// Coordinates by coordinates, coordinates by rates, rates by coordinates, rates by rates.
     pub blocks: [[[f64; N]; N]; 4],
@@ -192,18 +192,13 @@ impl<const S: usize> Kalman<S> {
         Self { x: [0.0; S], p }
     }
 
-    /// Over an interval with its transition, as [`Transition::propagate`].
-    pub fn predict<const N: usize, const K: usize>(
-        &mut self,
-        (interval, transition): (&Interval<N, K>, &Transition<N>),
-        scales: &ByMagnet,
-        slow: f64,
-    ) {
-        self.x = transition.apply(&self.x);
+    /// Over an interval, as [`Transition::propagate`].
+    pub fn predict<const N: usize, const K: usize>(&mut self, interval: &Interval<N, K>, scales: &ByMagnet, slow: f64) {
+        self.x = interval.transition.apply(&self.x);
         for (x, offset) in self.x.iter_mut().zip(interval.offset.as_flattened()) {
             *x += offset;
         }
-        transition.propagate(&interval.noise, scales, slow, &mut self.p);
+        interval.transition.propagate(&interval.noise, scales, slow, &mut self.p);
     }
 
     /// `residual`: measured position minus the reading at the trajectory.

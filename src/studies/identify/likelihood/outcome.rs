@@ -168,9 +168,8 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
     let Finished { search, normal, estimated: of, columns, .. } = finished;
     let coordinates = search.model.layout.loads() as f64;
-    let blocks = || finished.blocks.iter().flat_map(|(_, blocks)| blocks);
-    let rows: f64 = blocks().map(|block| block.count).sum();
-    let nis = (blocks().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
+    let rows: f64 = finished.blocks.iter().map(|block| block.count).sum();
+    let nis = (finished.blocks.iter().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
     let parameters = &search.model.part.parameters;
     let single = (0..parameters.len()).map(|j| vec![(j, 1.0)]);
     let sensor = |of: &Sensors| [1.0, -1.0].map(|sign| vec![(of.gain, 1.0), (of.gain_difference, sign)]);

@@ -9,11 +9,15 @@
 use super::bench::Places;
 use super::case::Case;
 use super::filter::{ColumnValues, Passes};
+use super::kalman::Transition;
 use super::lag::Lag;
 use super::{Options, Part};
-use crate::bearing::array;
+use crate::bearing::{RotorConfig, array};
 use crate::estimation::Machine;
 use crate::plant::PLANES;
+
+/// Step of central differences, in typical tolerances: the truncation error is below 10⁻⁸ of a derivative.
+const STEP: f64 = 1e-3;
 
 /// A value for each coordinate, and for each magnet, with room for the largest machine.
 pub(super) type ByAxis<T = f64> = [T; 4];
@@ -100,39 +104,35 @@ pub(super) struct Description {
     gap_m: ByMagnet,
     directions: ByMagnet<ByAxis>,
     magnets: ByMagnet<ByAxis>,
-    /// By forces along y and z in each plane of unbalance, and by each backward force.
-    unbalance: [[ByAxis; 2]; PLANES],
-    backward: [[ByAxis; 2]; PLANES],
-    loads: ByAxis<ByAxis>,
+    /// By [`Forces`].
+    others: [ByAxis; FORCES],
     gyroscopic: ByAxis<ByAxis>,
-    planes: usize,
 }
 
 impl Description {
-    pub fn of<const N: usize, const K: usize, const U: usize>(machine: &Machine<N, K, U>) -> Self {
+    /// With U unknowns of the on-line estimator.
+    pub fn of<const N: usize, const K: usize, const U: usize>(
+        rotor: &RotorConfig<f64, 2>,
+        planes_m: [f64; PLANES],
+    ) -> Self {
+        let machine =
+            Machine::<N, K, U>::of(rotor, planes_m).unwrap_or_else(|| unreachable!("sensors at different places"));
         let row = |j: usize| {
             let mut row = ByAxis::default();
             (0..N).for_each(|n| row[n] = machine.accelerations[(j, n)]);
             row
         };
-        let planes = (machine.backward - K) / 2;
-        let mut of = Self { planes, ..Self::default() };
+        let mut of = Self::default();
         for k in 0..K {
             of.gap_m[k] = machine.geometry.gap_m[k];
             of.directions[k][..N].copy_from_slice(&machine.geometry.directions[k]);
             of.magnets[k] = row(k);
         }
-        for p in 0..planes {
-            of.unbalance[p] = array::from_fn(|axis| row(K + 2 * p + axis));
-        }
-        for p in 0..(U - N - machine.backward) / 2 {
-            of.backward[p] = array::from_fn(|axis| row(machine.backward + 2 * p + axis));
-        }
-        for n in 0..N {
-            of.loads[n] = row(U - N + n);
-            if let Some(gyroscopic) = &machine.gyroscopic {
-                (0..N).for_each(|l| of.gyroscopic[n][l] = gyroscopic[(n, l)]);
-            }
+        let rotating =
+            (K..machine.backward).zip(machine.backward..).flat_map(|(unbalance, backward)| [unbalance, backward]);
+        of.others.iter_mut().zip((U - N..U).chain(rotating)).for_each(|(of, j)| *of = row(j));
+        for (n, l) in (0..N).flat_map(|n| (0..N).map(move |l| (n, l))) {
+            of.gyroscopic[n][l] = machine.gyroscopic.as_ref().map_or(0.0, |gyroscopic| gyroscopic[(n, l)]);
         }
         of
     }
@@ -144,9 +144,8 @@ impl Description {
     }
 
     fn values(&mut self) -> impl Iterator<Item = &mut f64> {
-        let rotating = self.unbalance.as_flattened_mut().iter_mut().chain(self.backward.as_flattened_mut());
-        let magnets = self.directions.iter_mut().chain(&mut self.magnets).chain(rotating);
-        self.gap_m.iter_mut().chain(magnets.chain(&mut self.loads).chain(&mut self.gyroscopic).flatten())
+        let rows = self.directions.iter_mut().chain(&mut self.magnets).chain(&mut self.others);
+        self.gap_m.iter_mut().chain(rows.chain(&mut self.gyroscopic).flatten())
     }
 }
 
@@ -154,18 +153,40 @@ impl Description {
 pub(super) struct Model<'a> {
     pub part: &'a Part,
     pub options: &'a Options,
-    /// Describes the rotor for given values of its bench.
-    pub describe: Describe<'a>,
-    /// Bench parameters that change the description, with the steps of central differences.
-    pub varied: Vec<(usize, f64)>,
     pub places: Places,
     pub layout: Layout,
     /// Filters of its sizes, without and with a slow force.
     pub passes: [Passes; 2],
 }
 
-/// Describes a rotor for given values of its bench.
-pub(super) type Describe<'a> = Box<dyn Fn(&[f64]) -> Description + Sync + 'a>;
+impl Model<'_> {
+    /// The rotor for given values of its bench.
+    fn describe(&self, bench: &[f64]) -> Description {
+        let error = |at: Option<usize>| at.map_or(0.0, |at| bench[at]);
+        let (mut rotor, mut planes_m) = (self.part.body.rotor, self.part.body.planes_m);
+        let [heavier, kappa] = [Some(self.places.mass), self.places.dynamics].map(|at| 1.0 + error(at));
+        let [transverse, polar, of_planes @ ..] = self.places.shaft.map(error);
+        rotor.shaft.m_kg = rotor.shaft.m_kg * heavier * kappa;
+        rotor.shaft.transverse_kgm2 *= heavier * kappa * (1.0 + transverse);
+        rotor.shaft.polar_kgm2 *= heavier * kappa * (1.0 + polar);
+        planes_m.iter_mut().zip(of_planes).for_each(|(at_m, error_m)| *at_m += error_m);
+        for (bearing, of) in rotor.bearings.iter_mut().zip(&self.places.bearings) {
+            let [gap, iron_m, magnets_m, sensors_m, of_alpha @ ..] = of.map(error);
+            bearing.gap_m = bearing.gap_m * (1.0 + gap) + iron_m;
+            bearing.position_m += magnets_m;
+            bearing.sensor_position_m += sensors_m;
+            bearing.alpha_rad.iter_mut().zip(of_alpha).for_each(|(alpha_rad, error_rad)| *alpha_rad += error_rad);
+        }
+        (self.passes[0].describe)(&rotor, planes_m)
+    }
+
+    /// Bench parameters that change the description.
+    fn varied(&self) -> impl Iterator<Item = usize> {
+        let Places { mass, dynamics, shaft, bearings, .. } = &self.places;
+        let of_body = [Some(*mass), *dynamics].into_iter().chain(*shaft);
+        of_body.chain(bearings.as_flattened().iter().copied()).flatten()
+    }
+}
 
 /// The shaft at one sample instant.
 #[derive(Clone, Copy, Debug)]
@@ -214,8 +235,7 @@ pub(super) struct Rotor {
     pub noise: f64,
     /// Level of the slow force as an acceleration, a random walk, m/s² after one second.
     pub slow: f64,
-    /// Exponent with which position noise grows with the gap, and the nominal gap, m.
-    pub exponent: f64,
+    /// Nominal gap, m.
     pub nominal_m: f64,
     /// Derivatives of the logarithm of the force noise `λ_k σ_i` of a magnet with respect to parameters: parameter, magnet, derivative.
     pub levels: Vec<(usize, usize, f64)>,
@@ -226,8 +246,8 @@ pub(super) struct Rotor {
 /// One sample interval: `δ_k = F δ_{k−1} + offset + Σ_j Γ_j w_j` with stiffness and gyroscopic matrix in F, w of variance 1.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval<const N: usize, const K: usize> {
-    /// `∂a/∂q` at the midpoint, in 1/s².
-    pub stiffness: [[f64; N]; N],
+    /// F minus identity.
+    pub transition: Transition<N>,
     /// `∂a/∂q̇`, in 1/s; 0 unless the rotor tilts.
     pub gyroscopic: [[f64; N]; N],
     /// Prediction from the trajectory at the start, minus the trajectory at the end.
@@ -252,8 +272,10 @@ pub(super) struct Squares<const K: usize> {
     pub std: [f64; K],
 }
 
-/// Forces (y, z) of unbalances by plane, and of backward forces by bearing; there are as many bearings as planes.
-type SynchronousForces = [[[f64; 2]; PLANES]; 2];
+/// Forces other than those of the magnets: N loads, then along y and z in each plane of unbalance that of the unbalance and the backward one of a
+/// bearing; there are as many bearings as planes, N/2.
+type Forces = [f64; FORCES];
+const FORCES: usize = 4 + 4 * PLANES;
 
 /// `sum += factor · of`, up to the shorter length.
 #[inline(always)]
@@ -272,21 +294,37 @@ fn scaled<const N: usize>(of: &ByAxis, factor: f64) -> [f64; N] {
     array::from_fn(|n| of[n] * factor)
 }
 
+/// Acceleration by all forces except those of the magnets, and by gyroscopic effect, in a given description.
+#[inline(always)]
+fn external<const N: usize>(of: &Description, forces: &Forces, shaft: &Shaft, rate: &[f64; N]) -> [f64; N] {
+    let mut sum = [0.0; N];
+    for j in 0..N + 4 * (N / 2) {
+        add(&mut sum, forces[j], &of.others[j]);
+    }
+    if N > 2 {
+        for n in 0..N {
+            sum[n] += shaft.speed * dot(&of.gyroscopic[n], rate);
+        }
+    }
+    sum
+}
+
 impl Rotor {
     /// Rotor with the noise and the slow force of a recording.
     pub fn new(model: &Model<'_>, theta: Vec<f64>, case: &Case<'_>) -> Self {
         let (layout, places) = (model.layout, model.places.clone());
         let bench = &theta[layout.base..];
-        let varied = model.varied.iter().map(|(at, step)| {
-            let [more, less] = [*step, -*step].map(|change| {
+        let varied = model.varied().map(|at| {
+            let step = STEP * model.part.parameters[at].typical;
+            let [more, less] = [step, -step].map(|change| {
                 let mut bench = bench.to_vec();
-                bench[*at] += change;
-                (model.describe)(&bench)
+                bench[at] += change;
+                model.describe(&bench)
             });
-            (*at, Description::derivative(more, less, *step))
+            (at, Description::derivative(more, less, step))
         });
         let varied: Vec<(usize, Description)> = varied.collect();
-        let machine = (model.describe)(bench);
+        let machine = model.describe(bench);
         let gain = |k: usize| 1.0 + bench[places.current_gain + k];
         let mut current = ByMagnet::default();
         let mut levels = Vec::new();
@@ -330,7 +368,6 @@ impl Rotor {
             lag: places.lag.and_then(|at| Lag::of(case, bench[at])),
             noise: case.current_noise,
             slow: case.slow_force / model.part.body.m_kg(),
-            exponent: case.exponent,
             nominal_m: model.part.body.gap_m(),
             levels,
             passes: model.passes[usize::from(case.slow_force > 0.0)],
@@ -403,44 +440,21 @@ impl Rotor {
     }
 
     #[inline(always)]
-    fn synchronous_forces(&self, shaft: &Shaft) -> SynchronousForces {
+    fn forces<const N: usize>(&self, shaft: &Shaft) -> Forces {
         let [by_cos, by_sin] = shaft.unbalance();
-        let mut synchronous = [[[0.0; 2]; PLANES]; 2];
-        for p in 0..self.machine.planes {
+        let mut forces = [0.0; FORCES];
+        forces[..N].copy_from_slice(&self.theta[self.layout.load..][..N]);
+        for p in 0..N / 2 {
             let at = self.layout.magnets + 2 * p;
             let (u_c, u_s) = (self.theta[at], self.theta[at + 1]);
-            synchronous[0][p] = array::from_fn(|a| u_c * by_cos[a] + u_s * by_sin[a]);
             let [b_c, b_s] = array::map(self.places.backward, |first| self.bench(first + p));
-            synchronous[1][p] = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
-        }
-        synchronous
-    }
-
-    /// Acceleration by all forces except those of the magnets, and by gyroscopic effect, in a given description.
-    #[inline(always)]
-    fn external<const N: usize>(
-        &self,
-        of: &Description,
-        synchronous: &SynchronousForces,
-        shaft: &Shaft,
-        rate: &[f64; N],
-    ) -> [f64; N] {
-        let mut sum = [0.0; N];
-        for n in 0..N {
-            add(&mut sum, self.theta[self.layout.load + n], &of.loads[n]);
-        }
-        for p in 0..self.machine.planes {
-            for axis in 0..2 {
-                add(&mut sum, synchronous[0][p][axis], &of.unbalance[p][axis]);
-                add(&mut sum, synchronous[1][p][axis], &of.backward[p][axis]);
+            let backward = [b_c * shaft.cos + b_s * shaft.sin, b_s * shaft.cos - b_c * shaft.sin];
+            for a in 0..2 {
+                let of = [u_c * by_cos[a] + u_s * by_sin[a], backward[a]];
+                forces[N + 4 * p + 2 * a..][..2].copy_from_slice(&of);
             }
         }
-        if N > 2 {
-            for n in 0..N {
-                sum[n] += shaft.speed * dot(&of.gyroscopic[n], rate);
-            }
-        }
-        sum
+        forces
     }
 
     #[inline(always)]
@@ -450,7 +464,7 @@ impl Rotor {
         squares: [f64; K],
         shaft: &Shaft,
     ) -> [f64; N] {
-        let mut sum = self.external(&self.machine, &self.synchronous_forces(shaft), shaft, &at[1]);
+        let mut sum = external(&self.machine, &self.forces::<N>(shaft), shaft, &at[1]);
         self.add_pulls(&mut sum, self.gaps(&at[0]), squares);
         sum
     }
@@ -490,7 +504,16 @@ impl Rotor {
                 add(&mut stiffness[a], stiff * self.machine.magnets[k][a], &self.machine.directions[k]);
             }
         }
-        Interval { stiffness, gyroscopic, offset, noise, end: a_1, middle, squares: squares.middle, shaft: at_middle }
+        Interval {
+            transition: Transition::of(h, &stiffness, &gyroscopic),
+            gyroscopic,
+            offset,
+            noise,
+            end: a_1,
+            middle,
+            squares: squares.middle,
+            shaft: at_middle,
+        }
     }
 
     /// `∂a/∂θ` for given `i_k²/gap_k²` at a point, by parameter, including the bench if requested; after all parameters the measured sensitivities of λ and κ.
@@ -525,23 +548,26 @@ impl Rotor {
             }
         }
         let [by_cos, by_sin] = shaft.unbalance();
-        let combined = |[y, z]: &[ByAxis; 2], by: [f64; 2]| array::from_fn(|n| y[n] * by[0] + z[n] * by[1]);
-        for p in 0..machine.planes {
-            d.put(layout.magnets + 2 * p, combined(&machine.unbalance[p], by_cos));
-            d.put(layout.magnets + 2 * p + 1, combined(&machine.unbalance[p], by_sin));
+        for p in 0..N / 2 {
+            let (unbalance, backward) = (N + 4 * p, N + 4 * p + 1);
+            let combined = |at: usize, by: [f64; 2]| {
+                array::from_fn(|n| machine.others[at][n] * by[0] + machine.others[at + 2][n] * by[1])
+            };
+            d.put(layout.magnets + 2 * p, combined(unbalance, by_cos));
+            d.put(layout.magnets + 2 * p + 1, combined(unbalance, by_sin));
             if bench {
                 let [cos, sin] = array::map(places.backward, |first| layout.base + first + p);
-                d.put(cos, combined(&machine.backward[p], [shaft.cos, -shaft.sin]));
-                d.put(sin, combined(&machine.backward[p], [shaft.sin, shaft.cos]));
+                d.put(cos, combined(backward, [shaft.cos, -shaft.sin]));
+                d.put(sin, combined(backward, [shaft.sin, shaft.cos]));
             }
         }
-        (0..N).for_each(|n| d.put(layout.load + n, scaled(&machine.loads[n], 1.0)));
+        (0..N).for_each(|n| d.put(layout.load + n, scaled(&machine.others[n], 1.0)));
         if !bench {
             return;
         }
-        let synchronous = self.synchronous_forces(shaft);
+        let forces = self.forces::<N>(shaft);
         for (j, varied) in &self.varied {
-            let mut column: [f64; N] = self.external(varied, &synchronous, shaft, rate);
+            let mut column: [f64; N] = external(varied, &forces, shaft, rate);
             if let Some(place) = layout.measured(layout.base + j) {
                 let mut column = column;
                 (0..K).for_each(|k| add(&mut column, self.theta[k] * measured[k], &varied.magnets[k]));

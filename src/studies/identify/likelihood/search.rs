@@ -17,7 +17,7 @@ use super::filter::{Block, Columns, Levels, Likelihoods, Request, UNCHANGED};
 use super::outcome;
 use super::rotor::{Model, Rotor};
 use super::solve::{Normal, inverse, submatrix};
-use super::{Body, Change, Contradiction, Failed, Identified, Knowledge, Recording, SHORTEST};
+use super::{Body, Change, Contradiction, Failed, Identified, Knowledge, Recording};
 use crate::bearing::array;
 use crate::studies::identify::{GRAVITY_M_S2, mean};
 use crate::studies::parallel::in_order;
@@ -56,17 +56,8 @@ const MIN_TOGETHER: usize = 8;
 /// Reason why an information matrix has no inverse.
 const NOT_DETERMINED: &str = "the data do not determine all parameters: state tolerances, or estimate fewer";
 
-/// A piece, with the index of its recording.
-type Task = (usize, Piece);
-
-/// Sums of the blocks of every piece, with the index of its recording.
-pub(super) type Blocks = Vec<(usize, Vec<Block>)>;
-
 /// Matrix and right-hand side of linear equations.
 type Equations = (DMatrix<f64>, DVector<f64>);
-
-/// Rows with their smoothed trajectory.
-type Smoothed = (Range<usize>, Vec<f64>);
 
 /// A search with its recordings and unknowns.
 pub(super) struct Search<'a> {
@@ -104,33 +95,34 @@ impl Search<'_> {
         (0..self.x.len()).filter(|at| self.prior[*at].1 > 0.0).collect()
     }
 
-    fn tasks(&self) -> Vec<Task> {
-        let cases = self.cases.iter().enumerate();
-        cases.flat_map(|(r, case)| case.pieces.iter().map(move |piece| (r, piece.clone()))).collect()
+    fn pieces(&self) -> Vec<Piece> {
+        self.cases.iter().flat_map(|case| &case.pieces).cloned().collect()
     }
 
     /// Runs a pass of the filter over pieces of recordings; results are in their order.
-    fn passes<R: Send + Sync>(&self, tasks: &[Task], pass: &(dyn Fn(Input<'_>) -> R + Sync)) -> Vec<(usize, R)> {
+    fn passes<R: Send + Sync>(&self, pieces: &[Piece], pass: &(dyn Fn(Input<'_>) -> R + Sync)) -> Vec<(Piece, R)> {
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
-        in_order(tasks.len(), &|task| {
-            let (r, piece) = &tasks[task];
-            (*r, pass(Input { case: &self.cases[*r], rotor: &rotors[*r], piece }))
+        in_order(pieces.len(), &|at| {
+            let (piece, r) = (&pieces[at], pieces[at].recording);
+            (piece.clone(), pass(Input { case: &self.cases[r], rotor: &rotors[r], piece }))
         })
     }
 
-    pub fn pass(&self, columns: Columns) -> Blocks {
+    /// Sums of all blocks, in order.
+    pub fn pass(&self, columns: Columns) -> Vec<Block> {
         let layout = &self.model.layout;
         let request = Request::of(columns, layout, |j| self.prior[layout.unknown(j, 0)].1 > 0.0);
-        let mut blocks = self.passes(&self.tasks(), &|input| (input.rotor.passes.columns)(input, &request));
-        for block in blocks.iter_mut().flat_map(|(_, blocks)| blocks) {
+        let passed = self.passes(&self.pieces(), &|input| (input.rotor.passes.columns)(input, &request));
+        let mut blocks: Vec<Block> = passed.into_iter().flat_map(|(_, blocks)| blocks).collect();
+        for block in &mut blocks {
             block.j.iter_mut().chain(&mut block.b).for_each(|sum| *sum *= self.weight);
         }
         blocks
     }
 
-    pub fn normal(&self, blocks: &[(usize, Vec<Block>)]) -> Normal {
+    pub fn normal(&self, blocks: &[Block]) -> Normal {
         let mut normal = Normal::new(self.model.layout, self.cases.len());
-        blocks.iter().for_each(|(r, blocks)| blocks.iter().for_each(|block| normal.add(block, *r, 1.0)));
+        blocks.iter().for_each(|block| normal.add(block, 1.0));
         normal
     }
 
@@ -174,8 +166,8 @@ impl Search<'_> {
     }
 
     /// Minus twice the logarithm of likelihood and priors, up to a constant.
-    pub fn merit(&self, blocks: &[(usize, Vec<Block>)]) -> f64 {
-        let fit: f64 = blocks.iter().flat_map(|(_, blocks)| blocks).map(|block| block.nis + block.log_det).sum();
+    pub fn merit(&self, blocks: &[Block]) -> f64 {
+        let fit: f64 = blocks.iter().map(|block| block.nis + block.log_det).sum();
         let deviation_squared = |at: &usize| {
             let (mean, std) = self.prior[*at];
             let deviation = (self.x[*at] - mean) / std;
@@ -185,27 +177,26 @@ impl Search<'_> {
     }
 
     /// The pieces in groups: the results of all at once would take as much memory as the trajectories themselves.
-    fn groups(&self) -> Vec<Vec<Task>> {
+    fn groups(&self) -> Vec<Vec<Piece>> {
         let together = MIN_TOGETHER.max(2 * rayon::current_num_threads());
-        self.tasks().chunks(together).map(<[Task]>::to_vec).collect()
+        self.pieces().chunks(together).map(<[Piece]>::to_vec).collect()
     }
 
     /// Smooths the trajectories.
     fn smooth(&mut self) {
         let mut before = Vec::new();
         for group in &self.groups() {
-            let smoothed =
-                self.passes(group, &|input| (input.piece.counted.clone(), (input.rotor.passes.smooth)(input)));
+            let smoothed = self.passes(group, &|input| (input.rotor.passes.smooth)(input));
             // A piece is linearised about the former trajectory of its neighbours: a group is stored after the next one is smoothed.
             self.store(std::mem::replace(&mut before, smoothed));
         }
         self.store(before);
     }
 
-    fn store(&mut self, smoothed: Vec<(usize, Smoothed)>) {
-        for (r, (rows, track)) in smoothed {
+    fn store(&mut self, smoothed: Vec<(Piece, Vec<f64>)>) {
+        for (Piece { recording, counted, .. }, track) in smoothed {
             let n = 2 * self.coordinates();
-            self.cases[r].track.state[n * rows.start..n * rows.end].copy_from_slice(&track);
+            self.cases[recording].state[n * counted.start..n * counted.end].copy_from_slice(&track);
         }
     }
 
@@ -237,21 +228,20 @@ impl Search<'_> {
         }
         let n = self.coordinates();
         let mut whitened: Vec<_> = self.cases.iter().map(|case| vec![0.0; n * case.at.len()]).collect();
-        self.innovations(|r, rows, [_, own, _]| whitened[r][n * rows.start..n * rows.end].copy_from_slice(&own));
+        self.innovations(|Piece { recording, counted, .. }, [_, own, _]| {
+            whitened[recording][n * counted.start..n * counted.end].copy_from_slice(&own);
+        });
         let rotors: Vec<Rotor> = (0..self.cases.len()).map(|r| self.rotor(r)).collect();
         for ((case, rotor), whitened) in self.cases.iter_mut().zip(&rotors).zip(&whitened) {
             let input = Input { case, rotor, piece: &case.pieces[0] };
-            case.track.expected = expected(input, whitened);
+            case.expected = expected(input, whitened);
         }
     }
 
-    /// Calls `each` with the index of a recording, some of its rows, and their innovations, as
-    /// [`Passes::innovations`](super::filter::Passes::innovations).
-    fn innovations(&self, mut each: impl FnMut(usize, Range<usize>, [Vec<f64>; 3])) {
-        let pass = |input: Input<'_>| (input.piece.counted.clone(), (input.rotor.passes.innovations)(input));
-        for (r, (rows, own)) in self.groups().iter().flat_map(|group| self.passes(group, &pass)) {
-            each(r, rows, own);
-        }
+    /// Calls `each` with every piece and its innovations, as [`Passes::innovations`](super::filter::Passes::innovations).
+    fn innovations(&self, mut each: impl FnMut(Piece, [Vec<f64>; 3])) {
+        let pass = |input: Input<'_>| (input.rotor.passes.innovations)(input);
+        self.groups().iter().flat_map(|group| self.passes(group, &pass)).for_each(|(piece, own)| each(piece, own));
     }
 
     /// Position minus its prediction, m, by recording: one sample ahead by coordinate and row, NaN where there is none; further ahead, where there is one.
@@ -259,9 +249,9 @@ impl Search<'_> {
         let count = self.coordinates();
         let none = |case: &Case<'_>| (vec![vec![f64::NAN; case.at.len()]; count], Vec::new());
         let mut errors: Vec<_> = self.cases.iter().map(none).collect();
-        self.innovations(|r, rows, [own, _, ahead]| {
-            let (one_sample, further) = &mut errors[r];
-            for (row, own) in rows.zip(own.chunks_exact(count)) {
+        self.innovations(|Piece { recording, counted, .. }, [own, _, ahead]| {
+            let (one_sample, further) = &mut errors[recording];
+            for (row, own) in counted.zip(own.chunks_exact(count)) {
                 one_sample.iter_mut().zip(own).for_each(|(column, error)| column[row] = *error);
             }
             further.extend(ahead.into_iter().filter(|error| error.is_finite()));
@@ -271,10 +261,10 @@ impl Search<'_> {
 
     /// Likelihoods of the recordings, as [`Passes::likelihoods`](super::filter::Passes::likelihoods).
     fn likelihoods(&self, levels: [Levels; 3]) -> Vec<Likelihoods> {
-        let sums = self.passes(&self.tasks(), &|input| (input.rotor.passes.likelihoods)(input, &levels));
+        let sums = self.passes(&self.pieces(), &|input| (input.rotor.passes.likelihoods)(input, &levels));
         let mut totals = vec![[[0.0; 3]; 3]; self.cases.len()];
-        for (r, sums) in sums {
-            let total = totals[r].as_flattened_mut().iter_mut();
+        for (piece, sums) in sums {
+            let total = totals[piece.recording].as_flattened_mut().iter_mut();
             total.zip(sums.as_flattened()).for_each(|(total, sum)| *total += sum);
         }
         totals
@@ -421,10 +411,11 @@ fn start<'a>(
     held: &[usize],
 ) -> Result<Search<'a>, Failed> {
     let (part, body) = (model.part, &model.part.body);
-    let cases =
-        recordings.iter().zip(masks).zip(1..).map(|((of, mask), recording)| {
-            prepare(of, part, mask).ok_or(Failed::TooShort { recording, wanted: SHORTEST })
-        });
+    let cases = recordings
+        .iter()
+        .zip(masks)
+        .enumerate()
+        .map(|(r, (of, mask))| prepare(r, of, part, mask).ok_or(Failed::TooShort { recording: r + 1 }));
     let mut cases: Vec<Case<'_>> = cases.collect::<Result<_, _>>()?;
     if model.options.slow_force {
         cases.iter_mut().for_each(|case| case.slow_force = SLOW_FORCE * body.m_kg() * GRAVITY_M_S2);
@@ -554,7 +545,7 @@ fn change_from_a_half(recordings: &[Recording], model: &Model<'_>) -> Option<(Co
     };
     let halves = in_order(2, &|half| from(half == 1));
     let (finished, change) = halves.into_iter().flatten().max_by(|(_, a), (_, b)| a.excess.total_cmp(&b.excess))?;
-    Some((changes::leave_out(&mut masks, &finished, &change)?, masks))
+    Some((changes::leave_out(&mut masks, &finished, change)?, masks))
 }
 
 /// Fits the rows that remain, and compares the side of a change with them if that was left out last.
@@ -609,7 +600,7 @@ pub(super) fn identify(recordings: &[Recording], model: &Model<'_>) -> Identifie
             if let Some(change) = change {
                 // A wandering force looks like changes of the load or of λ.
                 gain.get_or_insert_with(|| finished.search.gain_by_slow_force());
-                let Some(side) = changes::leave_out(&mut masks, finished, &change) else { break };
+                let Some(side) = changes::leave_out(&mut masks, finished, change) else { break };
                 let drifts = matches!(side.what, Change::Drift(_));
                 contradictions.push(side);
                 if drifts {

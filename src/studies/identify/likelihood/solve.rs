@@ -19,12 +19,12 @@ impl Normal {
         Self { layout, j: DMatrix::zeros(n, n), b: DVector::zeros(n) }
     }
 
-    /// Adds the sums of a block of recording `r` times a weight.
-    pub fn add(&mut self, block: &Block, r: usize, weight: f64) {
+    /// Adds the sums of a block times a weight.
+    pub fn add(&mut self, block: &Block, weight: f64) {
         let layout = self.layout;
         let with_bench = layout.columns();
         let end = self.b.len();
-        let place = |j: usize| if j < layout.all { layout.unknown(j, r) } else { end + j - with_bench };
+        let place = |j: usize| if j < layout.all { layout.unknown(j, block.recording) } else { end + j - with_bench };
         for i in 0..block.columns.min(with_bench) {
             let row = place(i);
             self.b[row] += weight * block.b[i];

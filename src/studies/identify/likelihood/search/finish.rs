@@ -9,7 +9,7 @@ use super::super::case::{Case, NOISE_STEP};
 use super::super::filter::{Block, Columns, Likelihoods, UNCHANGED};
 use super::super::solve::{self, Normal, submatrix};
 use super::super::{Estimate, Failed};
-use super::{Blocks, CONVERGED, NOT_DETERMINED, Search};
+use super::{CONVERGED, NOT_DETERMINED, Search};
 
 /// Variance of the relative size of the bias of scores ([`Search::bias`]): 0 where the loop is fast, 1 without feedback; as in the on-line estimator.
 const BIAS_VARIANCE: f64 = 0.25;
@@ -28,7 +28,7 @@ const MAX_CURRENT_NOISE: f64 = 0.1;
 /// A finished search with sums over all columns.
 pub struct Finished<'a> {
     pub search: Search<'a>,
-    pub blocks: Blocks,
+    pub blocks: Vec<Block>,
     pub normal: Normal,
     pub estimated: Vec<usize>,
     /// Columns of the sensitivities to the estimated unknowns; the columns in `estimated` hold their instruments.
@@ -69,7 +69,7 @@ impl Finished<'_> {
 
     /// The blocks of recording `r`.
     pub fn blocks(&self, r: usize) -> impl Iterator<Item = &Block> {
-        self.blocks.iter().filter(move |(of, _)| *of == r).flat_map(|(_, blocks)| blocks)
+        self.blocks.iter().filter(move |block| block.recording == r)
     }
 
     pub fn nis(&self, r: usize) -> f64 {
@@ -125,27 +125,24 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
 }
 
 /// Covariance of the sum of the scores, including that between neighbouring blocks (Newey and West 1987, one lag).
-fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &DVector<f64>, none: &Normal) -> Option<DMatrix<f64>> {
-    let count: usize = blocks.iter().map(|(_, blocks)| blocks.len()).sum();
-    if count < MIN_SCORE_BLOCKS {
+fn scores(blocks: &[Block], of: &[usize], step: &DVector<f64>, none: &Normal) -> Option<DMatrix<f64>> {
+    if blocks.len() < MIN_SCORE_BLOCKS {
         return None;
     }
     let mut sum = DMatrix::zeros(of.len(), of.len());
     let mut former: Option<(usize, DVector<f64>)> = None;
-    for (r, blocks) in blocks {
-        for block in blocks {
-            let mut single = none.clone();
-            single.add(block, *r, 1.0);
-            let score = DVector::from_fn(of.len(), |i, _| single.b[of[i]]) - submatrix(&single.j, of, of) * step;
-            sum += &score * score.transpose();
-            if let Some((of, former)) = &former
-                && of == r
-            {
-                let product = &score * former.transpose();
-                sum += (&product + product.transpose()) * 0.5;
-            }
-            former = Some((*r, score));
+    for block in blocks {
+        let mut single = none.clone();
+        single.add(block, 1.0);
+        let score = DVector::from_fn(of.len(), |i, _| single.b[of[i]]) - submatrix(&single.j, of, of) * step;
+        sum += &score * score.transpose();
+        if let Some((recording, former)) = &former
+            && *recording == block.recording
+        {
+            let product = &score * former.transpose();
+            sum += (&product + product.transpose()) * 0.5;
         }
+        former = Some((block.recording, score));
     }
     Some(sum)
 }
@@ -153,11 +150,11 @@ fn scores(blocks: &[(usize, Vec<Block>)], of: &[usize], step: &DVector<f64>, non
 impl Search<'_> {
     /// Whether expected values are known for all recordings.
     fn has_instruments(&self) -> bool {
-        self.cases.iter().all(|case| !case.track.expected.is_empty())
+        self.cases.iter().all(|case| !case.expected.is_empty())
     }
 
     /// Sums over all columns, with instruments if available, and the columns of the sensitivities to the estimated unknowns.
-    fn sums(&self, estimated: &[usize]) -> (Blocks, Normal, Vec<usize>) {
+    fn sums(&self, estimated: &[usize]) -> (Vec<Block>, Normal, Vec<usize>) {
         let instruments = self.has_instruments();
         // Where the bench is searched, convergence is judged by the sensitivities used in the search.
         let total = if self.corrects_bias() { Columns::Total } else { Columns::All };
