@@ -70,13 +70,6 @@ impl From<io::Error> for Unusable {
     }
 }
 
-impl Unusable {
-    /// The same, prefixed with the name of the table.
-    fn in_table(self, table: &str) -> Self {
-        Self(self.0.iter().map(|finding| format!("{table}: {finding}")).collect())
-    }
-}
-
 impl Samples {
     /// Reads a recording, row by row.
     ///
@@ -98,13 +91,14 @@ impl Samples {
     /// As for [`Samples::read`], of both tables.
     pub fn read_apart(mut motion: impl Read, mut currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let is_motion = |signals: &Signals, at| reading.wants(signals, at) && !signals.currents.contains(&at);
-        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|unusable| unusable.in_table("positions"));
-        let currents = table_of_currents(&mut currents, reading).map_err(|unusable| unusable.in_table("currents"));
+        let motion = Table::read(&mut motion, reading, &is_motion);
+        let currents = table_of_currents(&mut currents, reading);
         match (motion, currents) {
             (Ok(motion), Ok(currents)) => Self::of_tables(&motion, Some(&currents), reading),
             (motion, currents) => {
-                let unusable = [motion.err(), currents.err()].into_iter().flatten();
-                Err(Unusable(unusable.flat_map(|Unusable(findings)| findings).collect()))
+                let [positions, currents] = [motion, currents].map(|table| table.err().into_iter().flat_map(|of| of.0));
+                let named = positions.map(|finding| format!("positions: {finding}"));
+                Err(Unusable(named.chain(currents.map(|finding| format!("currents: {finding}"))).collect()))
             }
         }
     }
@@ -122,7 +116,7 @@ impl Samples {
         let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let known = |at: usize| signals::known(&place, &table.columns[at]);
         let mut samples = Self { machine: reading.machine, start_s, step_s, ..Self::default() };
-        samples.units.clone_from(&table.units);
+        samples.units = table.units();
         samples.notes.push(format!("{count} samples of {}.", time(step_s)));
         samples.notes.extend(table.notes.iter().cloned().chain(notes));
         let rows = table.known([signals.positions.start]).len();
@@ -183,7 +177,7 @@ impl Samples {
         let currents = table.signals.currents.clone();
         let rows = table.known([TIME_AT].into_iter().chain(currents.clone()));
         grid::enough(&rows, "all of them")?;
-        table.times(&rows).check_rising()?;
+        table.times(&rows).check_rising(|step| step < 0.0)?;
         let time_s = |row: usize| table.columns[TIME_AT][row] + later_s;
         let [begin_s, end_s] = [rows[0], rows[rows.len() - 1]].map(time_s);
         let last_s = self.start_s + self.len() as f64 * self.step_s;
@@ -195,7 +189,7 @@ impl Samples {
             ));
         }
         self.notes.extend(table.notes.iter().cloned());
-        self.units[currents.clone()].copy_from_slice(&table.units[currents.clone()]);
+        self.units[currents.clone()].copy_from_slice(&table.units()[currents.clone()]);
         let place = |row: usize| (time_s(row) - self.start_s) / self.step_s;
         let current = |at: usize| rows.iter().map(|row| (place(*row), table.columns[at][*row])).collect();
         self.set_apart(currents.map(current).collect());
@@ -213,14 +207,13 @@ impl Samples {
 
 /// Reads a table of currents, whose name and unit of the time may differ from those in the table of positions.
 fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Unusable> {
-    let mut text = Vec::new();
-    from.read_to_end(&mut text)?;
+    let bytes = text::bytes(from)?;
     let wanted = |signals: &Signals, at| at == TIME_AT || signals.currents.contains(&at);
     let mut reading = Reading { rate_s: None, ..reading.clone() };
-    Table::read(&mut text.as_slice(), &reading, &wanted).or_else(|first| {
+    Table::read(&mut bytes.as_slice(), &reading, &wanted).or_else(|first| {
         let currents = reading.machine.of_magnets("im");
         reading.columns.retain(|(signal, _)| currents.contains(signal));
         reading.units.retain(|(signal, _)| currents.contains(signal));
-        Table::read(&mut text.as_slice(), &reading, &wanted).map_err(|_| first)
+        Table::read(&mut bytes.as_slice(), &reading, &wanted).map_err(|_| first)
     })
 }
