@@ -7,7 +7,7 @@ mod stamps;
 mod table;
 mod text;
 
-use std::io::{self, Read};
+use std::io::Read;
 use std::ops::Range;
 
 use self::pace::Pace;
@@ -61,12 +61,6 @@ pub struct Unusable(pub Vec<String>);
 impl From<String> for Unusable {
     fn from(finding: String) -> Self {
         Self(vec![finding])
-    }
-}
-
-impl From<io::Error> for Unusable {
-    fn from(error: io::Error) -> Self {
-        format!("the text cannot be read: {error}").into()
     }
 }
 

@@ -108,21 +108,17 @@ fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machi
 /// Start byte and line of the header in the text, and the separator of its columns. It is the line that names the most signals, since data loggers
 /// write remarks and settings before it; a comment, as written by numpy.savetxt, if no other line names as many.
 pub(super) fn find(text: &str, signals: &Signals, reading: &Reading) -> Option<(usize, u32, char)> {
-    let mut best: Option<((usize, bool), (usize, u32, char))> = None;
-    let mut start = 0;
-    for (text, line) in text.split_inclusive('\n').zip(1..).take(BEFORE_HEADER) {
+    let mut end = 0;
+    let headers = text.split_inclusive('\n').zip(1..).take(BEFORE_HEADER).filter_map(|(text, line)| {
+        end += text.len();
         let names = text.trim_start().trim_start_matches(['#', '%']);
-        if let Some(separator) = text::separator(text) {
-            let columns: Vec<Column> = names.split(separator).map(column).collect();
-            let is_named = |signal: &&Signal| signal.candidates(&columns, signal.given(&reading.columns)).len() == 1;
-            let named = (signals.list.iter().filter(is_named).count(), names.len() == text.trim_start().len());
-            if best.as_ref().is_none_or(|(most, _)| named > *most) {
-                best = Some((named, (start + text.len() - names.len(), line, separator)));
-            }
-        }
-        start += text.len();
-    }
-    best.map(|(_, header)| header)
+        let separator = text::separator(text)?;
+        let columns: Vec<Column> = names.split(separator).map(column).collect();
+        let is_named = |signal: &&Signal| signal.candidates(&columns, signal.given(&reading.columns)).len() == 1;
+        let named = (signals.list.iter().filter(is_named).count(), names.len() == text.trim_start().len());
+        Some((named, (end - names.len(), line, separator)))
+    });
+    headers.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, header)| header)
 }
 
 /// A unit: its name and its size in SI.

@@ -1,23 +1,21 @@
 //! The text of a recording: compression, encoding, separator, and cells as numbers.
 
 use std::borrow::Cow;
-use std::io::{self, Read};
+use std::io::{BufRead, BufReader, Read};
 
 use encoding_rs::{UTF_8, UTF_16BE, UTF_16LE, WINDOWS_1252};
-use flate2::read::MultiGzDecoder;
+use flate2::bufread::MultiGzDecoder;
 
 /// Size of the beginning that determines the encoding, in bytes.
 const HEAD: usize = 64 * 1024;
 
 /// The bytes of a recording, plain or compressed by gzip.
-pub(super) fn bytes(from: &mut dyn Read) -> io::Result<Vec<u8>> {
-    let (mut bytes, mut plain) = (Vec::new(), Vec::new());
-    from.read_to_end(&mut bytes)?;
-    if !bytes.starts_with(&[0x1f, 0x8b]) {
-        return Ok(bytes);
-    }
-    MultiGzDecoder::new(bytes.as_slice()).read_to_end(&mut plain)?;
-    Ok(plain)
+pub(super) fn bytes(from: &mut dyn Read) -> Result<Vec<u8>, String> {
+    let (mut from, mut bytes) = (BufReader::new(from), Vec::new());
+    let is_zipped = from.fill_buf().is_ok_and(|start| start.starts_with(&[0x1f, 0x8b]));
+    let read = if is_zipped { MultiGzDecoder::new(from).read_to_end(&mut bytes) } else { from.read_to_end(&mut bytes) };
+    read.map_err(|error| format!("the text cannot be read: {error}"))?;
+    Ok(bytes)
 }
 
 /// The text of UTF-8, UTF-16 or Windows-1252 (which includes Latin-1), with or without byte-order mark.
