@@ -45,11 +45,10 @@ pub struct Reading {
 impl Reading {
     /// Whether to read this signal: angle and speed only for a rotor with unbalance.
     fn wants(&self, signals: &Signals, at: usize) -> bool {
-        let is_used = |k| self.magnets.as_ref().is_none_or(|used| used.contains(&k));
-        match at.checked_sub(signals.currents.start) {
-            Some(k) if at < signals.currents.end => is_used(k),
-            _ => at < signals.theta || self.machine.planes > 0,
+        if signals.currents.contains(&at) {
+            return self.magnets.as_ref().is_none_or(|used| used.contains(&(at - signals.currents.start)));
         }
+        at < signals.theta || self.machine.planes > 0
     }
 }
 

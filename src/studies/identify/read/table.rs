@@ -119,10 +119,8 @@ impl Table {
     fn leave_out_repeated(&mut self) {
         let time_s = &self.columns[TIME_AT];
         let equal: Vec<usize> = (1..time_s.len()).filter(|row| time_s[*row] == time_s[*row - 1]).collect();
-        let is_repeated = |row: &usize| {
-            let mut columns = self.columns.iter().filter(|column| !column.is_empty());
-            columns.all(|column| column[*row].total_cmp(&column[*row - 1]).is_eq())
-        };
+        let is_repeated =
+            |row: &usize| self.columns.iter().all(|of| of.is_empty() || of[*row].total_cmp(&of[*row - 1]).is_eq());
         if equal.iter().all(is_repeated) {
             self.leave_out(&equal, "they repeat the previous row with its time", |_, _| true);
         }
@@ -130,11 +128,8 @@ impl Table {
 
     /// Leaves out the readings of rows after the first readings in which all positions and currents are 0: the logger has lost them.
     fn leave_out_lost(&mut self) {
-        let of = self.signals.positions.start..self.signals.currents.end;
-        let is_zero = |row: &usize| {
-            let mut columns = self.columns[of.clone()].iter().filter(|column| !column.is_empty());
-            columns.all(|column| column[*row] == 0.0)
-        };
+        let readings = &self.columns[self.signals.positions.start..self.signals.currents.end];
+        let is_zero = |row: &usize| readings.iter().all(|of| of.is_empty() || of[*row] == 0.0);
         let lost: Vec<usize> = (0..self.lines.len()).skip_while(is_zero).filter(is_zero).collect();
         if 2 * lost.len() <= self.lines.len() {
             // The angle may come from elsewhere.
