@@ -11,6 +11,7 @@ use std::io::Read;
 use std::ops::Range;
 
 use self::pace::Pace;
+use self::stamps::Stamps;
 use self::table::Table;
 use super::samples::Samples;
 use super::signals::Known;
@@ -64,7 +65,7 @@ impl From<String> for Unusable {
 }
 
 impl Samples {
-    /// Reads a recording, row by row.
+    /// Reads a recording.
     ///
     /// The text may be UTF-8, UTF-16 or Windows-1252, plain or compressed by gzip. Columns are separated by comma, semicolon or tab,
     /// whichever is most frequent in the header; decimal commas are accepted unless commas separate the columns. Empty cells and `NaN` are
@@ -108,8 +109,7 @@ impl Samples {
         }
         let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let known = |at: usize| signals::known(&place, &table.columns[at]);
-        let mut samples = Self { machine: reading.machine, start_s, step_s, ..Self::default() };
-        samples.units = table.units();
+        let mut samples = Self { machine: reading.machine, start_s, step_s, units: table.units(), ..Self::default() };
         samples.notes.push(format!("{count} samples of {}.", time(step_s)));
         samples.notes.extend(table.notes.iter().cloned().chain(notes));
         let rows = table.known([signals.positions.start]).len();
@@ -129,7 +129,8 @@ impl Samples {
         samples.wrap_rad = signals::unwrap(&mut theta);
         samples.set_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
         if let Some(currents) = apart {
-            let later_s = (currents.origin_ns() - table.origin_ns()) as f64 * 1e-9;
+            let [origin_ns, later_ns] = [table, currents].map(|of| of.stamps.as_ref().map_or(0, Stamps::origin_ns));
+            let later_s = (later_ns - origin_ns) as f64 * 1e-9;
             samples.set_currents(currents, later_s).map_err(|why| format!("currents: {why}"))?;
         }
         Ok(samples)

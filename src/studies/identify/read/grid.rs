@@ -38,10 +38,6 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let at: Vec<usize> = all.iter().copied().filter(is_known).collect();
     let left_out = all.len() - at.len();
     enough(&at, &format!("{of} and the rotation"))?;
-    let note = (left_out > 0).then(|| {
-        let rows = if left_out == 1 { "row" } else { "rows" };
-        format!("{left_out} {rows} before the first or after the last angle or speed left out.")
-    });
     let stamp_s = &table.columns[TIME_AT];
     let found = table.times(rows).pace();
     let is_same = |a: f64, b: f64, tolerance: f64| (a / b - 1.0).abs() <= tolerance;
@@ -51,7 +47,10 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
         Some(step_s) => Pace { start_s: stamp_s[at[0]], step_s, notes: vec![INTERPOLATED.into()], ..Pace::default() },
     };
     let is_interpolated = pace.place.is_empty();
-    pace.notes.extend(note);
+    if left_out > 0 {
+        let rows = if left_out == 1 { "row" } else { "rows" };
+        pace.notes.push(format!("{left_out} {rows} before the first or after the last angle or speed left out."));
+    }
     if !is_dense || is_interpolated {
         table.times(&timed).check_rising(|step| step < 0.0)?;
     }

@@ -14,7 +14,6 @@ pub(in crate::studies::identify) const TIME_AT: usize = 0;
 const BEFORE_HEADER: usize = 200;
 
 /// A signal that a recording may have.
-#[derive(Clone, Debug)]
 pub(in crate::studies::identify) struct Signal {
     /// Name as in the interface.
     pub name: String,
@@ -63,7 +62,6 @@ impl Signal {
 }
 
 /// The signals of a machine: time, positions, currents, angle and speed. Positions and currents are required, the time if no rate is given.
-#[derive(Clone, Debug)]
 pub(in crate::studies::identify) struct Signals {
     pub list: Vec<Signal>,
     pub positions: Range<usize>,
@@ -125,7 +123,7 @@ pub(super) fn find(text: &str, signals: &Signals, reading: &Reading) -> Option<(
 pub(super) type Unit = (&'static str, f64);
 
 /// Column of a signal, and its unit, if stated.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub(super) struct Place {
     pub column: usize,
     pub unit: Option<Unit>,
@@ -169,8 +167,8 @@ fn bracketed(cell: &str) -> Option<(&str, &str)> {
 pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, findings: &mut Vec<String>) -> bool {
     let unit = |cell| stated(bracketed(cell).filter(|(name, _)| name.is_empty()).map_or(cell, |(_, unit)| unit));
     let units: Vec<Option<String>> = cells.iter().map(unit).collect();
-    let holds_units = units.iter().flatten().any(|unit| units::is_unit(unit));
-    if !holds_units || cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok()) {
+    let has_number = cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok());
+    if has_number || !units.iter().flatten().any(|unit| units::is_unit(unit)) {
         return false;
     }
     for (Column { name, unit }, below) in columns.iter_mut().zip(units) {
@@ -218,7 +216,6 @@ pub(super) fn places(
     for (at, signal) in signals.list.iter().enumerate().filter(|(at, _)| wanted(*at)) {
         let Signal { name, quantity, meaning, .. } = signal;
         let (given, stated) = (signal.given(&reading.columns), signal.given(&reading.units));
-        let unit = |stated: &String| units::find(quantity, stated);
         let finding = match candidates[at].as_slice() {
             [column] => {
                 let Column { name: title, unit: own } = &columns[*column];
@@ -227,7 +224,7 @@ pub(super) fn places(
                     findings.push(format!("{other} and {name}: both are column {title}; expected one for each"));
                 }
                 let stated = stated.or(own.as_ref());
-                let found = stated.and_then(unit);
+                let found = stated.and_then(|unit| units::find(quantity, unit));
                 if let (Some(stated), None) = (stated, found) {
                     let known = units::names(quantity);
                     findings.push(format!("{name} (column {title}): the unit {stated} is none of {known}"));
@@ -260,7 +257,7 @@ pub(super) fn places(
             }
         };
         findings.push(finding);
-        if let Some(stated) = stated.filter(|stated| unit(stated).is_none()) {
+        if let Some(stated) = stated.filter(|unit| units::find(quantity, unit).is_none()) {
             findings.push(format!("--unit {name}={stated}: expected one of {}", units::names(quantity)));
         }
     }

@@ -39,7 +39,7 @@ pub(super) struct Pace {
     pub start_s: f64,
     /// Sample time, in s.
     pub step_s: f64,
-    /// Sample number of each row; NaN for rows without one.
+    /// Sample number of each row; NaN for rows without one, empty if the recording is interpolated.
     pub place: Vec<f64>,
     /// Relative uncertainty of the sample time, and its cause, if it is large.
     pub uncertain: Option<(f64, String)>,

@@ -48,14 +48,12 @@ impl Table {
         let (start, line, separator) = header::find(&text, &signals, reading).ok_or_else(|| NO_HEADER.to_owned())?;
         let mut builder = csv::ReaderBuilder::new();
         builder.delimiter(separator as u8).flexible(true).has_headers(false).comment(Some(b'#'));
-        let is_blank = |row: &StringRecord| row.iter().all(|cell| cell.trim().is_empty());
         // Text in memory with rows of any length has no errors.
         let rows = builder.from_reader(text[start..].as_bytes()).into_records().map_while(Result::ok);
-        let mut rows = rows.filter(|row| !is_blank(row)).peekable();
+        let mut rows = rows.filter(|row| row.iter().any(|cell| !cell.trim().is_empty())).peekable();
         let mut columns: Vec<Column> = rows.next().iter().flatten().map(header::column).collect();
-        let mut findings = Vec::new();
+        let (mut findings, mut notes) = (Vec::new(), Vec::new());
         rows.next_if(|units| header::take_units(&mut columns, units, &mut findings));
-        let mut notes = Vec::new();
         let mut places =
             header::places(&signals, &columns, reading, &|at| wanted(&signals, at), &mut findings, &mut notes);
         let line = |row: &StringRecord| line - 1 + row.position().map_or(1, csv::Position::line) as u32;
@@ -178,11 +176,6 @@ impl Table {
     /// Unit assumed for each signal.
     pub(super) fn units(&self) -> Vec<Option<&'static str>> {
         self.places.iter().map(|place| Some(place.as_ref()?.unit?.0)).collect()
-    }
-
-    /// The origin of the times, in ns of the clock.
-    pub(super) fn origin_ns(&self) -> i128 {
-        self.stamps.as_ref().map_or(0, Stamps::origin_ns)
     }
 
     /// The time stamps of these rows.
