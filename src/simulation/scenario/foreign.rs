@@ -6,16 +6,16 @@ use fmu_export::ModelType;
 
 use super::read::{ELEMENTS, knows};
 use crate::fmu;
-use crate::machine::{self, MACHINES, Machine};
+use crate::machine::{MACHINES, Machine};
 
 /// Number of names listed in the finding.
 const LISTED: usize = 3;
 
 /// A variable set by a scenario: the element, or `all`, and the name.
-pub type Key = (&'static str, String);
+pub type Key<'k> = (&'k str, String);
 
 /// The machines that have a variable, in words.
-pub fn owners(element: &'static str, name: &str) -> Option<String> {
+pub fn owners(element: &str, name: &str) -> Option<String> {
     let keys = [(element, name.to_owned())];
     let owners = MACHINES.iter().filter(|machine| missing(machine, &keys).is_empty());
     let owners: Vec<&str> = owners.map(|machine| machine.name).collect();
@@ -23,7 +23,7 @@ pub fn owners(element: &'static str, name: &str) -> Option<String> {
 }
 
 /// The keys that a machine does not have.
-fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
+fn missing<'k>(machine: &Machine, keys: &'k [Key<'k>]) -> Vec<&'k Key<'k>> {
     let models: [Arc<ModelType>; 3] = machine.models.map(|(name, _)| fmu::find(name).expect("a model of this project"));
     let has = |(owner, name): &Key| {
         let own = ELEMENTS.iter().zip(&models).filter(|(element, _)| *owner == "all" || owner == *element);
@@ -32,10 +32,9 @@ fn missing<'k>(machine: &Machine, keys: &'k [Key]) -> Vec<&'k Key> {
     keys.iter().filter(|key| !has(key)).collect()
 }
 
-/// A finding if another machine has more of the names than that of the scenario; `given` is empty if the scenario names no machine.
-pub fn finding(given: &str, keys: &[Key]) -> Option<String> {
-    let own = if given.is_empty() { Some(&MACHINES[0]) } else { machine::find(given) };
-    let here = missing(own?, keys);
+/// A finding if another machine has more of the names than `own`, that of the scenario; `given` is empty if the scenario names no machine.
+pub fn finding(own: &Machine, given: &str, keys: &[Key]) -> Option<String> {
+    let here = missing(own, keys);
     if here.is_empty() {
         return None;
     }

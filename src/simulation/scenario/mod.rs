@@ -10,7 +10,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use fmu_export::ModelType;
-use fmu_export::variable::{Causality, Type, Value, Variable};
+use fmu_export::variable::{Causality, Value, Variable};
 
 pub use self::read::{ALIKE, from_unit, knows, leaves, likeness, names, number_and_unit, suggestion, text};
 use self::read::{permitted, unknown};
@@ -380,13 +380,7 @@ impl Scenario {
     fn converted(&self, path: &str, text: &str) -> Result<(Place, Value), String> {
         let (at, index) = self.settable(path)?;
         let data_type = &self.elements[at].model_type.variables()[index].data_type;
-        let text = text.trim();
-        let value = match data_type {
-            Type::Integer { .. } => text.parse().map(toml::Value::Integer).ok(),
-            Type::Boolean { .. } => text.parse().map(toml::Value::Boolean).ok(),
-            _ => None,
-        };
-        let value = read::convert(data_type, &value.unwrap_or_else(|| toml::Value::String(text.into())));
+        let value = read::convert(data_type, &read::value_of(text.trim()));
         Ok(((at, index), value.map_err(|why| format!("{path} = {text} is refused: {why}"))?))
     }
 

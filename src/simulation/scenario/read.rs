@@ -12,13 +12,16 @@ use super::{Element, Pair, Profile, Scenario, ScenarioError, foreign, settable, 
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
-use crate::machine::{self, AXIAL, MACHINES, PLANAR};
+use crate::machine::{self, AXIAL, MACHINES, Machine, PLANAR};
 use crate::simulation::contour::{self, Fit};
 use crate::simulation::simulate;
 use crate::variables::{Choice, Unit, numbers};
 
 /// Keys required to run a scenario.
 pub const REQUIRED: [&str; 3] = ["title", "duration", "step"];
+
+/// The table of values for all elements.
+const ALL: &str = "all";
 
 /// The elements of a closed loop.
 pub const ELEMENTS: [&str; 3] = ["plant", "controller", "estimator"];
@@ -43,13 +46,14 @@ pub fn scenario(origin: &str, text: &str, required: &[&str], changes: &[Pair]) -
     let (of_run, of_elements): (Vec<_>, Vec<_>) = values.partition(|(name, _)| REQUIRED.contains(&name.as_str()));
     table.extend(of_run);
     let document = Document::new(table, text, required, &mut findings);
+    let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { machine::find(&document.machine) };
     // Further findings would refer to the wrong machine.
-    if let Some(finding) = foreign::finding(&document.machine, &document.keys()) {
+    if let Some(finding) = machine.and_then(|own| foreign::finding(own, &document.machine, &document.keys())) {
         findings.push(finding);
         return Err(refuse(findings));
     }
     let folder = Path::new(origin).parent().unwrap_or(Path::new(""));
-    let mut scenario = read(document, folder, &of_elements, &mut findings);
+    let mut scenario = read(document, machine, folder, &of_elements, &mut findings);
     scenario.changes = changes.iter().map(|(name, value)| format!("{name}={value}")).collect();
     if findings.is_empty() {
         return Ok(scenario);
@@ -112,16 +116,15 @@ impl Document {
     }
 
     /// The variables that the document sets.
-    fn keys(&self) -> Vec<foreign::Key> {
-        let tables = [("all", &self.all)].into_iter().chain(self.elements());
+    fn keys(&self) -> Vec<foreign::Key<'static>> {
         let names = |(element, table)| flatten(table).into_iter().map(move |(name, _)| (element, name));
-        tables.flat_map(names).collect()
+        self.tables().into_iter().flat_map(names).collect()
     }
 
-    /// The elements and their tables.
-    fn elements(&self) -> [(&'static str, &toml::Table); 3] {
+    /// The tables with values for all elements, then for each.
+    fn tables(&self) -> [(&'static str, &toml::Table); 4] {
         let [plant, controller, estimator] = ELEMENTS;
-        [(plant, &self.plant), (controller, &self.controller), (estimator, &self.estimator)]
+        [(ALL, &self.all), (plant, &self.plant), (controller, &self.controller), (estimator, &self.estimator)]
     }
 }
 
@@ -161,13 +164,19 @@ const BUILT_IN_CONTOUR: (&str, &str) = ("hole.csv", include_str!("../scenarios/h
 const CONTOUR_TOLERANCE: f64 = 0.01;
 
 /// A value as written after `--set`: TOML, or a text without quotes.
-fn value_of(text: &str) -> toml::Value {
+pub fn value_of(text: &str) -> toml::Value {
     let parsed = toml::from_str::<toml::Table>(&format!("value = {text}"));
     let value = parsed.ok().filter(|table| table.len() == 1).and_then(|mut table| table.remove("value"));
     value.unwrap_or_else(|| toml::Value::String(text.into()))
 }
 
-fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], findings: &mut Vec<String>) -> Scenario {
+fn read(
+    document: Document,
+    machine: Option<&'static Machine>,
+    folder: &Path,
+    changes: &[(String, toml::Value)],
+    findings: &mut Vec<String>,
+) -> Scenario {
     let mut time = |key: &str, value: &toml::Value| {
         let time_s = convert(&SECOND, value).map(Value::as_f64).and_then(|time_s| {
             let is_possible = time_s.is_finite() && time_s > 0.0;
@@ -187,7 +196,6 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
         findings.push(format!("step = {step} is refused: expected at most the duration, {duration_s} s"));
     }
 
-    let machine = if document.machine.is_empty() { Some(&MACHINES[0]) } else { machine::find(&document.machine) };
     let machine = machine.unwrap_or_else(|| {
         let names = MACHINES.map(|machine| machine.name);
         let (given, suggestion) = (&document.machine, suggestion(&document.machine, &names));
@@ -207,39 +215,34 @@ fn read(document: Document, folder: &Path, changes: &[(String, toml::Value)], fi
     };
     let elements: Vec<_> = ELEMENTS.into_iter().zip(machine.models).map(element).collect();
     let mut assignment = Assignment { elements, findings };
-    for (name, table) in [("all", &document.all)].into_iter().chain(document.elements()) {
-        let keys: Vec<_> = flatten(table).into_iter().map(|(key, _)| key).collect();
-        let array = |key: &str| key.split_once('[').map(|(array, _)| array.to_owned());
-        for key in keys.iter().filter(|key| array(key).is_some_and(|array| keys.contains(&array))) {
-            assignment.findings.push(format!("[{name}] {key} is given twice: in the list of all as well"));
-        }
-    }
-    let all = flatten(&document.all);
-    for (at, (name, table)) in document.elements().into_iter().enumerate() {
-        // Names that no element has are reported below.
-        let model_type = assignment.elements[at].model_type.clone();
-        for (key, value) in all.iter().filter(|(key, _)| knows(&model_type, key)) {
-            assignment.set(at, "all", key, value);
-        }
-        for (key, value) in flatten(table) {
-            if knows(&model_type, &key) {
-                assignment.set(at, name, &key, value);
-            } else {
-                assignment.findings.push(unknown(name, &key, &names(&[&model_type])));
+    for (table, values) in document.tables() {
+        let values = flatten(values);
+        let is_listed =
+            |key: &str| key.split_once('[').is_some_and(|(array, _)| values.iter().any(|(listed, _)| listed == array));
+        for (key, value) in &values {
+            if is_listed(key) {
+                assignment.findings.push(format!("[{table}] {key} is given twice: in the list of all as well"));
             }
+            assignment.assign(table, table, key, key, value);
         }
-    }
-    let models: Vec<_> = assignment.elements.iter().map(|element| &*element.model_type).collect();
-    for (key, _) in all.iter().filter(|(key, _)| !models.iter().any(|model_type| knows(model_type, key))) {
-        assignment.findings.push(unknown("all", key, &names(&models)));
     }
     if let Some(file) = &document.contour {
-        match contour_settings(file, folder, models[1]) {
+        match contour_settings(file, folder, &assignment.elements[1].model_type) {
             Ok(settings) => assignment.elements[1].settings.extend(settings),
             Err(why) => assignment.findings.push(format!("contour = \"{file}\" is refused: {why}")),
         }
     }
-    changes.iter().for_each(|(path, value)| assignment.change(path, value));
+    for (path, value) in changes {
+        if Document::KEYS.contains(&path.as_str()) {
+            let keys = REQUIRED.join(", ");
+            let finding = format!("[--set] {path}: it is a key of the file; --set changes {keys} and variables");
+            assignment.findings.push(finding);
+            continue;
+        }
+        let owned = path.split_once('.').filter(|(owner, _)| ELEMENTS.contains(owner));
+        let (owner, key) = owned.unwrap_or((ALL, path));
+        assignment.assign("--set", owner, path, key, value);
+    }
     assignment.compare(&document.compare);
     let mut profiles = Vec::new();
     let mut followed = HashSet::new();
@@ -328,31 +331,22 @@ impl Assignment<'_> {
         }
     }
 
-    /// Applies a change.
-    fn change(&mut self, path: &str, value: &toml::Value) {
-        let (owner, key) = match path.split_once('.') {
-            Some((name, key)) if self.elements.iter().any(|element| element.name == name) => (Some(name), key),
-            _ => (None, path),
-        };
-        let is_concerned = |at: &usize| owner.is_none_or(|name| self.elements[*at].name == name);
-        let concerned: Vec<usize> = (0..self.elements.len()).filter(is_concerned).collect();
+    /// Assigns the value of a key to the element `owner`, or to all elements that have such a variable. `table` and `path` name the source in
+    /// messages.
+    fn assign(&mut self, table: &str, owner: &str, path: &str, key: &str, value: &toml::Value) {
+        let concerned: Vec<usize> = (0..ELEMENTS.len()).filter(|at| [ALL, ELEMENTS[*at]].contains(&owner)).collect();
         let model = |at: &usize| &*self.elements[*at].model_type;
         let known: Vec<usize> = concerned.iter().copied().filter(|at| knows(model(at), key)).collect();
-        if known.is_empty() && Document::KEYS.contains(&path) {
-            let finding =
-                format!("[--set] {path}: it is a key of the file; --set changes {} and variables", REQUIRED.join(", "));
-            self.findings.push(finding);
-        } else if known.is_empty() {
+        if known.is_empty() {
             let mut known = names(&concerned.iter().map(model).collect::<Vec<_>>());
-            if owner.is_none() {
+            if table != owner && owner == ALL {
                 for at in &concerned {
                     known.extend(names(&[model(at)]).iter().map(|name| format!("{}.{name}", ELEMENTS[*at])));
                 }
             }
-            let element = ELEMENTS.into_iter().find(|name| owner == Some(*name)).unwrap_or("all");
-            let hint = likely(key, &known).or_else(|| foreign::owners(element, key));
+            let hint = likely(key, &known).or_else(|| foreign::owners(owner, key));
             let hint = hint.unwrap_or_else(|| suggestion(key, &known));
-            self.findings.push(format!("[--set] {path}: there is no variable of this name; {hint}"));
+            self.findings.push(format!("[{table}] {path}: there is no variable of this name; {hint}"));
         }
         // Without an element, the name applies to all elements in which the variable can be set: the speed is an input of plant and
         // estimator, but that of the estimator is connected.
@@ -362,7 +356,7 @@ impl Assignment<'_> {
         };
         let open: Vec<usize> = known.iter().copied().filter(is_open).collect();
         for at in if open.is_empty() { known } else { open } {
-            self.set(at, "--set", key, value);
+            self.set(at, table, key, value);
         }
     }
 

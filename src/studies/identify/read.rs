@@ -7,10 +7,11 @@ mod stamps;
 mod table;
 mod text;
 
-use std::io::{self, Read};
+use std::io::Read;
 use std::ops::Range;
 
 use self::pace::Pace;
+use self::stamps::Stamps;
 use self::table::Table;
 use super::samples::Samples;
 use super::signals::Known;
@@ -45,11 +46,10 @@ pub struct Reading {
 impl Reading {
     /// Whether to read this signal: angle and speed only for a rotor with unbalance.
     fn wants(&self, signals: &Signals, at: usize) -> bool {
-        let is_used = |k| self.magnets.as_ref().is_none_or(|used| used.contains(&k));
-        match at.checked_sub(signals.currents.start) {
-            Some(k) if at < signals.currents.end => is_used(k),
-            _ => at < signals.theta || self.machine.planes > 0,
+        if signals.currents.contains(&at) {
+            return self.magnets.as_ref().is_none_or(|used| used.contains(&(at - signals.currents.start)));
         }
+        at < signals.theta || self.machine.planes > 0
     }
 }
 
@@ -64,21 +64,8 @@ impl From<String> for Unusable {
     }
 }
 
-impl From<io::Error> for Unusable {
-    fn from(error: io::Error) -> Self {
-        format!("the text cannot be read: {error}").into()
-    }
-}
-
-impl Unusable {
-    /// The same, prefixed with the name of the table.
-    fn in_table(self, table: &str) -> Self {
-        Self(self.0.iter().map(|finding| format!("{table}: {finding}")).collect())
-    }
-}
-
 impl Samples {
-    /// Reads a recording, row by row.
+    /// Reads a recording.
     ///
     /// The text may be UTF-8, UTF-16 or Windows-1252, plain or compressed by gzip. Columns are separated by comma, semicolon or tab,
     /// whichever is most frequent in the header; decimal commas are accepted unless commas separate the columns. Empty cells and `NaN` are
@@ -98,13 +85,14 @@ impl Samples {
     /// As for [`Samples::read`], of both tables.
     pub fn read_apart(mut motion: impl Read, mut currents: impl Read, reading: &Reading) -> Result<Self, Unusable> {
         let is_motion = |signals: &Signals, at| reading.wants(signals, at) && !signals.currents.contains(&at);
-        let motion = Table::read(&mut motion, reading, &is_motion).map_err(|unusable| unusable.in_table("positions"));
-        let currents = table_of_currents(&mut currents, reading).map_err(|unusable| unusable.in_table("currents"));
+        let motion = Table::read(&mut motion, reading, &is_motion);
+        let currents = table_of_currents(&mut currents, reading);
         match (motion, currents) {
             (Ok(motion), Ok(currents)) => Self::of_tables(&motion, Some(&currents), reading),
             (motion, currents) => {
-                let unusable = [motion.err(), currents.err()].into_iter().flatten();
-                Err(Unusable(unusable.flat_map(|Unusable(findings)| findings).collect()))
+                let [positions, currents] = [motion, currents].map(|table| table.err().into_iter().flat_map(|of| of.0));
+                let named = positions.map(|finding| format!("positions: {finding}"));
+                Err(Unusable(named.chain(currents.map(|finding| format!("currents: {finding}"))).collect()))
             }
         }
     }
@@ -121,8 +109,7 @@ impl Samples {
         }
         let (Pace { start_s, step_s, place, notes, .. }, count) = grid::find(table, reading)?;
         let known = |at: usize| signals::known(&place, &table.columns[at]);
-        let mut samples = Self { machine: reading.machine, start_s, step_s, ..Self::default() };
-        samples.units.clone_from(&table.units);
+        let mut samples = Self { machine: reading.machine, start_s, step_s, units: table.units(), ..Self::default() };
         samples.notes.push(format!("{count} samples of {}.", time(step_s)));
         samples.notes.extend(table.notes.iter().cloned().chain(notes));
         let rows = table.known([signals.positions.start]).len();
@@ -142,7 +129,8 @@ impl Samples {
         samples.wrap_rad = signals::unwrap(&mut theta);
         samples.set_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
         if let Some(currents) = apart {
-            let later_s = (currents.origin_ns() - table.origin_ns()) as f64 * 1e-9;
+            let [origin_ns, later_ns] = [table, currents].map(|of| of.stamps.as_ref().map_or(0, Stamps::origin_ns));
+            let later_s = (later_ns - origin_ns) as f64 * 1e-9;
             samples.set_currents(currents, later_s).map_err(|why| format!("currents: {why}"))?;
         }
         Ok(samples)
@@ -183,7 +171,7 @@ impl Samples {
         let currents = table.signals.currents.clone();
         let rows = table.known([TIME_AT].into_iter().chain(currents.clone()));
         grid::enough(&rows, "all of them")?;
-        table.times(&rows).check_rising()?;
+        table.times(&rows).check_rising(|step| step < 0.0)?;
         let time_s = |row: usize| table.columns[TIME_AT][row] + later_s;
         let [begin_s, end_s] = [rows[0], rows[rows.len() - 1]].map(time_s);
         let last_s = self.start_s + self.len() as f64 * self.step_s;
@@ -195,7 +183,7 @@ impl Samples {
             ));
         }
         self.notes.extend(table.notes.iter().cloned());
-        self.units[currents.clone()].copy_from_slice(&table.units[currents.clone()]);
+        self.units[currents.clone()].copy_from_slice(&table.units()[currents.clone()]);
         let place = |row: usize| (time_s(row) - self.start_s) / self.step_s;
         let current = |at: usize| rows.iter().map(|row| (place(*row), table.columns[at][*row])).collect();
         self.set_apart(currents.map(current).collect());
@@ -213,14 +201,13 @@ impl Samples {
 
 /// Reads a table of currents, whose name and unit of the time may differ from those in the table of positions.
 fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Unusable> {
-    let mut text = Vec::new();
-    from.read_to_end(&mut text)?;
+    let bytes = text::bytes(from)?;
     let wanted = |signals: &Signals, at| at == TIME_AT || signals.currents.contains(&at);
     let mut reading = Reading { rate_s: None, ..reading.clone() };
-    Table::read(&mut text.as_slice(), &reading, &wanted).or_else(|first| {
+    Table::read(&mut bytes.as_slice(), &reading, &wanted).or_else(|first| {
         let currents = reading.machine.of_magnets("im");
         reading.columns.retain(|(signal, _)| currents.contains(signal));
         reading.units.retain(|(signal, _)| currents.contains(signal));
-        Table::read(&mut text.as_slice(), &reading, &wanted).map_err(|_| first)
+        Table::read(&mut bytes.as_slice(), &reading, &wanted).map_err(|_| first)
     })
 }

@@ -62,7 +62,7 @@ pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
 }
 
 /// Rounding error of places, in samples: they come from decimal fractions.
-const ROUNDING: f64 = 1e-6;
+pub(super) const ROUNDING: f64 = 1e-6;
 
 /// The currents at the samples from currents at other instants: rms over the interval that a sample stands for, or linear interpolation.
 /// NaN in gaps.

@@ -4,6 +4,7 @@ use super::Reading;
 use super::header::TIME_AT;
 use super::pace::{CLOCKS, Pace};
 use super::table::Table;
+use crate::studies::identify::signals::ROUNDING;
 use crate::studies::identify::{significant, time};
 
 /// Minimum number of samples with all positions.
@@ -11,6 +12,9 @@ const LEAST: usize = 20;
 
 /// A recording is not interpolated if its pace, by the end, is within this many sample times of the stated one.
 const NEAR: f64 = 0.05;
+
+const INTERPOLATED: &str =
+    "The recording was interpolated, at the price of errors that the standard deviation does not include.";
 
 /// Refuses too few rows with known values.
 pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
@@ -22,12 +26,11 @@ pub(super) fn enough(rows: &[usize], of: &str) -> Result<(), String> {
 pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), String> {
     let positions = table.signals.positions.clone();
     let of = ["no position", "the position", "both positions", "all positions"][positions.len().min(3)];
-    let is_timed = table.stamps.is_some();
-    let all = table.known(is_timed.then_some(TIME_AT).into_iter().chain(positions));
+    let all = table.known([TIME_AT].into_iter().chain(positions));
     enough(&all, of)?;
     let timed = table.known([TIME_AT]);
-    // Rows without a position count if they are the minority; otherwise, only rows with all positions count.
-    let is_dense = 2 * all.len() > timed.len();
+    // Rows without a position count if there are no time stamps or if they are the minority; otherwise, only rows with all positions count.
+    let is_dense = table.stamps.is_none() || 2 * all.len() > timed.len();
     let rows = if is_dense { &timed } else { &all };
     // Beyond its ends the rotation is not known.
     let rotation = [table.signals.theta, table.signals.omega].map(|signal| table.known([signal]));
@@ -35,31 +38,21 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     let at: Vec<usize> = all.iter().copied().filter(is_known).collect();
     let left_out = all.len() - at.len();
     enough(&at, &format!("{of} and the rotation"))?;
-    let notes = (left_out > 0).then(|| {
-        let rows = if left_out == 1 { "row" } else { "rows" };
-        format!("{left_out} {rows} before the first or after the last angle or speed left out.")
-    });
-    if !is_timed {
-        let none = || "there are no time stamps and no rate; give --rate".to_owned();
-        let step_s = reading.rate_s.ok_or_else(none)?;
-        let known: Vec<usize> = (0..table.lines.len()).filter(is_known).collect();
-        let (first, count) = (known[0] as f64, known[known.len() - 1] + 1 - known[0]);
-        let place = (0..table.lines.len()).map(|row| row as f64 - first).collect();
-        let notes = notes.into_iter().collect();
-        return Ok((Pace { start_s: first * step_s, step_s, place, notes, uncertain: None }, count));
-    }
     let stamp_s = &table.columns[TIME_AT];
     let found = table.times(rows).pace();
     let is_same = |a: f64, b: f64, tolerance: f64| (a / b - 1.0).abs() <= tolerance;
     let is_near = |wanted| found.as_ref().is_ok_and(|pace| is_same(pace.step_s, wanted, NEAR / at.len() as f64));
-    if let Some(wanted) = reading.resample_s.filter(|wanted| !is_near(*wanted)) {
-        table.times(&timed).check_rising()?;
-        return interpolated(stamp_s, &at, wanted);
+    let mut pace = match reading.resample_s.filter(|wanted| !is_near(*wanted)) {
+        None => found?,
+        Some(step_s) => Pace { start_s: stamp_s[at[0]], step_s, notes: vec![INTERPOLATED.into()], ..Pace::default() },
+    };
+    let is_interpolated = pace.place.is_empty();
+    if left_out > 0 {
+        let rows = if left_out == 1 { "row" } else { "rows" };
+        pace.notes.push(format!("{left_out} {rows} before the first or after the last angle or speed left out."));
     }
-    let mut pace = found?;
-    pace.notes.extend(notes);
-    if !is_dense {
-        table.times(&timed).check_rising()?;
+    if !is_dense || is_interpolated {
+        table.times(&timed).check_rising(|step| step < 0.0)?;
     }
     if let (Some((known, why)), None) = (&pace.uncertain, reading.rate_s) {
         let percent = significant(100.0 * known, 2);
@@ -80,21 +73,12 @@ pub(super) fn find(table: &Table, reading: &Reading) -> Result<(Pace, usize), St
     // The grid extends from the first row with all positions to the last.
     let mut placed = at.iter().map(|row| place[*row]).filter(|place| place.is_finite());
     let first = placed.next().unwrap_or(0.0);
-    let count = placed.next_back().unwrap_or(first) - first + 1.0;
+    let count = placed.next_back().unwrap_or(first) - first + 1.0 + ROUNDING;
+    let (least, most) = (LEAST as f64, 100.0 * stamp_s.len() as f64);
+    if is_interpolated && !(least..most).contains(&count) {
+        return Err(format!("--resample {step_s}: {count:.0} samples would come from {} rows", stamp_s.len()));
+    }
     place.iter_mut().for_each(|place| *place -= first);
     let start_s = if is_count { (pace.start_s + first) * step_s } else { pace.start_s + first * step_s };
     Ok((Pace { start_s, step_s, place, ..pace }, count as usize))
-}
-
-/// The samples of a recording that is interpolated to the stated pace, from the first row with all positions to the last.
-fn interpolated(stamp_s: &[f64], at: &[usize], step_s: f64) -> Result<(Pace, usize), String> {
-    let start_s = stamp_s[at[0]];
-    let place: Vec<f64> = stamp_s.iter().map(|stamp| (stamp - start_s) / step_s).collect();
-    let count = place[at[at.len() - 1]] + 1e-6;
-    // The same limit as for a recording that is not interpolated.
-    if !(count >= LEAST as f64 && count < 100.0 * stamp_s.len() as f64) {
-        return Err(format!("--resample {step_s}: {count:.0} samples would come from {} rows", stamp_s.len()));
-    }
-    let note = "The recording was interpolated, at the price of errors that the standard deviation does not include.";
-    Ok((Pace { start_s, step_s, place, uncertain: None, notes: vec![note.into()] }, count as usize + 1))
 }

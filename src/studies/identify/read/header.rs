@@ -9,13 +9,11 @@ use crate::studies::identify::units::{self, ANGLE, CURRENT, LENGTH, Quantity, SP
 
 /// The time is the first signal of every machine.
 pub(in crate::studies::identify) const TIME_AT: usize = 0;
-const TIME_NAME: &str = "time";
 
 /// Number of lines in which the header is searched for.
 const BEFORE_HEADER: usize = 200;
 
 /// A signal that a recording may have.
-#[derive(Clone, Debug)]
 pub(in crate::studies::identify) struct Signal {
     /// Name as in the interface.
     pub name: String,
@@ -44,37 +42,6 @@ impl Signal {
         options.iter().rev().find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
-    /// The column of the signal; `None` if it is optional and absent.
-    fn column(&self, columns: &[Column], reading: &Reading, is_optional: bool) -> Result<Option<usize>, String> {
-        let Self { name, meaning, .. } = self;
-        let given = self.given(&reading.columns);
-        match (self.candidates(columns, given).as_slice(), given) {
-            ([column], _) => Ok(Some(*column)),
-            ([], Some(given)) => Err(format!("--column {name}={given}: there is no column {given}")),
-            ([], None) if is_optional => Ok(None),
-            ([], None) => {
-                let or_rate = if name == TIME_NAME { ", or --rate if there is none" } else { "" };
-                Err(format!("{name}: no column of this name, expected {meaning}: --column {name}=…{or_rate}"))
-            }
-            (several, _) => {
-                let is_same = several.iter().all(|at| columns[*at].name == columns[several[0]].name);
-                let how = if is_same { "rename the others".into() } else { format!("--column {name}=…") };
-                let several = joined(several.iter().map(|at| &columns[*at].name));
-                Err(format!("{name}: several columns match this name: {several}; choose one: {how}"))
-            }
-        }
-    }
-
-    /// The unit of the signal in that column; `None` if not stated.
-    fn unit(&self, column: &Column, reading: &Reading) -> Result<Option<Unit>, String> {
-        let Some(stated) = self.given(&reading.units).or(column.unit.as_ref()) else { return Ok(None) };
-        let unit = units::find(self.quantity, stated);
-        unit.map(Some).ok_or_else(|| {
-            let (name, column, known) = (&self.name, &column.name, units::names(self.quantity));
-            format!("{name} (column {column}): the unit {stated} is none of {known}")
-        })
-    }
-
     /// Likeness of the name of a column to one of its names, apart from punctuation.
     fn likeness(&self, column: &Column) -> f64 {
         let plain = |name: &str| name.trim_start_matches("plant.").replace(['.', '_', ' ', '[', ']'], "");
@@ -95,7 +62,6 @@ impl Signal {
 }
 
 /// The signals of a machine: time, positions, currents, angle and speed. Positions and currents are required, the time if no rate is given.
-#[derive(Clone, Debug)]
 pub(in crate::studies::identify) struct Signals {
     pub list: Vec<Signal>,
     pub positions: Range<usize>,
@@ -107,7 +73,7 @@ pub(in crate::studies::identify) struct Signals {
 impl Signals {
     pub fn of(machine: &Machine) -> Self {
         let others = ["t", "Time", "TIME", "zeit", "Zeit", "timestamp", "Timestamp"];
-        let mut list = vec![Signal::new(TIME_NAME, &others, TIME, "the time of the sample")];
+        let mut list = vec![Signal::new("time", &others, TIME, "the time of the sample")];
         for machine::Reading { name, axis: along, .. } in machine.readings {
             let plain = name.trim_end_matches('m');
             let (bearing, axis) = plain.split_at(plain.len() - 1);
@@ -137,41 +103,27 @@ fn other_machine(columns: &[Column], machine: &Machine) -> Option<&'static Machi
     MACHINES.iter().filter(fits).max_by_key(|machine| machine.magnets()).filter(|most| *most != machine)
 }
 
-/// Start byte and line of the header in the file, and the separator of its columns.
-pub(super) struct Header {
-    pub start: usize,
-    pub line: u32,
-    pub separator: char,
-}
-
-impl Header {
-    /// The line that names the most signals, since data loggers write remarks and settings before it; a comment, as written by numpy.savetxt,
-    /// if no other line names as many.
-    pub fn find(head: &str, signals: &Signals, reading: &Reading) -> Option<Self> {
-        let mut best: Option<((usize, bool), Self)> = None;
-        let mut start = 0;
-        for (text, line) in head.split_inclusive('\n').zip(1..).take(BEFORE_HEADER) {
-            let names = text.trim_start().trim_start_matches(['#', '%']);
-            if let Some(separator) = text::separator(text) {
-                let columns: Vec<Column> = names.split(separator).map(column).collect();
-                let is_named =
-                    |signal: &&Signal| signal.candidates(&columns, signal.given(&reading.columns)).len() == 1;
-                let named = (signals.list.iter().filter(is_named).count(), names.len() == text.trim_start().len());
-                if best.as_ref().is_none_or(|(most, _)| named > *most) {
-                    best = Some((named, Self { start: start + text.len() - names.len(), line, separator }));
-                }
-            }
-            start += text.len();
-        }
-        best.map(|(_, header)| header)
-    }
+/// Start byte and line of the header in the text, and the separator of its columns. It is the line that names the most signals, since data loggers
+/// write remarks and settings before it; a comment, as written by numpy.savetxt, if no other line names as many.
+pub(super) fn find(text: &str, signals: &Signals, reading: &Reading) -> Option<(usize, u32, char)> {
+    let mut end = 0;
+    let headers = text.split_inclusive('\n').zip(1..).take(BEFORE_HEADER).filter_map(|(text, line)| {
+        end += text.len();
+        let names = text.trim_start().trim_start_matches(['#', '%']);
+        let separator = text::separator(text)?;
+        let columns: Vec<Column> = names.split(separator).map(column).collect();
+        let is_named = |signal: &&Signal| signal.candidates(&columns, signal.given(&reading.columns)).len() == 1;
+        let named = (signals.list.iter().filter(is_named).count(), names.len() == text.trim_start().len());
+        Some((named, (end - names.len(), line, separator)))
+    });
+    headers.reduce(|best, next| if next.0 > best.0 { next } else { best }).map(|(_, header)| header)
 }
 
 /// A unit: its name and its size in SI.
 pub(super) type Unit = (&'static str, f64);
 
 /// Column of a signal, and its unit, if stated.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy)]
 pub(super) struct Place {
     pub column: usize,
     pub unit: Option<Unit>,
@@ -215,8 +167,8 @@ fn bracketed(cell: &str) -> Option<(&str, &str)> {
 pub(super) fn take_units(columns: &mut [Column], cells: &csv::StringRecord, findings: &mut Vec<String>) -> bool {
     let unit = |cell| stated(bracketed(cell).filter(|(name, _)| name.is_empty()).map_or(cell, |(_, unit)| unit));
     let units: Vec<Option<String>> = cells.iter().map(unit).collect();
-    let holds_units = units.iter().flatten().any(|unit| units::is_unit(unit));
-    if !holds_units || cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok()) {
+    let has_number = cells.iter().any(|cell| cell.trim().parse::<f64>().is_ok());
+    if has_number || !units.iter().flatten().any(|unit| units::is_unit(unit)) {
         return false;
     }
     for (Column { name, unit }, below) in columns.iter_mut().zip(units) {
@@ -234,13 +186,14 @@ fn joined<'a>(names: impl Iterator<Item = &'a String>) -> String {
     names.map(String::as_str).collect::<Vec<_>>().join(", ")
 }
 
-/// Finds the wanted signals, in the order of the list; errors go to the findings.
+/// Finds the wanted signals, in the order of the list; errors go to the findings, units that are not stated to the notes.
 pub(super) fn places(
     signals: &Signals,
     columns: &[Column],
     reading: &Reading,
     wanted: &dyn Fn(usize) -> bool,
     findings: &mut Vec<String>,
+    notes: &mut Vec<String>,
 ) -> Vec<Option<Place>> {
     let before = findings.len();
     for (option, pairs) in [("--column", &reading.columns), ("--unit", &reading.units)] {
@@ -249,46 +202,69 @@ pub(super) fn places(
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {known}"));
         }
     }
-    let (mut places, mut absent) = (vec![None; signals.list.len()], Vec::new());
+    let candidates = |(at, signal): (usize, &Signal)| {
+        if wanted(at) { signal.candidates(columns, signal.given(&reading.columns)) } else { Vec::new() }
+    };
+    let candidates: Vec<Vec<usize>> = signals.list.iter().enumerate().map(candidates).collect();
+    let nearest = |signal: &Signal| {
+        let free = (0..columns.len()).filter(|at| candidates.iter().flatten().all(|taken| taken != at));
+        let alike = free.map(|at| (signal.likeness(&columns[at]), &columns[at].name));
+        let nearest = alike.filter(|(likeness, _)| *likeness > ALIKE).max_by(|a, b| a.0.total_cmp(&b.0));
+        nearest.map_or_else(String::new, |(_, name)| format!("; the nearest name is {name}"))
+    };
+    let (mut places, mut is_absent) = (vec![None; signals.list.len()], false);
     for (at, signal) in signals.list.iter().enumerate().filter(|(at, _)| wanted(*at)) {
-        let is_optional = at >= signals.theta || at == TIME_AT && reading.rate_s.is_some();
-        let column = match signal.column(columns, reading, is_optional) {
-            Ok(Some(column)) => column,
-            Ok(None) => continue,
-            Err(finding) => {
-                if signal.candidates(columns, signal.given(&reading.columns)).is_empty() {
-                    absent.push((findings.len(), signal));
+        let Signal { name, quantity, meaning, .. } = signal;
+        let (given, stated) = (signal.given(&reading.columns), signal.given(&reading.units));
+        let finding = match candidates[at].as_slice() {
+            [column] => {
+                let Column { name: title, unit: own } = &columns[*column];
+                if let Some(other) = (0..at).find(|other| candidates[*other] == [*column]) {
+                    let other = &signals.list[other].name;
+                    findings.push(format!("{other} and {name}: both are column {title}; expected one for each"));
                 }
-                findings.push(finding);
-                let unit = signal.given(&reading.units).filter(|unit| units::find(signal.quantity, unit).is_none());
-                let (name, known) = (&signal.name, units::names(signal.quantity));
-                findings.extend(unit.map(|unit| format!("--unit {name}={unit}: expected one of {known}")));
+                let stated = stated.or(own.as_ref());
+                let found = stated.and_then(|unit| units::find(quantity, unit));
+                if let (Some(stated), None) = (stated, found) {
+                    let known = units::names(quantity);
+                    findings.push(format!("{name} (column {title}): the unit {stated} is none of {known}"));
+                }
+                let si = (quantity[0].0[0], quantity[0].1);
+                if stated.is_none() && at != TIME_AT {
+                    notes.push(format!("{name} has no unit; it is taken to be in {}.", si.0));
+                }
+                // The stamps determine the unit of the time.
+                places[at] = Some(Place { column: *column, unit: found.or((at != TIME_AT).then_some(si)) });
                 continue;
             }
+            [] if given.is_none() && (at >= signals.theta || at == TIME_AT && reading.rate_s.is_some()) => continue,
+            [] => {
+                is_absent = true;
+                let finding = match given {
+                    Some(given) => format!("--column {name}={given}: there is no column {given}"),
+                    None => {
+                        let or_rate = if at == TIME_AT { ", or --rate if there is none" } else { "" };
+                        format!("{name}: no column of this name, expected {meaning}: --column {name}=…{or_rate}")
+                    }
+                };
+                finding + &nearest(signal)
+            }
+            several => {
+                let is_same = several.iter().all(|at| columns[*at].name == columns[several[0]].name);
+                let how = if is_same { "rename the others".into() } else { format!("--column {name}=…") };
+                let several = joined(several.iter().map(|at| &columns[*at].name));
+                format!("{name}: several columns match this name: {several}; choose one: {how}")
+            }
         };
-        let is_same = |place: &Option<Place>| place.is_some_and(|place| place.column == column);
-        if let Some(other) = places.iter().position(is_same) {
-            let (one, name, column) = (&signals.list[other].name, &signal.name, &columns[column].name);
-            findings.push(format!("{one} and {name}: both are column {column}; expected one for each"));
+        findings.push(finding);
+        if let Some(stated) = stated.filter(|unit| units::find(quantity, unit).is_none()) {
+            findings.push(format!("--unit {name}={stated}: expected one of {}", units::names(quantity)));
         }
-        let unit = signal.unit(&columns[column], reading).unwrap_or_else(|finding| {
-            findings.push(finding);
-            None
-        });
-        places[at] = Some(Place { column, unit });
     }
     let is_other = findings.len() > before || !reading.is_stated;
     let other = other_machine(columns, reading.machine).filter(|_| is_other);
     findings.extend(other.map(|other| format!("these are columns of the machine {0}: --machine {0}", other.name)));
-    let is_free = |at: &usize| places.iter().flatten().all(|place: &Place| place.column != *at);
-    for (finding, signal) in &absent {
-        let free = (0..columns.len()).filter(is_free).map(|at| (signal.likeness(&columns[at]), &columns[at].name));
-        let nearest = free.filter(|(likeness, _)| *likeness > ALIKE).max_by(|a, b| a.0.total_cmp(&b.0));
-        if let Some((_, name)) = nearest {
-            findings[*finding] += &format!("; the nearest name is {name}");
-        }
-    }
-    if !absent.is_empty() {
+    if is_absent {
         findings.push(format!("the header has the columns {}", joined(columns.iter().map(|column| &column.name))));
     }
     places

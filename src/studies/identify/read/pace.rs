@@ -39,7 +39,7 @@ pub(super) struct Pace {
     pub start_s: f64,
     /// Sample time, in s.
     pub step_s: f64,
-    /// Sample number of each row; NaN for rows without one.
+    /// Sample number of each row; NaN for rows without one, empty if the recording is interpolated.
     pub place: Vec<f64>,
     /// Relative uncertainty of the sample time, and its cause, if it is large.
     pub uncertain: Option<(f64, String)>,
@@ -111,16 +111,13 @@ impl Times {
     /// How the stamps contradict an even pace.
     pub(super) fn pace(&self) -> Result<Pace, String> {
         let time = &self.time_s;
-        if time.windows(2).all(|pair| pair[1] <= pair[0]) {
-            return Err("time does not rise from any row to the next".into());
-        }
         if let Some(rounded) = self.rounded() {
             return Ok(rounded);
         }
         let allowed = ((time.len() as f64 * WRONG_PART) as usize).max(2);
         let mut points = rising(time);
         if time.len() - points.len() > allowed {
-            return Err(self.out_of_order(&self.pairs(|step| step <= 0.0)));
+            self.check_rising(|step| step <= 0.0)?;
         }
         let mut straight = self.follow(&mut points)?;
         // Stamps far off the line are wrong; fit again without them.
@@ -154,7 +151,7 @@ impl Times {
         let (steps, count) = (self.steps(), self.time_s.len() as f64);
         let rounding_s = steps.iter().copied().filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
         let is_whole = |step: f64| (step / rounding_s - (step / rounding_s).round()).abs() < 1e-3;
-        if steps.iter().any(|step| *step < 0.0 || !is_whole(*step)) {
+        if rounding_s.is_infinite() || steps.iter().any(|step| *step < 0.0 || !is_whole(*step)) {
             return None;
         }
         let equal = steps.iter().filter(|step| **step == 0.0).count();
@@ -274,16 +271,11 @@ impl Times {
         Ok((place, notes))
     }
 
-    /// Refuses decreasing times.
-    pub(super) fn check_rising(&self) -> Result<(), String> {
-        let back = self.pairs(|step| step < 0.0);
-        if back.is_empty() { Ok(()) } else { Err(self.out_of_order(&back)) }
-    }
-
-    /// Pairs of successive rows whose step satisfies `is_such`.
-    fn pairs(&self, is_such: fn(f64) -> bool) -> Vec<(usize, usize)> {
+    /// Refuses steps that are back.
+    pub(super) fn check_rising(&self, is_back: fn(f64) -> bool) -> Result<(), String> {
         let steps = self.steps();
-        (0..steps.len()).filter(|row| is_such(steps[*row])).map(|row| (row, row + 1)).collect()
+        let back = (0..steps.len()).filter(|row| is_back(steps[*row])).map(|row| (row, row + 1)).collect::<Vec<_>>();
+        if back.is_empty() { Ok(()) } else { Err(self.out_of_order(&back)) }
     }
 
     fn steps(&self) -> Vec<f64> {

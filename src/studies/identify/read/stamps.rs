@@ -8,7 +8,6 @@ use crate::studies::identify::units::{TIME, in_si};
 const EPOCH_S: std::ops::Range<f64> = 946_684_800.0..4_102_444_800.0;
 
 /// Format of the time stamps of a recording.
-#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Stamps {
     /// Unit of numbers: its name and its size in s; `None` for civil or absolute times.
     pub unit: Option<Unit>,
@@ -47,11 +46,10 @@ impl Stamps {
             return Ok((Self { unit: None, origin }, Some(format!("Time counts from {first}."))));
         };
         let value = whole as f64 + fraction;
-        let Some((names, factor)) = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor))) else {
+        let Some(([name, ..], factor)) = TIME.iter().find(|(_, factor)| EPOCH_S.contains(&(value * factor))) else {
             let note = unit.is_none().then(|| "time has no unit; it is taken to be in s.".to_owned());
             return Ok((Self { unit: unit.or(Some(("s", 1.0))), origin: 0 }, note));
         };
-        let name = names[0];
         if let Some((given, _)) = unit.filter(|(_, given)| given != factor) {
             return Err(format!("the first stamp is {first} {given}: a Unix time in {name}? Then --unit time={name}"));
         }

@@ -1,10 +1,11 @@
 //! The rows of a recording: the wanted columns as numbers in SI units.
 
-use std::io::{self, Read};
+use std::io::Read;
+use std::iter::Peekable;
 
 use csv::StringRecord;
 
-use super::header::{self, Column, Header, Place, Signals, TIME_AT};
+use super::header::{self, Column, Place, Signals, TIME_AT};
 use super::pace::{Times, listed};
 use super::stamps::Stamps;
 use super::{Reading, Unusable, text};
@@ -18,12 +19,10 @@ const SHOWN: usize = 5;
 /// The columns of a recording, in SI units.
 pub(super) struct Table {
     pub signals: Signals,
-    /// In the order of the signals; empty for a signal without a column.
+    /// In the order of the signals; empty for a signal without a column. Without time stamps, the time is the number of the row.
     pub columns: Vec<Vec<f64>>,
     /// Line of each row in the file.
     pub lines: Vec<u32>,
-    /// Unit assumed for each signal.
-    pub units: Vec<Option<&'static str>>,
     /// Format of the time stamps, if there are any.
     pub stamps: Option<Stamps>,
     /// Findings, in sentences.
@@ -44,94 +43,66 @@ impl Table {
         wanted: &dyn Fn(&Signals, usize) -> bool,
     ) -> Result<Self, Unusable> {
         let signals = Signals::of(reading.machine);
-        let (head, mut text) = text::open(from)?;
-        let Header { start, line, separator } =
-            Header::find(&head, &signals, reading).ok_or_else(|| NO_HEADER.to_owned())?;
-        io::copy(&mut text.by_ref().take(start as u64), &mut io::sink())?;
+        let bytes = text::bytes(from)?;
+        let text = text::decoded(&bytes);
+        let (start, line, separator) = header::find(&text, &signals, reading).ok_or_else(|| NO_HEADER.to_owned())?;
         let mut builder = csv::ReaderBuilder::new();
         builder.delimiter(separator as u8).flexible(true).has_headers(false).comment(Some(b'#'));
-        let mut rows = builder.from_reader(text).into_records();
-        let mut next = || rows.next().transpose().map_err(io::Error::from);
-        let mut columns: Vec<Column> = next()?.iter().flatten().map(header::column).collect();
-        let mut findings = Vec::new();
-        // The row below the header, or the one below the units.
-        let mut first = next()?;
-        if first.as_ref().is_some_and(|units| header::take_units(&mut columns, units, &mut findings)) {
-            first = next()?;
-        }
-        let places = header::places(&signals, &columns, reading, &|at| wanted(&signals, at), &mut findings);
-        let count = signals.list.len();
-        let (data, units) = (vec![Vec::new(); count], vec![None; count]);
-        let (lines, notes) = (Vec::new(), Vec::new());
-        let mut table = Self { signals, columns: data, lines, units, stamps: None, notes, places, separator };
+        // Text in memory with rows of any length has no errors.
+        let rows = builder.from_reader(text[start..].as_bytes()).into_records().map_while(Result::ok);
+        let mut rows = rows.filter(|row| row.iter().any(|cell| !cell.trim().is_empty())).peekable();
+        let mut columns: Vec<Column> = rows.next().iter().flatten().map(header::column).collect();
+        let (mut findings, mut notes) = (Vec::new(), Vec::new());
+        rows.next_if(|units| header::take_units(&mut columns, units, &mut findings));
+        let mut places =
+            header::places(&signals, &columns, reading, &|at| wanted(&signals, at), &mut findings, &mut notes);
         let line = |row: &StringRecord| line - 1 + row.position().map_or(1, csv::Position::line) as u32;
-        if let Some(first) = &first
-            && let Err(why) = table.find_stamps(first)
-        {
-            findings.push(format!("time, line {}: {why}", line(first)));
+        let mut stamps = None;
+        if let (Some(place), Some(first)) = (&mut places[TIME_AT], rows.peek()) {
+            match Stamps::of(cell(first, place.column), separator, place.unit) {
+                Ok((found, note)) => {
+                    place.unit = found.unit;
+                    stamps = Some(found);
+                    notes.splice(..0, note);
+                }
+                Err(why) => findings.push(format!("time, line {}: {why}", line(first))),
+            }
         }
         if !findings.is_empty() {
             return Err(Unusable(findings));
         }
-        table.set_units();
-        let rows = first.map(Ok).into_iter().chain(std::iter::from_fn(|| next().transpose()));
-        table.add_rows(rows.map(|row| row.map(|row| (line(&row), row))), columns.len())?;
+        let data = vec![Vec::new(); signals.list.len()];
+        let mut table = Self { signals, columns: data, lines: Vec::new(), stamps, notes, places, separator };
+        table.add_rows(rows, line, columns.len())?;
         table.leave_out_repeated();
         table.leave_out_lost();
+        if table.places[TIME_AT].is_none() {
+            table.columns[TIME_AT] = (0..table.lines.len()).map(|row| row as f64).collect();
+        }
         Ok(table)
     }
 
-    /// Determines the format of the time stamps from the first row.
-    fn find_stamps(&mut self, first: &StringRecord) -> Result<(), String> {
-        let Some(Place { column, unit }) = self.places[TIME_AT] else { return Ok(()) };
-        let (stamps, note) = Stamps::of(cell(first, column), self.separator, unit)?;
-        self.units[TIME_AT] = stamps.unit.map(|(name, _)| name);
-        self.stamps = Some(stamps);
-        self.notes.extend(note);
-        Ok(())
-    }
-
-    /// Sets the units; SI where none is stated.
-    fn set_units(&mut self) {
-        for (at, place) in self.places.iter().enumerate().skip(TIME_AT + 1) {
-            let Some(Place { unit, .. }) = place else { continue };
-            let (name, si) = (&self.signals.list[at].name, self.signals.list[at].quantity[0].0[0]);
-            self.units[at] = Some(unit.map_or(si, |unit| unit.0));
-            if unit.is_none() {
-                self.notes.push(format!("{name} has no unit; it is taken to be in {si}."));
-            }
-        }
-    }
-
-    /// Adds rows, given with their lines.
+    /// Adds rows.
     fn add_rows(
         &mut self,
-        mut rows: impl Iterator<Item = io::Result<(u32, StringRecord)>>,
+        mut rows: Peekable<impl Iterator<Item = StringRecord>>,
+        line: impl Fn(&StringRecord) -> u32,
         width: usize,
     ) -> Result<(), Unusable> {
         let (mut findings, mut short) = (Vec::new(), 0);
-        // Whether the last row lacks cells, and how many findings there were before it.
-        let mut last = (false, 0);
         while findings.len() < SHOWN
             && let Some(row) = rows.next()
         {
-            let (line, row) = row?;
-            if row.iter().any(|cell| !cell.trim().is_empty()) {
-                last = (row.len() < width, findings.len());
-                short += usize::from(last.0);
-                self.push(&row, line, width, &mut findings);
+            let line = line(&row);
+            if row.len() < width {
+                if rows.peek().is_none() {
+                    // It may have been written only in part.
+                    self.notes.push(format!("The last row (line {line}) is incomplete and was left out."));
+                    break;
+                }
+                short += 1;
             }
-        }
-        let (is_short, before) = last;
-        if is_short
-            && rows.next().is_none()
-            && let Some(line) = self.lines.pop()
-        {
-            // It may have been written only in part.
-            short -= 1;
-            findings.truncate(before);
-            self.columns.iter_mut().for_each(|column| column.truncate(self.lines.len()));
-            self.notes.push(format!("The last row (line {line}) is incomplete and was left out."));
+            self.push(&row, line, width, &mut findings);
         }
         if short > 0 {
             self.notes.push(format!("{short} rows have fewer cells than the header; the missing ones count as empty."));
@@ -146,42 +117,37 @@ impl Table {
     fn leave_out_repeated(&mut self) {
         let time_s = &self.columns[TIME_AT];
         let equal: Vec<usize> = (1..time_s.len()).filter(|row| time_s[*row] == time_s[*row - 1]).collect();
-        let is_repeated = |row: &usize| {
-            let mut columns = self.columns.iter().filter(|column| !column.is_empty());
-            columns.all(|column| column[*row].total_cmp(&column[*row - 1]).is_eq())
-        };
-        if equal.is_empty() || !equal.iter().all(is_repeated) {
-            return;
+        let is_repeated =
+            |row: &usize| self.columns.iter().all(|of| of.is_empty() || of[*row].total_cmp(&of[*row - 1]).is_eq());
+        if equal.iter().all(is_repeated) {
+            self.leave_out(&equal, "they repeat the previous row with its time", |_, _| true);
         }
-        let lines: Vec<u32> = equal.iter().map(|row| self.lines[*row]).collect();
-        let kept: Vec<usize> = (0..self.lines.len()).filter(|row| equal.binary_search(row).is_err()).collect();
-        for column in self.columns.iter_mut().filter(|column| !column.is_empty()) {
-            *column = kept.iter().map(|row| column[*row]).collect();
-        }
-        self.lines = kept.iter().map(|row| self.lines[*row]).collect();
-        self.notes
-            .push(format!("Rows left out because they repeat the previous row with its time: {}.", listed(&lines)));
     }
 
     /// Leaves out the readings of rows after the first readings in which all positions and currents are 0: the logger has lost them.
     fn leave_out_lost(&mut self) {
-        let of = self.signals.positions.start..self.signals.currents.end;
-        let is_zero = |row: &usize| {
-            let mut columns = self.columns[of.clone()].iter().filter(|column| !column.is_empty());
-            columns.all(|column| column[*row] == 0.0)
-        };
+        let readings = &self.columns[self.signals.positions.start..self.signals.currents.end];
+        let is_zero = |row: &usize| readings.iter().all(|of| of.is_empty() || of[*row] == 0.0);
         let lost: Vec<usize> = (0..self.lines.len()).skip_while(is_zero).filter(is_zero).collect();
-        if lost.is_empty() || 2 * lost.len() > self.lines.len() {
+        if 2 * lost.len() <= self.lines.len() {
+            // The angle may come from elsewhere.
+            let is_lost = |at, value| at != TIME_AT && value == 0.0;
+            self.leave_out(&lost, "all positions and currents are 0", is_lost);
+        }
+    }
+
+    /// Leaves out those values of these rows, by signal, that are to be left out.
+    fn leave_out(&mut self, rows: &[usize], why: &str, is_left_out: fn(usize, f64) -> bool) {
+        if rows.is_empty() {
             return;
         }
-        for column in self.columns.iter_mut().skip(TIME_AT + 1).filter(|column| !column.is_empty()) {
-            for row in &lost {
-                // The angle may come from elsewhere.
-                column[*row] = if column[*row] == 0.0 { f64::NAN } else { column[*row] };
+        for (at, column) in self.columns.iter_mut().enumerate().filter(|(_, column)| !column.is_empty()) {
+            for row in rows {
+                column[*row] = if is_left_out(at, column[*row]) { f64::NAN } else { column[*row] };
             }
         }
-        let lines: Vec<u32> = lost.iter().map(|row| self.lines[*row]).collect();
-        self.notes.push(format!("Rows left out because all positions and currents are 0: {}.", listed(&lines)));
+        let lines: Vec<u32> = rows.iter().map(|row| self.lines[*row]).collect();
+        self.notes.push(format!("Rows left out because {why}: {}.", listed(&lines)));
     }
 
     /// Adds a row; its errors go to the findings.
@@ -207,9 +173,9 @@ impl Table {
         self.lines.push(line);
     }
 
-    /// The origin of the times, in ns of the clock.
-    pub(super) fn origin_ns(&self) -> i128 {
-        self.stamps.as_ref().map_or(0, Stamps::origin_ns)
+    /// Unit assumed for each signal.
+    pub(super) fn units(&self) -> Vec<Option<&'static str>> {
+        self.places.iter().map(|place| Some(place.as_ref()?.unit?.0)).collect()
     }
 
     /// The time stamps of these rows.
