@@ -112,35 +112,6 @@ fn never_confident_and_wrong() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// A step of 10 % in one λ is followed to within 1 % in a quarter of a second (also without noise, which the estimator must then find to be zero), and the
-/// change is noticed meanwhile.
-#[test]
-fn a_step_of_lambda_is_followed() {
-    const STEP_S: f64 = 0.25;
-    const FOLLOWED_S: f64 = 0.25;
-    /// Longest time in which the step cannot be detected yet: half a revolution.
-    const NOTICED_S: f64 = 0.01;
-    for (noise, known) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
-        for (magnet, factor) in [(1, 1.1), (2, 1.1), (3, 0.9)] {
-            let what = format!("noise {noise:?}, known {known}, magnet {magnet}");
-            let mut scenario = unbalanced(noise, known);
-            let mut after = truth(&scenario);
-            after[magnet - 1] *= factor;
-            scenario.follow(&[&format!("plant.lambda[{magnet}]")], &[STEP_S], [after[magnet - 1]], true);
-            let (outputs, messages) = outputs(&scenario, STEP_S + FOLLOWED_S + 0.1);
-            let since = |since_s: f64| outputs.iter().filter(move |output| output.time_s > STEP_S + since_s);
-            let noticed_s = since(1e-9).find(|output| !output.valid).map(|output| output.time_s - STEP_S);
-            let worst = since(FOLLOWED_S).map(|output| 100.0 * largest_error(output, &after)).fold(0.0, f64::max);
-            let [ratio, _] = deviations(since(NOTICED_S), &after);
-            assert!(worst < 1.0, "{what}: {worst:.3} % after {FOLLOWED_S} s, limit 1 %");
-            let is_noticed = noticed_s.is_some_and(|noticed_s| noticed_s < NOTICED_S);
-            assert!(is_noticed, "{what}: noticed after {noticed_s:?} s, limit {NOTICED_S}");
-            assert!(ratio < CONFIDENT, "{what}: {ratio:.1} standard deviations once the step can be known");
-            assert!(messages.iter().any(|line| line.contains("contradict")), "{what}: {messages:?}");
-        }
-    }
-}
-
 /// A run-up by 500 rpm per second, with a constant window of 20 ms.
 #[test]
 fn speed_may_change() {
