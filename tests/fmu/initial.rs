@@ -59,8 +59,8 @@ fn outputs_depend_at_the_start_only_on_declared_inputs() {
     }
 }
 
-/// Every parameter below its declared limit, or far below 0, at the limit, and not finite. Fails if a limit is declared but not enforced, enforced
-/// but not declared, if a parameter accepts a non-finite value, or if another parameter is named.
+/// Every parameter below its declared limit, or far below 0, at the limit, and not finite. Fails if a limit is declared but not enforced,
+/// enforced but not declared, if a parameter accepts a non-finite value, or if another parameter is named.
 #[test]
 fn enforced_limits_are_declared() {
     for model in MODELS {

@@ -2,10 +2,6 @@
 
 use crate::prelude::*;
 
-const CONTROLLER: &str = "FlatnessController";
-const ESTIMATOR: &str = "AlgebraicEstimator";
-const PLANT: &str = "MagneticBearing";
-
 /// The input of a sampled FMU at a sample.
 fn wave(sample: i64) -> f64 {
     3e-5 * (sample as f64 * 0.3).sin()
