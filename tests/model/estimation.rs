@@ -191,8 +191,8 @@ fn continuous_currents_leave_no_bias() {
     }
 }
 
-/// A step of 5 % is noticed within two revolutions. One of 10 % is noticed within half a revolution and followed to within 1 % in a quarter of a
-/// second, also without noise, which the estimator must then find to be zero. Error/std is below 4 from two revolutions on.
+/// A step of 5 % is noticed within two revolutions. One of 10 % is noticed within half a revolution and followed to within 1 % in a quarter
+/// of a second, also without noise, which the estimator must then find to be zero. Error/std is below 4 from these instants on.
 #[test]
 fn a_step_of_lambda_is_detected_and_followed() {
     const FROM_S: f64 = 0.3;

@@ -212,7 +212,8 @@ impl Rotor {
         out
     }
 
-    /// With the right force constants the rotor tracks its path perfectly. A backward force then cannot be distinguished from them, so its tolerance is 0.
+    /// With the right force constants the rotor tracks its path perfectly. A backward force then cannot be distinguished from them: its
+    /// tolerance is 0.
     pub fn config(&self, method: Method, hold: Hold) -> EstimatorConfig {
         let mut geometry = EstimatorConfig::default().geometry;
         (geometry.shaft.m_kg, geometry.bearings[0].gap_m) = (self.m_kg, self.gap_m);
