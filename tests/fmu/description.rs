@@ -34,17 +34,19 @@ fn no_table_has_a_mistake() {
     }
 }
 
-/// Fails if descriptions are missing, or if a display unit equals the unit.
+/// Fails if descriptions are missing, if a unit or a nominal value is not written, or if a display unit equals the unit.
 #[test]
 fn every_variable_is_described() {
     for entry in fmu::catalogue().iter() {
         let model = entry.info.name;
-        for Variable { name, description, data_type, .. } in entry.variables() {
+        for Variable { name, description, .. } in entry.variables() {
             let is_good = description.len() > 8 && !description.contains(['{', '}']) && !description.ends_with('.');
             assert!(is_good, "{model}.{name}: {description}");
-            if let Type::Real { unit, display, .. } = data_type {
-                assert_ne!(*display, Some(unit.name), "{model}.{name}");
-            }
+        }
+        let document = Document::parse(entry.xml()).expect("well-formed XML");
+        for real in document.descendants().filter(|node| node.has_tag_name("Real")) {
+            let [unit, display_unit, nominal] = ["unit", "displayUnit", "nominal"].map(|name| real.attribute(name));
+            assert!(unit.is_some() && display_unit != unit && nominal.is_some(), "{model}: {:?}", real.parent());
         }
         assert!(entry.variables().len() > 30, "{model}");
     }
