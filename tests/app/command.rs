@@ -54,24 +54,6 @@ fn a_scenario_is_printed_changed_and_run() {
 }
 
 #[test]
-fn a_scenario_that_cannot_be_read_is_refused() {
-    let folder = folder("command/bad");
-    let bad = "title = \"Bad\"\nduration = -1\nstep = 1e-4\n[plant]\nlamda = 1\nY0 = \"1 inch\"\n";
-    write(&folder, "bad.toml", bad);
-    write(&folder, "zero.toml", format!("{SHORT}[all]\nm = 0\n"));
-    let known = ["cannot be read", "paper,", "unbalanced", "turned"];
-    for (scenario, words) in [
-        ("bad.toml", &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"][..]),
-        ("zero.toml", &["[plant, controller, estimator] m = 0 kg"]),
-        ("none.toml", &[&known[..], &["none.toml"]].concat()),
-    ] {
-        refuses(&folder, &["simulate", scenario, "--csv", "out.csv"], words);
-        assert!(!folder.join("out.csv").exists(), "{scenario}: nothing was computed");
-    }
-    refuses(&folder, &["simulate", "--print", "nothing"], &["nothing", "paper,", "unbalanced", "turned"]);
-}
-
-#[test]
 fn a_run_that_ends_early_keeps_what_it_has() {
     let folder = folder("command/early");
     // A load that no current of the controller can balance.
@@ -164,6 +146,9 @@ fn invalid_arguments_exit_with_2() {
     write(&folder, "slow.toml", "title = \"Slow\"\nduration = 0.1\nstep = 50e-6\n\n[all]\nTs = 50e-6\n");
     write(&folder, "bench.toml", format!("{SHORT}[tolerance]\nfoo = 3\n"));
     write(&folder, "design.csv", "plant.pZ [lbf]\n1\n");
+    let bad = "title = \"Bad\"\nduration = -1\nstep = 1e-4\n[plant]\nlamda = 1\nY0 = \"1 inch\"\n";
+    write(&folder, "bad.toml", bad);
+    write(&folder, "zero.toml", format!("{SHORT}[all]\nm = 0\n"));
     for (arguments, words) in [
         ("--nonsense", &["error: ", "--help"][..]),
         ("nonsense", &["error: ", "--help"]),
@@ -218,6 +203,13 @@ fn invalid_arguments_exit_with_2() {
         ("simulate paper --set machine=spindle", &["[--set] machine: it is a key of the file"]),
         ("simulate paper --set Plant.m=7", &["did you mean plant.m?"]),
         ("simulate bench.toml", &["[tolerance]: foo is not a parameter of a bench"]),
+        (
+            "simulate bad.toml --csv out.csv",
+            &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"],
+        ),
+        ("simulate zero.toml --csv out.csv", &["[plant, controller, estimator] m = 0 kg"]),
+        ("simulate none.toml --csv out.csv", &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]),
+        ("simulate --print nothing", &["nothing", "paper,", "unbalanced", "turned"]),
         ("sweep design.csv --scenario nosuch --out rows.csv", &["nosuch:", "expected a file, or one of paper, "]),
         ("sweep design.csv --out rows.csv", &["plant.pZ = 1 lbf is refused: the unit lbf is not one of N"]),
         (
@@ -242,6 +234,7 @@ fn invalid_arguments_exit_with_2() {
     ] {
         refuses(&folder, &self::words(arguments), words);
     }
+    assert!(!folder.join("out.csv").exists(), "nothing was computed");
     // A negative number is a value, not an option.
     for [command, option, value] in [
         ["identify bench.csv", "--position-noise", "-1"],

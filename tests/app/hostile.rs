@@ -37,21 +37,17 @@ fn no_valid_estimate_is_wrong_on_hostile_courses() {
         if course.asked == Requirement::Valid && (valid.is_nan() || valid < LEAST_VALID) {
             misses.push(format!("{}: valid {:.0} % of the time, limit {LEAST_VALID}", course.title(), 100.0 * valid));
         }
+        // Models in which only the loads are random walks retain λ; without them the estimate is valid little more than half of the time.
+        let retains = trials.iter().all(|trial| trial.valid > 0.95 && !trial.is_beyond());
+        if course.name == "load ramp 10 N/s" && !retains {
+            misses.push(format!("{}: {trials:?}", course.title()));
+        }
         let changes = trials.iter().map(|trial| trial.changes).max().unwrap_or(0);
         if changes > MOST_CHANGES {
             misses.push(format!("{}: {changes} changes within a second, limit {MOST_CHANGES}", course.title()));
         }
     }
     assert!(misses.is_empty(), "{}", misses.join("\n"));
-}
-
-/// Models in which only the loads are random walks retain λ. Without these models the estimate is valid little more than half of the time.
-#[test]
-fn a_load_that_changes_does_not_cost_lambda() {
-    let courses: Vec<_> = hostile::courses().into_iter().filter(|course| course.name == "load ramp 10 N/s").collect();
-    let found = hostile::run(&courses, RUNS, FIRST_SEED).expect("good scenarios");
-    assert_eq!(found.len(), 2);
-    assert!(found.iter().flatten().all(|trial| trial.valid > 0.95 && !trial.is_beyond()), "{found:?}");
 }
 
 /// The verdict on a recording of 1 s whose λ are 0.1 % off, with deviations of 0.2 %, and valid from the second sample on, after a

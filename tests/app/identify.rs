@@ -467,21 +467,25 @@ fn question_to(bench: &Bench, samples: &Samples) -> Question {
     question
 }
 
-/// A slow force is included if the likelihood requires it, unless it is excluded (`--set force.slow=0`).
+/// A random-walk force and its level are found if the likelihood requires it, unless it is excluded (`--set force.slow=0`).
 #[test]
-fn a_slow_force_may_be_excluded() {
+fn a_slow_force_is_found_and_may_be_excluded() {
     let bench = Bench { seconds: 2.0, slow_force: 0.1, seed: 51, ..Bench::default() };
     let samples = recorded(&bench);
     let level = |slow_force: Option<bool>| {
         let question = Question { slow_force, ..question_to(&bench, &samples) };
         let answer = identify::answer(std::slice::from_ref(&samples), question);
         let is_reported = answer.findings.iter().any(|finding| finding.contains("A slow force"));
-        let level = answer.found.expect("estimates").conditions[0].parts[0].slow_force_n;
+        let level = answer.found.as_ref().expect("estimates").conditions[0].parts[0].slow_force_n;
         assert_eq!(is_reported, level > 0.0, "{:?}", answer.findings);
-        level
+        (level, answer)
     };
-    assert!(level(None) > 0.0 && level(Some(true)) > 0.0);
-    assert_eq!(level(Some(false)), 0.0);
+    for included in [None, Some(true)] {
+        let (level, answer) = level(included);
+        between("level in N/√s", level, 0.7 * bench.slow_force, 1.4 * bench.slow_force);
+        is_right("a slow force", &answer);
+    }
+    assert_eq!(level(Some(false)).0, 0.0);
 }
 
 /// A parameter that would move λ may only mimic another one, which improves the residuals more.

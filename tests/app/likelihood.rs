@@ -181,24 +181,6 @@ fn an_unknown_current_is_not_used() {
     }
 }
 
-/// A random-walk force and its level are found by likelihood; a recording without one shows none.
-#[test]
-fn a_slow_force_is_found_by_its_likelihood() {
-    const LEVEL: f64 = 0.1;
-    let by_chance = 0.5 * f64::ln(2.0 * 20_001.0);
-    let of = |level: f64, slow_force: bool| {
-        let bench = Bench { seconds: 2.0, slow_force: level, seed: 43, ..Bench::default() };
-        identified(&bench, &Options { slow_force, ..options(&bench) })
-    };
-    let [without, plain, found] = [of(0.0, false), of(LEVEL, false), of(LEVEL, true)];
-    let level = found.conditions[0].parts[0].slow_force_n;
-
-    below("gain without a slow force", without.gain_by_slow_force, by_chance);
-    assert!(plain.gain_by_slow_force > by_chance, "{} with a slow force", plain.gain_by_slow_force);
-    between("level in N/√s", level, 0.7 * LEVEL, 1.4 * LEVEL);
-    is_right("a slow force", &found, &Bench::default());
-}
-
 #[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let bench = Bench { seconds: 6.0, ..Bench::default() };

@@ -353,61 +353,50 @@ fn bench(name: &str, machine: &str, parameters: &str, alpha: &[f64]) -> String {
     format!("{} --machine {machine} --set {set}", foreign(name))
 }
 
-/// The answer for it.
-fn of_bench(name: &str, machine: &str, parameters: &str, alpha: &[f64]) -> Json {
+/// The answer for it has this finding and these λ.
+fn is_found(name: &str, parameters: &str, alpha: &[f64], finding: &str, lambda: &[f64]) -> Json {
+    let machine = if alpha.len() == 3 { "planar" } else { "planar4" };
     let folder = folder(&format!("machines-identified/{name}"));
-    identified(&folder, &words(&bench(name, machine, parameters, alpha)))
+    let document = identified(&folder, &words(&bench(name, machine, parameters, alpha)));
+    assert_contains(&document["findings"].to_string(), &[finding]);
+    finds(&document, lambda);
+    document
 }
 
 /// λ2 grows by 5 % in the middle. Fails if a change is sought only where the search over all rows converges: here it does not.
 #[test]
 fn a_change_that_prevents_convergence_is_found() {
-    let document =
-        of_bench("change", "planar", "m=10.9894680891 s=0.455791368mm", &[1.61792726, 3.65484245, 5.67819631]);
-    assert_contains(&document["findings"].to_string(), &["to 240 ms of recording 1 the force constants differ"]);
-    finds(&document, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
+    let alpha = [1.61792726, 3.65484245, 5.67819631];
+    let finding = "to 240 ms of recording 1 the force constants differ";
+    is_found("change", "m=10.9894680891 s=0.455791368mm", &alpha, finding, &[1.5632e-6, 2.0359e-6, 2.1866e-6]);
 }
 
 /// λ2 falls by 30 % in the middle. Fails if noise of the currents may explain the motion, so that no change is sought; or if the linear test, to which
 /// the change looks like one of the load, decides what has changed.
 #[test]
 fn large_changes_of_lambda_are_named() {
-    for (name, parameters, alpha, lambda) in [
-        (
-            "explained_by_noise",
-            "m=7.95530488 s=0.492967664mm",
-            [-1.872424, 0.136716, 2.409645],
-            [2.3675e-6, 1.6287e-6, 1.9327e-6],
-        ),
-        (
-            "large_change",
-            "m=11.2521642 s=0.593504887mm",
-            [-0.028565, 1.965234, 3.937007],
-            [2.2608e-6, 1.5309e-6, 1.8442e-6],
-        ),
-    ] {
-        let document = of_bench(name, "planar", parameters, &alpha);
-        assert_contains(&document["findings"].to_string(), &["to 300.1 ms of recording 1 the force constants differ"]);
-        finds(&document, &lambda);
-    }
+    let finding = "to 300.1 ms of recording 1 the force constants differ";
+    let (alpha, lambda) = ([-1.872424, 0.136716, 2.409645], [2.3675e-6, 1.6287e-6, 1.9327e-6]);
+    is_found("explained_by_noise", "m=7.95530488 s=0.492967664mm", &alpha, finding, &lambda);
+    let (alpha, lambda) = ([-0.028565, 1.965234, 3.937007], [2.2608e-6, 1.5309e-6, 1.8442e-6]);
+    is_found("large_change", "m=11.2521642 s=0.593504887mm", &alpha, finding, &lambda);
 }
 
 /// λ2 grows by 5 % in the middle, but the force of its magnet is almost constant: the load would explain the change as well, and both are named.
 #[test]
 fn a_change_of_an_almost_constant_force_may_be_one_of_the_load() {
     let alpha = [1.20187037553, 3.4824793876, 5.4183730521];
-    let document = of_bench("constant_force", "planar", "m=3.32065086556 s=0.55746886472mm", &alpha);
     let finding = "From 70.4 ms to 140 ms of recording 1 the load or the force constants differ";
-    assert_contains(&document["findings"].to_string(), &[finding]);
-    finds(&document, &[1.52574e-6, 2.27309e-6, 1.60247e-6]);
+    let lambda = [1.52574e-6, 2.27309e-6, 1.60247e-6];
+    is_found("constant_force", "m=3.32065086556 s=0.55746886472mm", &alpha, finding, &lambda);
 }
 
 /// The phases of a path with a speed of its own drift like those of a wrong speed, by 3.5 %; the likelihood shows that the recorded one is right.
 #[test]
 fn a_path_with_a_speed_of_its_own_is_no_wrong_speed() {
     let alpha = [2.573296626, 4.1238751014, 5.73103091399, 7.27328933851];
-    let document = of_bench("own_speed", "planar4", "m=5.33323860118 s=0.464901523966mm", &alpha);
-    finds(&document, &[2.1051e-6, 2.4758e-6, 2.44164e-6, 2.46885e-6]);
+    let lambda = [2.1051e-6, 2.4758e-6, 2.44164e-6, 2.46885e-6];
+    is_found("own_speed", "m=5.33323860118 s=0.464901523966mm", &alpha, "", &lambda);
 }
 
 /// Stated 0.4 % too fast, and the unbalance is too small to show it: the path may have a speed of its own, but then λ is 5 deviations off.
@@ -424,8 +413,8 @@ fn a_wrong_speed_is_refused_without_a_notable_unbalance() {
 #[test]
 fn the_errors_of_restored_readings_are_found_at_once() {
     let alpha = [0.636004875386, 2.60160433812, 4.66079016647];
-    let document = of_bench("missing_rows", "planar", "m=3.52749259432 s=0.603155985956mm", &alpha);
-    finds(&document, &[1.76881e-6, 2.15912e-6, 2.39914e-6]);
+    let lambda = [1.76881e-6, 2.15912e-6, 2.39914e-6];
+    let document = is_found("missing_rows", "m=3.52749259432 s=0.603155985956mm", &alpha, "", &lambda);
     below("iterations", number(&document["iterations"]), 7.0);
 }
 

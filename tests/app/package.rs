@@ -193,27 +193,6 @@ fn variable<'k>(kind: &'k ModelType, name: &str) -> &'k Variable {
     found.unwrap_or_else(|| panic!("{}.{name} is no variable", kind.info.name))
 }
 
-/// libcosim and ecos ignore enumerations. Fails if the default structure takes its parameters from the paper's scenario.
-#[test]
-fn the_default_system_is_the_same_without_its_enumerations() {
-    for system in systems().map(|name| archive(&name)) {
-        let structure = text(&system, "SystemStructure.ssd");
-        let document = Document::parse(&structure).expect("XML");
-        for node in named(document.root_element(), "Component") {
-            let (_, kind) = component(node);
-            for binding in named(node, "ParameterBinding") {
-                let set = text(&system, binding.attribute("source").expect("a source"));
-                let parameters = Document::parse(&set).expect("XML");
-                for parameter in named(parameters.root_element(), "Parameter") {
-                    let name = parameter.attribute("name").expect("a name");
-                    let is_enumeration = matches!(variable(&kind, name).data_type, Type::Enumeration { .. });
-                    assert!(!is_enumeration, "{name} is an enumeration");
-                }
-            }
-        }
-    }
-}
-
 /// Number of settings of an element in its parameter set: an enumeration at its start value may be omitted.
 fn settings_in_set(part: &Element) -> usize {
     let variables = part.model_type.variables();
@@ -239,7 +218,44 @@ fn has_units<'a>(root: Node<'a, 'a>, file: &str, mut units: impl Iterator<Item =
     assert_eq!(missing, None, "{file}: this unit is not declared");
 }
 
-/// Fails if a connection ends at `i[9]`.
+/// Values of a parameter set by name.
+pub fn parameters(text: &str) -> BTreeMap<String, f64> {
+    let value = |text: &str| match text {
+        "true" => 1.0,
+        "false" => 0.0,
+        number => number.parse().unwrap_or_else(|_| panic!("{number} is no number")),
+    };
+    let of = |node: Node<'_, '_>| {
+        let given = node.first_element_child()?.attribute("value")?;
+        Some((node.attribute("name")?.to_owned(), value(given)))
+    };
+    let document = Document::parse(text).expect("XML");
+    named(document.root_element(), "Parameter").map(|node| of(node).expect("a name and a value")).collect()
+}
+
+/// A parameter set has the settings of an element in the scenario, each once.
+fn has_settings(text: &str, file: &str, part: &Element, scenario: &Scenario, may_choose: bool) {
+    let document = Document::parse(text).unwrap_or_else(|error| panic!("{file}: {error}"));
+    let root = document.root_element();
+    assert_contains(text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
+    are_of(root, file, &["ssv", "ssc"]);
+    has_units(root, file, named(root, "Parameter").filter_map(|node| node.first_element_child()?.attribute("unit")));
+    let values = parameters(text);
+    for node in named(root, "Parameter") {
+        let name = node.attribute("name").expect("a name");
+        let of_table = variable(&part.model_type, name);
+        assert!(of_table.is_settable(), "{file}: {name} can be set");
+        assert!(may_choose || !matches!(of_table.data_type, Type::Enumeration { .. }), "{file}: {name}");
+        let wanted = scenario.value(&part.name, name).expect("a value").as_f64();
+        assert_eq!(values[name].to_bits(), wanted.to_bits(), "{file}: {name}");
+        let unit = node.first_element_child().and_then(|value| value.attribute("unit")).unwrap_or_default();
+        assert_eq!(unit, of_table.unit_name(), "{file}: {name}");
+    }
+    assert_eq!([values.len(), named(root, "Parameter").count()], [settings_in_set(part); 2], "{file}");
+}
+
+/// Fails if a connection ends at `i[9]`, if a value in a parameter set differs, or if the default structure takes its parameters from the
+/// paper's scenario: libcosim and ecos ignore enumerations.
 #[test]
 fn systems_connect_existing_variables_and_name_existing_files() {
     let paper = ("MagneticBearing.ssp".to_owned(), "PaperSimulation.ssd", "paper");
@@ -276,6 +292,9 @@ fn systems_connect_existing_variables_and_name_existing_files() {
             let part = scenario.elements.iter().find(|part| part.name == element).expect("an element");
             let wanted = (settings_in_set(part) > 0).then(|| format!("resources/{set}-{element}.ssv"));
             assert_eq!(bound, wanted.iter().collect::<Vec<_>>(), "{file}: {element}");
+            if let Some(of_set) = wanted {
+                has_settings(&self::text(&system, &of_set), &of_set, part, &scenario, file != "SystemStructure.ssd");
+            }
         }
 
         // Connectors by element and name: kind, type, unit. They match the variables, and there are none at the root.
@@ -314,57 +333,6 @@ fn systems_connect_existing_variables_and_name_existing_files() {
         assert_eq!(found, wanted, "{file}: all connections of the loop, each once");
         let experiment = named(root, "DefaultExperiment").next().expect("a default experiment");
         assert_eq!((experiment.attribute("startTime"), experiment.attribute("stopTime")), (Some("0"), Some("0.4")));
-    }
-}
-
-/// Values of a parameter set by name.
-pub fn parameters(text: &str) -> BTreeMap<String, f64> {
-    let value = |text: &str| match text {
-        "true" => 1.0,
-        "false" => 0.0,
-        number => number.parse().unwrap_or_else(|_| panic!("{number} is no number")),
-    };
-    let of = |node: Node<'_, '_>| {
-        let given = node.first_element_child()?.attribute("value")?;
-        Some((node.attribute("name")?.to_owned(), value(given)))
-    };
-    let document = Document::parse(text).expect("XML");
-    named(document.root_element(), "Parameter").map(|node| of(node).expect("a name and a value")).collect()
-}
-
-/// Fails if a value in a parameter set differs.
-#[test]
-fn parameter_sets_have_the_values_of_the_scenarios() {
-    let system = archive("MagneticBearing.ssp");
-    for name in ["paper", "unbalanced"] {
-        let scenario = open(name, &[]);
-        for part in &scenario.elements[..3] {
-            let file = format!("resources/{name}-{}.ssv", part.name);
-            let settings = settings_in_set(part);
-            assert_eq!(system.contains_key(&file), settings > 0, "{file}");
-            if settings == 0 {
-                continue;
-            }
-            let text = text(&system, &file);
-            let document = Document::parse(&text).unwrap_or_else(|error| panic!("{file}: {error}"));
-            let root = document.root_element();
-            assert_contains(&text, &["<ssv:ParameterSet ", "version=\"1.0\""]);
-            are_of(root, &file, &["ssv", "ssc"]);
-            let units = named(root, "Parameter").filter_map(|node| node.first_element_child()?.attribute("unit"));
-            has_units(root, &file, units);
-            let values = parameters(&text);
-            for node in named(root, "Parameter") {
-                let name = node.attribute("name").expect("a name");
-                let of_table = variable(&part.model_type, name);
-                assert!(of_table.is_settable(), "{file}: {name} can be set");
-                let wanted = scenario.value(&part.name, name).expect("a value").as_f64();
-                assert_eq!(values[name].to_bits(), wanted.to_bits(), "{file}: {name}");
-                let unit = node.first_element_child().and_then(|value| value.attribute("unit")).unwrap_or_default();
-                assert_eq!(unit, of_table.unit_name(), "{file}: {name}");
-            }
-            let found = [values.len(), named(root, "Parameter").count()];
-            assert_eq!(found, [settings; 2], "{file}: every setting of the scenario, once");
-        }
     }
 }
 

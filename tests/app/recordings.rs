@@ -3,7 +3,7 @@
 use crate::prelude::*;
 use std::io::Write;
 
-use magnetic_bearing::studies::identify::{duration_s, rate_s};
+use magnetic_bearing::studies::identify::{Unusable, duration_s, rate_s};
 
 /// A recording of an orbit with uniformly distributed noise of 0.1 µm and 10 mA.
 struct Bench {
@@ -265,6 +265,18 @@ fn table(signals: &[usize], units: [&str; 8], factors: [f64; 8], values: &[[f64;
     head + &values.iter().map(|row| line(&|at| format!("{:e}", row[at] / factors[at]))).collect::<String>()
 }
 
+/// The samples of these signals of the bench after a change of its values; NaN leaves a cell empty.
+fn changed(rows: usize, signals: &[usize], change: impl FnOnce(&mut [[f64; 8]])) -> Result<Samples, Unusable> {
+    let mut values = Bench { rows, ..BENCH }.values();
+    change(&mut values);
+    let text = table(signals, SI, [1.0; 8], &values).replace("NaN", "");
+    Samples::read(text.as_bytes(), &Reading::default())
+}
+
+/// All signals, and those of a recording without the speed.
+const ALL: [usize; 8] = [0, 1, 2, 3, 4, 5, 6, 7];
+const WITHOUT_SPEED: &[usize] = &[0, 1, 2, 3, 4, 5, 6];
+
 /// Every unit by every name, in the header or stated.
 #[test]
 fn units_have_many_names() {
@@ -295,7 +307,7 @@ fn units_have_many_names() {
         let (mut header, mut factors) = (SI, [1.0; 8]);
         (header[at], factors[at]) = (if stated { "kg" } else { unit }, factor);
         let units = if stated { pairs(&[(NAMES[at], unit)]) } else { Vec::new() };
-        let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], header, factors, &values);
+        let text = table(&ALL, header, factors, &values);
         let samples = Samples::read(text.as_bytes(), &Reading { units, ..Reading::default() });
         let samples = samples.unwrap_or_else(|error| panic!("{unit}: {error}"));
         let last = values.len() - 1;
@@ -363,58 +375,40 @@ fn all_errors_of_a_header_are_reported_at_once() {
 
 #[test]
 fn sensors_that_are_not_connected_are_named() {
+    let constant = |at: usize, value: f64| changed(400, &ALL, |rows| rows.iter_mut().for_each(|row| row[at] = value));
     for (at, value, words) in [
         (1, 12e-6, "Ym reads 12 µm throughout, while the currents vary: is the sensor connected?"),
         (2, 0.0, "Zm reads 0 µm throughout"),
         (4, 0.0, "im[2] is 0 throughout, which gives no information about magnet 2"),
     ] {
-        let mut values = Bench { rows: 400, ..BENCH }.values();
-        values.iter_mut().for_each(|row| row[at] = value);
-        let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], SI, [1.0; 8], &values);
-        let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
+        let samples = constant(at, value).expect("a table of numbers");
         assert_contains(&samples.implausible(&[5e-4]).join("\n"), &[words]);
     }
-}
-
-#[test]
-fn an_empty_column_is_named() {
-    let mut values = Bench { rows: 400, ..BENCH }.values();
-    values.iter_mut().for_each(|row| row[3] = f64::NAN);
-    let text = table(&[0, 1, 2, 3, 4, 5, 6, 7], SI, [1.0; 8], &values).replace("NaN", "");
-    let unusable = Samples::read(text.as_bytes(), &Reading::default()).expect_err("an empty column");
+    let unusable = constant(3, f64::NAN).expect_err("an empty column");
     assert_contains(&unusable.0.join("\n"), &["im[1]: the column contains no readings"]);
 }
 
 #[test]
 fn what_a_logger_lost_is_left_out() {
     let good = Bench { rows: 2001, ..BENCH }.values();
-    let read = |change: &dyn Fn(&mut Vec<[f64; 8]>)| {
-        let mut values = good.clone();
-        change(&mut values);
-        let text = table(&[0, 1, 2, 3, 4, 5, 6], SI, [1.0; 8], &values).replace("NaN", "");
-        Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers")
-    };
     let half_turn = good.iter().position(|row| (row[6] - std::f64::consts::PI).abs() < 0.02).expect("a row");
     for (change, words) in [
         // Beyond its ends the angle is not known.
         (
-            &(|rows: &mut Vec<[f64; 8]>| rows[0][6] = f64::NAN) as &dyn Fn(&mut _),
+            &(|rows: &mut [[f64; 8]]| rows[0][6] = f64::NAN) as &dyn Fn(&mut [[f64; 8]]),
             "1 row before the first or after the last",
         ),
-        (
-            &|rows: &mut Vec<[f64; 8]>| rows[1998..].iter_mut().for_each(|row| row[6] = f64::NAN),
-            "3 rows before the first",
-        ),
+        (&|rows| rows[1998..].iter_mut().for_each(|row| row[6] = f64::NAN), "3 rows before the first"),
         // A frame that was lost, with the angle and without.
-        (&|rows: &mut Vec<[f64; 8]>| rows[700][1..].fill(0.0), "positions and currents are 0: line 702"),
-        (&|rows: &mut Vec<[f64; 8]>| rows[700][1..6].fill(0.0), "positions and currents are 0: line 702"),
+        (&|rows| rows[700][1..].fill(0.0), "positions and currents are 0: line 702"),
+        (&|rows| rows[700][1..6].fill(0.0), "positions and currents are 0: line 702"),
         // A glitch of the angle, also to the other side of the shaft.
-        (&|rows: &mut Vec<[f64; 8]>| rows[800][6] = 0.0, "theta: an outlier at 80 ms"),
-        (&|rows: &mut Vec<[f64; 8]>| rows[half_turn][6] = 0.0, "theta: an outlier at"),
+        (&|rows| rows[800][6] = 0.0, "theta: an outlier at 80 ms"),
+        (&|rows| rows[half_turn][6] = 0.0, "theta: an outlier at"),
         // An outlier on a slope.
-        (&|rows: &mut Vec<[f64; 8]>| rows[900][1] += 2e-5, "Ym: an outlier at 90 ms"),
+        (&|rows| rows[900][1] += 2e-5, "Ym: an outlier at 90 ms"),
     ] {
-        let samples = read(change);
+        let samples = changed(good.len(), WITHOUT_SPEED, change).expect("a table of numbers");
         assert_contains(&samples.notes.join("\n"), &[words]);
         let first = (samples.start_s / samples.step_s).round() as usize;
         for (row, theta_rad) in samples.theta_rad.iter().enumerate() {
@@ -430,7 +424,7 @@ fn what_a_logger_lost_is_left_out() {
 fn an_angle_missing_at_the_begin_is_left_out_without_times_too() {
     let mut values = Bench { rows: 401, ..BENCH }.values();
     values[..2].iter_mut().for_each(|row| row[6] = f64::NAN);
-    let text = table(&[1, 2, 3, 4, 5, 6], SI, [1.0; 8], &values).replace("NaN", "");
+    let text = table(&WITHOUT_SPEED[1..], SI, [1.0; 8], &values).replace("NaN", "");
     let reading = Reading { rate_s: Some(1e-4), ..Reading::default() };
     let samples = Samples::read(text.as_bytes(), &reading).expect("a table of numbers");
     assert_contains(&samples.notes.join("\n"), &["2 rows before the first or after the last"]);
@@ -440,14 +434,16 @@ fn an_angle_missing_at_the_begin_is_left_out_without_times_too() {
 
 #[test]
 fn a_recorder_faster_than_the_controller_is_named() {
-    let mut values = Bench { rows: 2001, ..BENCH }.values();
-    for row in 0..values.len() {
-        let held = values[row / 3 * 3];
-        values[row][1..6].copy_from_slice(&held[1..6]);
-    }
-    let text = table(&[0, 1, 2, 3, 4, 5, 6], SI, [1.0; 8], &values);
-    let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
-    assert_contains(&samples.notes.join("\n"), &["repeat the previous row", "--resample 300µs"]);
+    let samples = changed(2001, WITHOUT_SPEED, |rows| {
+        for at in 0..rows.len() {
+            let held = rows[at / 3 * 3];
+            rows[at][1..6].copy_from_slice(&held[1..6]);
+        }
+    });
+    assert_contains(
+        &samples.expect("a table of numbers").notes.join("\n"),
+        &["repeat the previous row", "--resample 300µs"],
+    );
 }
 
 #[test]
@@ -525,15 +521,14 @@ fn every_misread_unit_is_detected() {
 /// A path whose speed is 0.42 of that of the rotor, which is four times as much as in rpm read as rad/s, is no misread speed.
 #[test]
 fn a_path_with_a_speed_of_its_own_is_no_misread_unit() {
-    let mut values = Bench { rows: 6000, ..BENCH }.values();
-    for row in &mut values {
-        let theta = row[6];
-        row[1] = 0.3 * row[1] + 60e-6 * (0.42 * theta).cos();
-        row[2] = 0.3 * row[2] + 60e-6 * (0.42 * theta).sin();
-    }
-    let text = table(&[0, 1, 2, 3, 4, 5, 7], SI, [1.0; 8], &values);
-    let samples = Samples::read(text.as_bytes(), &Reading::default()).expect("a table of numbers");
-    assert_eq!(samples.implausible(&[5e-4]), [""; 0]);
+    let samples = changed(6000, &[0, 1, 2, 3, 4, 5, 7], |rows| {
+        for row in rows {
+            let theta = row[6];
+            row[1] = 0.3 * row[1] + 60e-6 * (0.42 * theta).cos();
+            row[2] = 0.3 * row[2] + 60e-6 * (0.42 * theta).sin();
+        }
+    });
+    assert_eq!(samples.expect("a table of numbers").implausible(&[5e-4]), [""; 0]);
 }
 
 /// Misread units do not hide each other.

@@ -6,9 +6,10 @@
 
 use crate::prelude::*;
 
+use crate::uncertainty::{deviations, outputs_of, truth};
 use magnetic_bearing::estimation::Method;
 use magnetic_bearing::studies::montecarlo::cases::Draw;
-use magnetic_bearing::studies::montecarlo::figures::{CONFIDENT, Worst};
+use magnetic_bearing::studies::montecarlo::figures::CONFIDENT;
 use magnetic_bearing::studies::montecarlo::{SEEDS, cases};
 
 /// The methods by the names of the interface, with their numbers.
@@ -24,31 +25,12 @@ fn environment(name: &str, default: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(default)
 }
 
-/// A description of a worst case.
-fn in_words(worst: &Worst) -> String {
-    let Worst { ratio, time_s, error, std } = worst;
-    format!("{ratio:.1} standard deviations at {time_s:.4} s ({:.2} % by {:.2} %)", 100.0 * error, 100.0 * std)
-}
-
 /// Runs the loop with all methods beside it: greatest |error|/standard deviation of each while it is valid. The true λ is constant.
-fn run(scenario: &Scenario) -> Vec<(&'static str, Worst)> {
-    let wanted = |path: &str| ["lambdaHat", "lambdaStd", ".valid"].iter().any(|name| path.contains(name));
+fn run(scenario: &Scenario) -> Vec<(&'static str, f64)> {
+    let wanted = |path: &str| [".lambda", ".valid", ".verdict"].iter().any(|name| path.contains(name));
     let run = simulate::run_for(scenario, wanted).expect("a good scenario");
-    let truth = scenario.truth();
-    let of_method = |(method, _): (&'static str, i32)| {
-        let valid = column(&run, &format!("{method}.valid"));
-        let [hat, std] =
-            ["lambdaHat", "lambdaStd"].map(|name| [1, 2, 3].map(|k| column(&run, &format!("{method}.{name}[{k}]"))));
-        let mut worst = Worst::default();
-        for (j, k) in (0..valid.len()).filter(|j| valid[*j] == 1.0).flat_map(|j| [(j, 0), (j, 1), (j, 2)]) {
-            let (error, std) = ((hat[k][j] / truth[k] - 1.0).abs(), std[k][j] / truth[k]);
-            if error / std > worst.ratio {
-                worst = Worst { ratio: error / std, time_s: run.recording.time_s[j], error, std };
-            }
-        }
-        (method, worst)
-    };
-    methods().into_iter().map(of_method).collect()
+    let worst = |method: &str| deviations(&outputs_of(&run, method), &truth(scenario))[0];
+    methods().into_iter().map(|(method, _)| (method, worst(method))).collect()
 }
 
 /// All methods beside the loop, whatever the scenario compares.
@@ -81,8 +63,10 @@ fn open(name: &str) -> Scenario {
 fn survey(cases: u64, is_included: fn(&str) -> bool, make: impl Fn(u64) -> (String, Scenario) + Send + Sync) {
     let misses = in_order(cases as usize, &|case| {
         let (group, scenario) = make(case as u64);
-        let wrong = run(&scenario).into_iter().filter(|(method, worst)| is_included(method) && worst.ratio > CONFIDENT);
-        wrong.map(|(method, worst)| format!("{group}, {method}, case {case}: {}", in_words(&worst))).collect::<Vec<_>>()
+        let wrong = run(&scenario).into_iter().filter(|(method, worst)| is_included(method) && *worst > CONFIDENT);
+        wrong
+            .map(|(method, worst)| format!("{group}, {method}, case {case}: {worst:.1} deviations"))
+            .collect::<Vec<_>>()
     });
     assert!(misses.concat().is_empty(), "limit {CONFIDENT}: {}", misses.concat().join("\n"));
 }
@@ -160,9 +144,8 @@ fn drawn_bearings(known: bool, from: usize, over_bound: [f64; 5], valid: [f64; 5
     for row in [&table.head].into_iter().chain(&table.rows) {
         println!("{}", row.join("  "));
     }
-    let wrong = outcome.trials.iter().filter(|trial| trial.worst.ratio > CONFIDENT);
-    let mut misses: Vec<String> =
-        wrong.map(|trial| format!("seed {}: {}, limit {CONFIDENT}", trial.seed, in_words(&trial.worst))).collect();
+    let wrong = outcome.trials.iter().filter(|trial| trial.is_beyond());
+    let mut misses: Vec<String> = wrong.map(|trial| format!("seed {}: {:?}", trial.seed, trial.worst)).collect();
     let of_instants = over_bound.into_iter().zip(valid);
     for (figures, (limit, least)) in outcome.figures.iter().zip(of_instants).skip(from) {
         let at = figures.instant_s;

@@ -1,12 +1,13 @@
 //! The stated standard deviations: over many seeds, in every scenario of a matrix, and when λ changes.
 
 use crate::prelude::*;
+use magnetic_bearing::studies::montecarlo::hostile;
 
 /// While an estimate is valid, its error must stay below this many of its standard deviations.
 const CONFIDENT: f64 = 5.0;
 
-/// Outputs of the estimator at an instant.
-struct Output {
+/// Outputs of an estimator at an instant.
+pub struct Output {
     time_s: f64,
     valid: bool,
     hat: [f64; 3],
@@ -15,15 +16,12 @@ struct Output {
     verdict: f64,
 }
 
-/// Outputs of the estimator in a run up to a time in s, and the messages.
-fn outputs(scenario: &Scenario, end_s: f64) -> (Vec<Output>, Vec<String>) {
-    let mut scenario = scenario.clone();
-    scenario.duration_s = end_s;
-    let wanted = |path: &str| ["estimator.lambda", "estimator.v"].iter().any(|start| path.starts_with(start));
-    let run = simulate::run_for(&scenario, wanted).expect("a good scenario");
-    let [valid, verdict] = ["valid", "verdict"].map(|name| column(&run, &format!("estimator.{name}")));
-    let [hat, std, total] = ["lambdaHat", "lambdaStd", "lambdaStdTotal"]
-        .map(|name| [1, 2, 3].map(|k| column(&run, &format!("estimator.{name}[{k}]"))));
+/// Outputs of an estimator at every sample of a run.
+pub fn outputs_of(run: &Run, estimator: &str) -> Vec<Output> {
+    let signal = |name: &str| column(run, &format!("{estimator}.{name}"));
+    let [valid, verdict] = ["valid", "verdict"].map(signal);
+    let [hat, std, total] =
+        ["lambdaHat", "lambdaStd", "lambdaStdTotal"].map(|name| [1, 2, 3].map(|k| signal(&format!("{name}[{k}]"))));
     let of_row = |row: usize| Output {
         time_s: run.recording.time_s[row],
         valid: valid[row] == 1.0,
@@ -32,10 +30,18 @@ fn outputs(scenario: &Scenario, end_s: f64) -> (Vec<Output>, Vec<String>) {
         total: total.map(|total| total[row]),
         verdict: verdict[row],
     };
-    ((1..run.recording.time_s.len()).map(of_row).collect(), run.messages)
+    (1..run.recording.time_s.len()).map(of_row).collect()
 }
 
-fn truth(scenario: &Scenario) -> [f64; 3] {
+/// Outputs of the estimator in the loop up to a time in s.
+fn outputs(scenario: &Scenario, end_s: f64) -> Vec<Output> {
+    let mut scenario = scenario.clone();
+    scenario.duration_s = end_s;
+    let wanted = |path: &str| ["estimator.lambda", "estimator.v"].iter().any(|start| path.starts_with(start));
+    outputs_of(&simulate::run_for(&scenario, wanted).expect("a good scenario"), "estimator")
+}
+
+pub fn truth(scenario: &Scenario) -> [f64; 3] {
     scenario.truth().try_into().expect("three magnets")
 }
 
@@ -45,7 +51,7 @@ fn largest_error(output: &Output, truth: &[f64; 3]) -> f64 {
 }
 
 /// Greatest |error| of the valid samples in standard deviations due to noise, and in total ones.
-fn deviations<'s>(outputs: impl IntoIterator<Item = &'s Output>, truth: &[f64; 3]) -> [f64; 2] {
+pub fn deviations<'s>(outputs: impl IntoIterator<Item = &'s Output>, truth: &[f64; 3]) -> [f64; 2] {
     outputs.into_iter().filter(|output| output.valid).fold([0.0; 2], |most, Output { hat, std, total, .. }| {
         let largest = |std: &[f64; 3]| (0..3).map(|k| ((hat[k] - truth[k]) / std[k]).abs()).fold(0.0, f64::max);
         [most[0].max(largest(std)), most[1].max(largest(total))]
@@ -91,7 +97,7 @@ fn never_confident_and_wrong() {
     for (method, (noise, known)) in [3, 2].into_iter().flat_map(|method| noises.map(|noise| (method, noise))) {
         for (name, base, settings, wanted) in MATRIX {
             let scenario = scenario_of(base, settings, method, noise, known);
-            let (outputs, _) = outputs(&scenario, 0.3);
+            let outputs = outputs(&scenario, 0.3);
             // A synchronous force along a line is partly a backward force. While the noise level is being estimated it passes for noise;
             // docs/uncertainty.md, "Undetected errors".
             let backward = method == 3 && !known && name.starts_with("the paper's perturbation");
@@ -112,62 +118,17 @@ fn never_confident_and_wrong() {
     assert!(misses.is_empty(), "{}", misses.join("\n"));
 }
 
-/// A step of 10 % in one λ is followed to within 1 % in a quarter of a second (also without noise, which the estimator must then find to be zero), and the
-/// change is noticed meanwhile.
-#[test]
-fn a_step_of_lambda_is_followed() {
-    const STEP_S: f64 = 0.25;
-    const FOLLOWED_S: f64 = 0.25;
-    /// Longest time in which the step cannot be detected yet: half a revolution.
-    const NOTICED_S: f64 = 0.01;
-    for (noise, known) in [([0.0; 2], false), (NOISE, false), (NOISE, true)] {
-        for (magnet, factor) in [(1, 1.1), (2, 1.1), (3, 0.9)] {
-            let what = format!("noise {noise:?}, known {known}, magnet {magnet}");
-            let mut scenario = unbalanced(noise, known);
-            let mut after = truth(&scenario);
-            after[magnet - 1] *= factor;
-            scenario.follow(&[&format!("plant.lambda[{magnet}]")], &[STEP_S], [after[magnet - 1]], true);
-            let (outputs, messages) = outputs(&scenario, STEP_S + FOLLOWED_S + 0.1);
-            let since = |since_s: f64| outputs.iter().filter(move |output| output.time_s > STEP_S + since_s);
-            let noticed_s = since(1e-9).find(|output| !output.valid).map(|output| output.time_s - STEP_S);
-            let worst = since(FOLLOWED_S).map(|output| 100.0 * largest_error(output, &after)).fold(0.0, f64::max);
-            let [ratio, _] = deviations(since(NOTICED_S), &after);
-            assert!(worst < 1.0, "{what}: {worst:.3} % after {FOLLOWED_S} s, limit 1 %");
-            let is_noticed = noticed_s.is_some_and(|noticed_s| noticed_s < NOTICED_S);
-            assert!(is_noticed, "{what}: noticed after {noticed_s:?} s, limit {NOTICED_S}");
-            assert!(ratio < CONFIDENT, "{what}: {ratio:.1} standard deviations once the step can be known");
-            assert!(messages.iter().any(|line| line.contains("contradict")), "{what}: {messages:?}");
-        }
-    }
-}
-
 /// A run-up by 500 rpm per second, with a constant window of 20 ms.
 #[test]
 fn speed_may_change() {
     let mut scenario = unbalanced([0.0; 2], false);
     let speeds = [1.0, 7.0 / 6.0].map(|ratio| 100.0 * std::f64::consts::PI * ratio);
     scenario.follow(&["plant.omega", "controller.reference.omega"], &[0.0, 1.0], speeds, false);
-    let (mut late, _) = outputs(&scenario, 1.0);
+    let mut late = outputs(&scenario, 1.0);
     late.retain(|output| output.time_s > 0.1);
     assert!(late.iter().all(|output| output.valid));
     let worst = late.iter().map(|output| largest_error(output, &truth(&scenario))).fold(0.0, f64::max);
     assert!(worst < 5e-4, "{:.4} %, limit 0.05 %", 100.0 * worst);
-}
-
-/// At 1 µm the closed loop transmits position noise to the currents. Part of the effect is corrected; the standard deviation covers the remainder.
-#[test]
-fn noise_transmitted_by_the_loop_is_covered() {
-    const RUNS: usize = 200;
-    let study = montecarlo::study("", &open("unbalanced", &[]), [10.0 * NOISE[0], NOISE[1]], true, RUNS);
-    let [_, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
-    // A backward force that cannot be excluded leaves some runs too uncertain.
-    assert!(late.valid >= RUNS * 19 / 20, "{}", late.valid);
-    for k in 0..3 {
-        let normalised = late.normalised[k];
-        assert!((0.8..=1.25).contains(&normalised), "lambda[{}]: error/std {normalised:.2}", k + 1);
-        assert!(late.bias[k].abs() < late.rms[k] / 3.0, "bias {:?}, rms {:?}", late.bias, late.rms);
-    }
-    assert!(late.worst < CONFIDENT, "{:.1} standard deviations", late.worst);
 }
 
 /// The paper's method is valid on the paper's simulation, and not where an unbalance makes it wrong by half.
@@ -179,31 +140,40 @@ fn the_papers_method_is_not_valid_with_an_unbalance() {
     }
 }
 
-/// Limits of the rms error at 35 and 100 ms, in per cent; that of λ3 is what the measured currents allow.
+/// Limits of the rms error at 35 and 100 ms, in per cent; that of λ3 is what the measured currents allow. At 1 µm the closed loop transmits
+/// position noise to the currents. Part of the effect is corrected; the standard deviation covers the remainder.
 #[test]
 fn errors_over_many_seeds() {
-    const RUNS: usize = 60;
     /// rms error over the Cramér–Rao bound.
     const OVER_BOUND: f64 = 1.3;
     /// Greatest rms error in per cent at 35 ms; at 100 ms the bound itself is 0.10, 0.22, 0.27 %.
     const AT_35_MS: f64 = 0.6;
     const AT_100_MS: [f64; 3] = [0.25, 0.25, 0.32];
-    // Unknown noise is not yet estimated at 35 ms, and its estimate is 15 % too large at 100 ms.
-    for (known, least_normalised) in [(true, 0.8), (false, 0.65)] {
-        let study = montecarlo::study("", &open("unbalanced", &[]), NOISE, known, RUNS);
+    // Unknown noise is not yet estimated at 35 ms, and its estimate is 15 % too large at 100 ms. At 1 µm a backward force that cannot be
+    // excluded leaves some runs too uncertain.
+    for (factor, known, runs, least_valid, least_normalised) in
+        [(1.0, true, 60, 60, 0.8), (1.0, false, 60, 60, 0.65), (10.0, true, 200, 190, 0.8)]
+    {
+        let noise = [factor * NOISE[0], NOISE[1]];
+        let study = montecarlo::study("", &open("unbalanced", &[]), noise, known, runs);
         let [early, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");
-        assert_eq!(late.valid, RUNS);
+        assert!(late.valid >= least_valid, "{factor} times 0.1 µm, known {known}: {} valid", late.valid);
+        below("worst error in standard deviations", late.worst, CONFIDENT);
         for (k, limit) in AT_100_MS.into_iter().enumerate() {
-            let what = format!("known {known}, lambda[{}]", k + 1);
+            let what = format!("{factor} times 0.1 µm, known {known}, lambda[{}]", k + 1);
+            between(&format!("{what}, error/std"), late.normalised[k], least_normalised, 1.25);
+            if factor > 1.0 {
+                below(&format!("{what}, bias"), late.bias[k].abs(), late.rms[k] / 3.0);
+                continue;
+            }
             assert!(!known || 100.0 * early.rms[k] < AT_35_MS, "{what} at 35 ms: {:.3} %", 100.0 * early.rms[k]);
             below(&format!("{what} at 100 ms, %"), 100.0 * late.rms[k], limit);
             below(&format!("{what}, rms error over bound"), late.rms[k] / late.bound[k], OVER_BOUND);
-            between(&format!("{what}, error/std"), late.normalised[k], least_normalised, 1.25);
             // A third of the error, and three standard errors of the mean of this many runs.
-            let limit = late.rms[k] / 3.0 + 3.0 * late.rms[k] / (RUNS as f64).sqrt();
+            let limit = late.rms[k] / 3.0 + 3.0 * late.rms[k] / (runs as f64).sqrt();
             below(&format!("{what}, bias"), late.bias[k].abs(), limit);
         }
-        assert!(late.unbalance[0] < 0.01 && late.unbalance[1] < 0.02, "unbalance {:?}", late.unbalance);
+        assert!(factor > 1.0 || (late.unbalance[0] < 0.01 && late.unbalance[1] < 0.02), "{:?}", late.unbalance);
     }
 }
 
@@ -221,7 +191,7 @@ fn blows_are_forgotten() {
         let time_s: Vec<f64> = (0..=6000).map(|step| f64::from(step) * scenario.step_s).collect();
         let load_n = time_s.iter().map(|time_s| 10.0 + amplitude_n * force(time_s)).collect::<Vec<f64>>();
         scenario.follow(&["plant.pY"], &time_s, load_n, true);
-        let (outputs, _) = outputs(&scenario, 0.6);
+        let outputs = outputs(&scenario, 0.6);
         let since = outputs.iter().rev().take_while(|output| output.valid).last();
         back_s.push(since.map_or(f64::INFINITY, |output| output.time_s - 0.2));
         let [worst, _] = deviations(outputs.iter().filter(|output| output.time_s > 0.16), &truth(&scenario));
@@ -245,12 +215,10 @@ fn valid_does_not_chatter() {
         let time_s: Vec<f64> =
             blows.flat_map(|blow| [0.0, 0.01].map(|more_s| f64::from(blow) * every_s + more_s)).collect();
         scenario.follow(&["plant.pY"], &time_s, [40.0, 10.0].repeat(time_s.len() / 2), true);
-        let (outputs, _) = outputs(&scenario, time_s[time_s.len() - 1]);
-        let changes = outputs.windows(2).filter(|pair| pair[0].valid != pair[1].valid);
-        let changes: Vec<f64> = changes.map(|pair| pair[1].time_s).collect();
-        let within = |from_s: f64| changes.iter().filter(|at_s| (from_s..from_s + 1.0).contains(*at_s)).count();
-        let most = changes.iter().map(|from_s| within(*from_s)).max().unwrap_or(0);
-        assert!((4..=5).contains(&most), "a blow every {every_s} s: {most} changes within a second, {changes:?}");
+        scenario.duration_s = time_s[time_s.len() - 1];
+        let recording = run_to_end(&scenario).recording;
+        let most = hostile::judge(&scenario, &recording, false).expect("all signals are there").changes;
+        assert!((4..=5).contains(&most), "a blow every {every_s} s: {most} changes within a second");
     }
 }
 
@@ -261,7 +229,7 @@ fn a_long_run_stays_valid() {
     for (seed, end_s, known) in [(1, 24.0, false), (90_003, 12.0, false), (90_004, 12.0, false), (8001, 10.0, true)] {
         let mut scenario = unbalanced(NOISE, known);
         scenario.set("plant", "sensor.seed", seed);
-        let (outputs, _) = outputs(&scenario, end_s);
+        let outputs = outputs(&scenario, end_s);
         let [_, worst] = deviations(&outputs, &truth(&scenario));
         assert!(worst < CONFIDENT, "seed {seed}: {worst:.1} standard deviations");
         let refused = outputs.iter().filter(|output| output.time_s > 0.2 && !output.valid).count();
@@ -287,7 +255,7 @@ fn a_force_that_beats_with_the_motion_is_covered() {
     for (seed, known) in [(97_001, true), (97_002, true), (97_001, false), (97_002, false)] {
         let mut scenario = montecarlo::study("", &open("unbalanced", &settings), NOISE, known, 1).scenario;
         scenario.set("plant", "sensor.seed", seed);
-        let (mut outputs, _) = outputs(&scenario, 1.5);
+        let mut outputs = outputs(&scenario, 1.5);
         outputs.retain(|output| output.time_s > 0.5);
         let [_, worst] = deviations(&outputs, &truth(&scenario));
         let valid = outputs.iter().filter(|output| output.valid).count();
@@ -302,7 +270,7 @@ fn every_other_sample_may_be_repeated() {
     let mut scenario = unbalanced(NOISE, false);
     scenario.step_s = 5e-5;
     scenario.set("estimator", "Ts", 5e-5);
-    let (outputs, _) = outputs(&scenario, 0.6);
+    let outputs = outputs(&scenario, 0.6);
     let [worst, _] = deviations(&outputs, &truth(&scenario));
     assert!(worst < CONFIDENT, "{worst:.1} standard deviations");
     let collecting = 2.0;

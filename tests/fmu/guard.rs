@@ -12,9 +12,6 @@ use crate::state::{bytes, restore};
 use crate::support::ffi::{Message, guid, text};
 use crate::support::sequence::{self, STATES, Subject, in_state, state_of};
 
-const PLANT: &str = "MagneticBearing";
-const CONTROLLER: &str = "FlatnessController";
-
 /// The plant, for the sequence of calls.
 const SUBJECT: Subject = Subject { model: PLANT, real: "omega", refused: ("m", -1.0), step_s: TS };
 

@@ -59,8 +59,8 @@ fn outputs_depend_at_the_start_only_on_declared_inputs() {
     }
 }
 
-/// Every parameter below its declared limit, or far below 0, and at the limit. Fails if a limit is declared but not enforced, enforced
-/// but not declared, or if another parameter is named.
+/// Every parameter below its declared limit, or far below 0, at the limit, and not finite. Fails if a limit is declared but not enforced,
+/// enforced but not declared, if a parameter accepts a non-finite value, or if another parameter is named.
 #[test]
 fn enforced_limits_are_declared() {
     for model in MODELS {
@@ -91,6 +91,12 @@ fn enforced_limits_are_declared() {
                 assert!(below.iter().all(|finding| finding.name == variable.name), "{what}");
                 let beyond = ["a value above", "time of at least"].iter().any(|words| wanted.contains(words));
                 assert_eq!(limit(&findings(lowest)).is_some(), beyond, "{what}; at the limit");
+            }
+            let is_real = matches!(variable.data_type, Type::Real { .. });
+            for value in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY].into_iter().filter(|_| is_real) {
+                let found = findings(value);
+                let is_named = |found: &Invalid| found.to_string().starts_with(&format!("{} = {value}", variable.name));
+                assert!(found.iter().any(is_named), "{model}: {found:?}");
             }
         }
     }

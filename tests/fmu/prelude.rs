@@ -13,3 +13,8 @@ pub use sha2::{Digest, Sha256};
 
 /// The sample time, s.
 pub const TS: f64 = 1e-4;
+
+/// The models of the planar rotor.
+pub const PLANT: &str = "MagneticBearing";
+pub const CONTROLLER: &str = "FlatnessController";
+pub const ESTIMATOR: &str = "AlgebraicEstimator";

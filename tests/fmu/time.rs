@@ -2,10 +2,6 @@
 
 use crate::prelude::*;
 
-const CONTROLLER: &str = "FlatnessController";
-const ESTIMATOR: &str = "AlgebraicEstimator";
-const PLANT: &str = "MagneticBearing";
-
 /// The input of a sampled FMU at a sample.
 fn wave(sample: i64) -> f64 {
     3e-5 * (sample as f64 * 0.3).sin()
@@ -93,7 +89,7 @@ fn stop_time_is_enforced_with_a_tolerance() {
     }
 }
 
-/// Fails if the start of a step is not checked, or compared exactly.
+/// Fails if the start of a step is not checked, or compared exactly, or if steps of any length are accepted.
 #[test]
 fn a_step_begins_where_the_last_one_ended() {
     for (start, model) in [(0.0, PLANT), (0.0, ESTIMATOR), (100.0, PLANT), (-3.0, CONTROLLER)] {
@@ -111,8 +107,9 @@ fn a_step_begins_where_the_last_one_ended() {
         assert_eq!(fmu.all_bits(), before, "refused steps leave no trace");
         fmu.step(start + 1e-3 + 1e-13, 1e-3).ok(&fmu);
         fmu.step(start + 2e-3 - 1e-13, 1e-3).ok(&fmu);
-        let text = fmu.step(start + 3e-3, f64::MAX).error(&fmu);
-        assert!(text.contains("communicationStepSize") || text.contains("currentCommunicationPoint"), "{text}");
+        // With a sample time of 0.1 ms this step would take hours.
+        let text = fmu.step(start + 3e-3, 1e9).error(&fmu);
+        assert_contains(&text, &["communicationStepSize = 1000000000 is refused"]);
         fmu.step(start + 3e-3, 1e-3).ok(&fmu);
     }
 }
@@ -134,17 +131,6 @@ fn a_controller_acts_one_sample_later_whatever_the_steps() {
     assert_eq!(halves.all_bits(), whole.all_bits(), "one sample each");
     whole.step(TS, TS).ok(&whole);
     assert_ne!(halves.all_bits(), whole.all_bits(), "the second sample shows");
-}
-
-/// Fails if steps of any length are accepted: with a sample time of 0.1 ms this one would take hours.
-#[test]
-fn an_excessively_long_step_is_refused() {
-    for model in [PLANT, CONTROLLER, ESTIMATOR] {
-        let fmu = Fmu::started(model, &[]);
-        let text = fmu.step(0.0, 1e9).error(&fmu);
-        assert!(text.contains("communicationStepSize = 1000000000 is refused"), "{text}");
-        fmu.step(0.0, 1e-3).ok(&fmu);
-    }
 }
 
 /// Parameters such as the time of an update refer to simulation time.

@@ -191,29 +191,43 @@ fn continuous_currents_leave_no_bias() {
     }
 }
 
-/// Detected within two revolutions, error/std below 4 from then on.
+/// A step of 5 % is noticed within two revolutions. One of 10 % is noticed within half a revolution and followed to within 1 % in a quarter
+/// of a second, also without noise, which the estimator must then find to be zero. Error/std is below 4 from these instants on.
 #[test]
-fn a_step_of_lambda_is_detected() {
+fn a_step_of_lambda_is_detected_and_followed() {
     const FROM_S: f64 = 0.3;
     const FOUND: usize = 3400;
     const AFTERWARDS: f64 = 4.0;
-    for noise in [NOISE, (0.0, 0.0)] {
-        let mut all_valid = 0;
-        for seed in 1..=20 {
-            let what = format!("known {noise:?}, seed {seed}");
+    for (noise, stated, seeds) in
+        [(NOISE, NOISE, 1..=23), (NOISE, (0.0, 0.0), 1..=23), ((0.0, 0.0), (0.0, 0.0), 21..=23)]
+    {
+        let (mut all_valid, runs) = (0, seeds.clone().count());
+        for seed in seeds {
+            let what = format!("noise {noise:?}, known {stated:?}, seed {seed}");
+            let (size, noticed) = if seed > 20 { (0.1, 3100) } else { (0.05, FOUND) };
             let mut changed = Rotor::default().lambda;
-            changed[seed as usize % 3] *= if seed % 2 == 0 { 1.05 } else { 0.95 };
-            let rotor = Rotor { change: Some((FROM_S, changed)), ..noisy(7000 + 13 * seed, 6001) };
-            let outputs = rotor.identify(with_noise(config(&rotor), noise));
+            changed[seed as usize % 3] *= if seed % 2 == 0 { 1.0 + size } else { 1.0 - size };
+            let rotor = Rotor { change: Some((FROM_S, changed)), noise, ..noisy(7000 + 13 * seed, 6001) };
+            let outputs = rotor.identify(with_noise(config(&rotor), stated));
             let found = outputs[3000..].iter().position(|output| !output.valid).map(|n| 3000 + n);
-            assert!(found.is_some_and(|at| at <= FOUND), "{what}: found at {found:?}");
-            let (worst, at, valid) = confidence(&rotor, &outputs, FOUND);
+            assert!(found.is_some_and(|at| at <= noticed), "{what}: found at {found:?}");
+            let (worst, at, valid) = confidence(&rotor, &outputs, noticed);
             assert!(worst < AFTERWARDS, "{what}: {worst:.2} standard deviations at sample {at}");
             all_valid += valid;
+            if size == 0.1 {
+                assert!(outputs[3000..].iter().any(|output| output.verdict == Verdict::Changed), "{what}");
+                for (hat, truth) in outputs[5500..].iter().flat_map(|output| output.lambda_hat.into_iter().zip(changed))
+                {
+                    below(&format!("{what}: error after a quarter of a second"), (hat / truth - 1.0).abs(), 0.01);
+                }
+            }
         }
         // Where a shorter memory absorbed the change, it must expire first, which takes a quarter of a second with some seeds.
-        let mean = all_valid / 20;
-        assert!(mean >= 1200, "known {noise:?}: valid in {mean} of 2600 samples after it, in the mean");
+        let mean = all_valid / runs;
+        assert!(
+            mean >= 1200,
+            "noise {noise:?}, known {stated:?}: valid in {mean} of 2600 samples after it, in the mean"
+        );
     }
 }
 
@@ -286,21 +300,6 @@ fn noise_is_estimated_or_the_estimate_refused() {
             let found = last.position_noise_m[0] / noise.0;
             let (low, high) = if in_range { (0.8, 1.25) } else { (0.0, f64::INFINITY) };
             between(&format!("{noise:?}, seed {seed}: noise found over true"), found, low, high);
-        }
-    }
-}
-
-/// The model has no force of 2 N that turns against the rotor. It shows in the harmonics of the motion, which a controller
-/// with wrong λ causes; on a perfectly tracked ellipse, scaling all λ, load and unbalance explains it equally well.
-#[test]
-fn a_backward_force_is_never_valid_and_wrong() {
-    for noise in [NOISE, (0.0, 0.0)] {
-        for seed in 1..=3 {
-            let rotor = Rotor { backward_n: 2.0, lambda_controller: [4e-6; 3], ..noisy(40 + seed, 10_001) };
-            let outputs = rotor.identify(with_noise(config(&rotor), noise));
-            // The tests must detect it within a second.
-            let (worst, ..) = confidence(&rotor, &outputs, 10_000);
-            assert!(worst < CONFIDENT, "known {noise:?}, seed {seed}: {worst:.1} standard deviations after 1 s");
         }
     }
 }

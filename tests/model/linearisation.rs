@@ -94,38 +94,18 @@ fn agree(what: &str, got: &[Vec<f64>], wanted: &[Vec<f64>], tolerance: f64, floo
     }
 }
 
-/// Fails if series arithmetic differs in an operation or a branch from that of numbers.
+/// Fails if series arithmetic differs in an operation or a branch from that of numbers, or if any derivative is missing, for instance
+/// that of the sine of `alpha`.
 #[test]
-fn the_values_are_those_of_the_plant() {
-    fn holds<const N: usize, const K: usize, const B: usize>() {
-        let mut numbers = Random::new(1);
-        for config in all_configs::<N, K, B>() {
-            let plant = Plant::new(config).expect("a plant");
-            for round in 0..40 {
-                let (mut state, input) = random_point(&plant, &mut numbers, round % 4 == 0);
-                state.open[1] = round % 8 == 1;
-                let point = Point::of(&plant, &state, &input, 0.3);
-                let got = point.with(&point, |value, _: f64| Taylor::<1>::constant(value)).outputs().0;
-                let wanted = plant.outputs(&state, &input, 0.3);
-                assert_eq!(of_order(&got, 0), values(wanted));
-            }
-        }
-    }
-    holds::<2, 3, 1>();
-    holds::<1, 2, 1>();
-    holds::<5, 8, 3>();
-}
-
-/// Fails if any derivative is missing, for instance that of the sine of `alpha`.
-#[test]
-fn directional_derivatives_are_limits_of_difference_quotients() {
+fn values_are_those_of_the_plant_and_directional_derivatives_limits_of_difference_quotients() {
     fn holds<const N: usize, const K: usize, const B: usize>() {
         // With this seed no difference crosses the limit of an amplifier.
         let mut numbers = Random::new(5);
         for config in all_configs::<N, K, B>() {
             let plant = Plant::new(config).expect("a plant");
             for round in 0..40 {
-                let (state, input) = random_point(&plant, &mut numbers, round % 4 == 0);
+                let (mut state, input) = random_point(&plant, &mut numbers, round % 4 == 0);
+                state.open[1] = round % 8 == 1;
                 let point = Point::of(&plant, &state, &input, 0.3);
                 // A direction relative to the size of each number.
                 let direction = point.with(&point, |value: f64, _: f64| 0.3 * value);
@@ -135,9 +115,10 @@ fn directional_derivatives_are_limits_of_difference_quotients() {
                     at.set((at.get() + 1) % weights.len());
                     value * weights[at.get()]
                 });
+                let constant = point.with(&point, |value, _: f64| Taylor::<1>::constant(value));
+                assert_eq!(of_order(&constant.outputs().0, 0), values(plant.outputs(&state, &input, 0.3)));
                 let got = of_order(&point.along::<2>(&direction).outputs().0, 1);
-                let shifted =
-                    |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
+                let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
                 let quotient = combined(&sides, |[a, b, c, d]| (a - 8.0 * b + 8.0 * c - d) / (12.0 * h));

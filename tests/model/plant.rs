@@ -207,12 +207,8 @@ fn samples_are_identical_however_time_is_counted() {
         let plain = samples_of(config.clone(), start_s, (0..number).map(|k| (instant(k), STEP_S)));
         assert_eq!(plain.len(), number as usize + 1);
 
-        let mut now = start_s;
-        let mut sums = Vec::new();
-        for _ in 0..number {
-            sums.push((now, STEP_S));
-            now += STEP_S;
-        }
+        let sums = std::iter::successors(Some(start_s), |now| Some(now + STEP_S)).map(|now| (now, STEP_S));
+        let sums = sums.take(number as usize).collect();
         let differences = (0..number).map(|k| (instant(k), instant(k + 1) - instant(k))).collect();
         // In the last bits of time and length.
         let jitter = |k: i32| if k == 0 { 0.0 } else { f64::from(k * 7919 % 13 - 6) * 1e-17 };

@@ -33,11 +33,6 @@ fn open(machine: &str, changes: &[(&str, &str)]) -> Scenario {
     Scenario::open_with(Path::new(built_in), &all).unwrap_or_else(|error| panic!("{error}"))
 }
 
-fn lambda(scenario: &Scenario, element: &str, name: &str) -> Vec<f64> {
-    let of = |name: &String| scenario.value(element, name).expect("λ").as_f64();
-    scenario.machine.of_magnets(name).iter().map(of).collect()
-}
-
 /// S at a frequency in rad/s from a sine added to a reading, over the second half of the run, after transients.
 fn injected(scenario: &Scenario, reading: usize, omega_rad_s: f64) -> Complex<f64> {
     /// 4·10⁻⁵ of the gap, with nonlinear effects of that order; ten times the amplitude saturates the amplifiers at 2 kHz.
@@ -74,12 +69,13 @@ fn a_sine_in_time_confirms_the_response() {
         ("axial", &[], &[0]),
     ];
     for (machine, drive, readings) in cases {
-        for from in [("controller", "lambda0"), ("plant", "lambda")] {
-            let scenario = open(machine, drive);
-            let lambda = lambda(&scenario, from.0, from.1);
+        let scenario = open(machine, drive);
+        let names = scenario.machine.of_magnets("lambda0");
+        let guess: Vec<f64> = names.iter().map(|name| scenario.number("controller", name)).collect();
+        for (from, lambda) in [("guess", guess), ("truth", scenario.truth())] {
             let found = Sensitivity::new(&scenario, &lambda).unwrap_or_else(|error| panic!("{machine}: {error}"));
             let mut used = scenario.clone();
-            for (name, lambda) in scenario.machine.of_magnets("lambda0").iter().zip(&lambda) {
+            for (name, lambda) in names.iter().zip(&lambda) {
                 used.set("controller", name, *lambda);
             }
             for reading in readings {
@@ -87,7 +83,7 @@ fn a_sine_in_time_confirms_the_response() {
                     // Whole periods in half of the run.
                     let omega = TAU * f64::from(periods) / (0.5 * scenario.duration_s);
                     let difference = (injected(&used, *reading, omega) - found.at(*reading, omega)).modulus();
-                    assert!(difference < DIFFERENCE, "{machine} {drive:?} {from:?}: {difference:e} at {omega} rad/s");
+                    assert!(difference < DIFFERENCE, "{machine} {drive:?} {from}: {difference:e} at {omega} rad/s");
                 }
             }
         }
@@ -101,13 +97,12 @@ fn the_mean_of_the_logarithm_is_that_of_the_unstable_pole() {
     const FREQUENCIES: usize = 4000;
     for load in [-30.0, 60.0] {
         let scenario = open("axial", &[("pX", &load.to_string())]);
-        let value = |element: &str, name: &str| scenario.value(element, name).expect(name).as_f64();
-        let found = Sensitivity::new(&scenario, &lambda(&scenario, "plant", "lambda")).expect("settled");
+        let found = Sensitivity::new(&scenario, &scenario.truth()).expect("settled");
         let omega = |n: usize| PI / scenario.step_s * (n as f64 + 0.5) / FREQUENCIES as f64;
         let mean = (0..FREQUENCIES).map(|n| found.at(0, omega(n)).modulus().ln()).sum::<f64>() / FREQUENCIES as f64;
-        let least = value("controller", "F0");
-        let stiffness = 2.0 * (2.0 * least + f64::abs(load)) / value("plant", "s");
-        let pole = (stiffness / value("plant", "m")).sqrt() * scenario.step_s;
+        let least = scenario.number("controller", "F0");
+        let stiffness = 2.0 * (2.0 * least + f64::abs(load)) / scenario.number("plant", "s");
+        let pole = (stiffness / scenario.number("plant", "m")).sqrt() * scenario.step_s;
         // The logarithm diverges at frequency 0; the sum over these frequencies is accurate to 1 %.
         assert!((mean / pole - 1.0).abs() < 0.02, "load {load} N: {mean} for {pole}");
     }
@@ -117,7 +112,7 @@ fn the_mean_of_the_logarithm_is_that_of_the_unstable_pole() {
 fn slow_errors_are_followed_and_fast_ones_pass() {
     for drive in [&[][..], &[("drive", "voltage"), ("hold", "linear")]] {
         let scenario = open("planar", drive);
-        let found = Sensitivity::new(&scenario, &lambda(&scenario, "plant", "lambda")).expect("settled");
+        let found = Sensitivity::new(&scenario, &scenario.truth()).expect("settled");
         // The perturbation observer integrates: the rotor follows a constant sensor error, and the reading does not
         // move. With one integrator |S| at 1 rad/s is at most of the order of 1 rad/s over the
         // tracking poles, 1000 rad/s; measured 5e-5.
@@ -133,7 +128,7 @@ fn every_sensor_of_every_machine_has_a_peak_and_a_zone() {
     for machine in &MACHINES {
         let built_in = if machine.name == "planar" { "unbalanced" } else { machine.name };
         let scenario = Scenario::open(Path::new(built_in)).expect("a scenario that comes with the program");
-        let found = Sensitivity::new(&scenario, &lambda(&scenario, "plant", "lambda")).expect("settled");
+        let found = Sensitivity::new(&scenario, &scenario.truth()).expect("settled");
         let (table, missing) = table(&scenario);
         assert!(missing.is_empty(), "{}: {missing:?}", machine.name);
         assert_eq!(table.rows.len(), machine.readings.len());

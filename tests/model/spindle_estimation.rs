@@ -15,18 +15,6 @@ fn config(shaft: &FiveAxes, noise_known: bool) -> Config {
     config
 }
 
-fn inputs(shaft: &FiveAxes) -> Vec<Input> {
-    let input = |sample: &crate::five_axes::Sample| Input {
-        position_m: sample.reading_m,
-        current_a: sample.current_a,
-        theta_rad: sample.theta_rad,
-        omega_rad_s: shaft.omega(),
-        enable: true,
-        ..Default::default()
-    };
-    shaft.run().iter().map(input).collect()
-}
-
 fn run(config: Config, inputs: &[Input]) -> (Vec<EstimatorOutputOf<5, 8, 2>>, State) {
     let estimator = SpindleEstimator::new(config).expect("a good configuration");
     let mut state = estimator.start();
@@ -34,10 +22,9 @@ fn run(config: Config, inputs: &[Input]) -> (Vec<EstimatorOutputOf<5, 8, 2>>, St
     (outputs, state)
 }
 
-/// RMS over the seeds: error of each λ in per cent, error/bound and error/std of all λ, error of the unbalance in per cent and rad.
+/// RMS over seeds and λ: error in per cent, and error/std; error of the unbalance in per cent and rad.
 struct Figures {
-    percent: [f64; 8],
-    bound: f64,
+    percent: f64,
     std: f64,
     unbalance: [f64; 2],
     valid: usize,
@@ -46,11 +33,10 @@ struct Figures {
 /// At the last sample, from first guesses wrong by a factor of two; asserts that no valid sample is off by five standard deviations.
 fn study(seeds: std::ops::Range<u64>, noise_known: bool, change: impl Fn(FiveAxes) -> FiveAxes) -> Figures {
     let count = (seeds.end - seeds.start) as f64;
-    let mut sum = Figures { percent: [0.0; 8], bound: 0.0, std: 0.0, unbalance: [0.0; 2], valid: 0 };
+    let mut sum = Figures { percent: 0.0, std: 0.0, unbalance: [0.0; 2], valid: 0 };
     for seed in seeds {
         let shaft = change(FiveAxes::guessing(seed));
-        let (outputs, _) = run(config(&shaft, noise_known), &inputs(&shaft));
-        let bound = shaft.bound(&shaft.run());
+        let (outputs, _) = run(config(&shaft, noise_known), &shaft.run());
         for (at, output) in outputs.iter().enumerate().filter(|(_, output)| output.valid) {
             for k in 0..8 {
                 let ratio = (output.lambda_hat[k] - shaft.lambda[k]).abs() / output.lambda_std[k];
@@ -59,10 +45,9 @@ fn study(seeds: std::ops::Range<u64>, noise_known: bool, change: impl Fn(FiveAxe
         }
         let last = outputs.last().expect("samples");
         sum.valid += usize::from(last.valid);
-        for (k, bound) in bound.into_iter().enumerate() {
+        for k in 0..8 {
             let error = last.lambda_hat[k] - shaft.lambda[k];
-            sum.percent[k] += (100.0 * error / shaft.lambda[k]).powi(2) / count;
-            sum.bound += (error / bound).powi(2) / (8.0 * count);
+            sum.percent += (100.0 * error / shaft.lambda[k]).powi(2) / (8.0 * count);
             sum.std += (error / last.lambda_std[k]).powi(2) / (8.0 * count);
         }
         for (plane, (u, phi)) in shaft.unbalance.into_iter().enumerate() {
@@ -71,29 +56,24 @@ fn study(seeds: std::ops::Range<u64>, noise_known: bool, change: impl Fn(FiveAxe
             sum.unbalance[1] += (off - TAU * (off / TAU).round()).powi(2) / (2.0 * count);
         }
     }
-    Figures {
-        percent: sum.percent.map(f64::sqrt),
-        bound: sum.bound.sqrt(),
-        std: sum.std.sqrt(),
-        unbalance: sum.unbalance.map(f64::sqrt),
-        ..sum
-    }
+    Figures { percent: sum.percent.sqrt(), std: sum.std.sqrt(), unbalance: sum.unbalance.map(f64::sqrt), ..sum }
 }
 
 #[track_caller]
 fn assert_efficient(what: &str, figures: &Figures, seeds: usize, limit_percent: f64) {
-    let Figures { percent, bound, std, valid, .. } = figures;
-    assert_eq!(*valid, seeds, "{what}");
-    assert!(percent.iter().all(|percent| *percent < limit_percent), "{what}: {percent:?} %, limit {limit_percent} %");
-    // Over 40 seeds these are 0.93 to 1.2 and 0.86 to 1.08; eight seeds with eight magnets determine them within a tenth.
-    assert!(*bound < 1.4, "{what}: error/bound {bound}");
-    assert!((0.7..1.3).contains(std), "{what}: error/std {std}");
+    assert_eq!(figures.valid, seeds, "{what}");
+    below(&format!("{what}: error, %"), figures.percent, limit_percent);
+    // 0.86 to 1.08 over 40 seeds; eight seeds with eight magnets determine it within a tenth.
+    between(&format!("{what}: error/std"), figures.std, 0.7, 1.3);
 }
 
+/// The limits are 1.4 times the errors measured: 0.17, 0.19, 0.32, 0.54, 0.65 %. The Cramér–Rao bound is 0.17 % at 3000 rpm, 0.35 % at
+/// 1500 rpm, and 0.85 % at rest, where it scatters by a factor of two from seed to seed.
 #[test]
 fn eight_magnets_and_two_planes_are_found_at_the_bound() {
-    let speeds = [(true, 3000.0, 0.5), (false, 3000.0, 0.5), (true, 1500.0, 1.0)];
-    for (noise_known, rpm, limit) in speeds.into_iter().chain([true, false].map(|known| (known, 0.0, 2.5))) {
+    for (noise_known, rpm, limit) in
+        [(true, 3000.0, 0.24), (false, 3000.0, 0.26), (true, 1500.0, 0.45), (true, 0.0, 0.75), (false, 0.0, 0.9)]
+    {
         // At rest the modulation and the axial motion provide the excitation.
         let paths = if rpm == 0.0 { [(0.0, 0.0, 0.0); 2] } else { FiveAxes::default().paths };
         let seeds = if rpm == 0.0 { 2101..2109 } else { 2001..2009 };
@@ -106,12 +86,12 @@ fn eight_magnets_and_two_planes_are_found_at_the_bound() {
     }
 }
 
-/// The axis of a disc with Jp nearly twice Jt turns by 7 degrees in a sample.
+/// The axis of a disc with Jp nearly twice Jt turns by 7 degrees in a sample. The error is 0.10 %, and so is the Cramér–Rao bound.
 #[test]
 fn a_disc_at_high_speed_is_known() {
     let paths = [(8e-6, 15e-6, 0.0), (12e-6, 6e-6, 1.2)];
     let figures = study(2201..2205, true, |shaft| FiveAxes { rpm: 6000.0, polar_kgm2: 0.3, paths, ..shaft });
-    assert_efficient("a disc at 6000 rpm", &figures, 4, 0.5);
+    assert_efficient("a disc at 6000 rpm", &figures, 4, 0.14);
 }
 
 /// Up to the speed at which gyroscopic motion is fastest relative to a sample.
@@ -121,7 +101,7 @@ fn exact_data_give_exact_constants() {
         // At 12,000 rpm a sample is 7 degrees of a revolution, and the integration error of forces is 0.07 N, which needs some noise.
         let noise = if rpm > 6000.0 { (1e-7, 1e-2) } else { (0.0, 0.0) };
         let shaft = FiveAxes { rpm, noise, samples: 2001, ..FiveAxes::guessing(1) };
-        let (outputs, _) = run(config(&shaft, false), &inputs(&shaft));
+        let (outputs, _) = run(config(&shaft, false), &shaft.run());
         let last = outputs.last().expect("samples");
         assert_eq!(last.verdict, Verdict::Valid, "{rpm} rpm");
         let percent: [f64; 8] = std::array::from_fn(|k| 100.0 * (last.lambda_hat[k] / shaft.lambda[k] - 1.0));
@@ -142,7 +122,7 @@ fn tolerances_enter_the_total_alone() {
     let wide = 2e-6;
     let shaft = FiveAxes { gap_m: [5e-4 + wide, 6e-4 + wide], samples: 2001, ..FiveAxes::guessing(5) };
     let tolerance = Tolerance { gap_m: wide, ..Tolerance::default() };
-    let (outputs, _) = run(Config { tolerance, ..config(&shaft, true) }, &inputs(&shaft));
+    let (outputs, _) = run(Config { tolerance, ..config(&shaft, true) }, &shaft.run());
     let last = outputs.last().expect("samples");
     assert!(last.valid, "{:?}", last.verdict);
     for k in 0..8 {
@@ -161,7 +141,7 @@ fn without_axial_motion_the_axial_verdict_is_uncertain() {
         load: [0.0, 15.0, -20.0, 0.6, -0.9],
         ..FiveAxes::default()
     };
-    let (outputs, _) = run(config(&shaft, true), &inputs(&shaft));
+    let (outputs, _) = run(config(&shaft, true), &shaft.run());
     let last = outputs.last().expect("samples");
     assert_eq!(last.axial_verdict, Verdict::Uncertain);
     assert!(!last.valid);
@@ -171,7 +151,7 @@ fn without_axial_motion_the_axial_verdict_is_uncertain() {
 fn unusable_samples_are_named() {
     use Verdict::{BadSample, Collecting, Contact, Disabled, Stuck, Valid};
     let shaft = FiveAxes { samples: 900, ..FiveAxes::guessing(4) };
-    let mut inputs = inputs(&shaft);
+    let mut inputs = shaft.run();
     inputs[700].enable = false;
     inputs[710].contact = true;
     // A few missing samples are bridged; many are named.

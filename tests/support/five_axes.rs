@@ -1,10 +1,8 @@
-//! A small independent simulator of a spindle in its closed loop, and the Cramér–Rao bound of its data. The simulator shares no code with the program.
+//! A small independent simulator of a spindle in its closed loop. It shares no code with the program.
 
 use crate::prelude::*;
 
 use crate::support::runge_kutta;
-use magnetic_bearing::studies::montecarlo::bound::{Bound, Interval, Rotor};
-use nalgebra::DMatrix;
 
 const ALPHA: [f64; 3] = [PI, -PI / 3.0, PI / 3.0];
 /// Mass in kg, transverse moment of inertia in kg·m².
@@ -14,19 +12,6 @@ const AT_M: [f64; 2] = [-0.12, 0.15];
 const SENSORS_M: [f64; 2] = [-0.10, 0.13];
 const PLANES_M: [f64; 2] = [-0.08, 0.10];
 type Five = [f64; 5];
-
-/// One sample.
-#[derive(Clone, Debug)]
-pub struct Sample {
-    /// A.Ym, A.Zm, B.Ym, B.Zm, Xm.
-    pub reading_m: Five,
-    /// Measured currents, held over the past interval.
-    pub current_a: [f64; 8],
-    pub theta_rad: f64,
-    /// True coordinates and rates, and true currents of the next interval.
-    pub state: [Five; 2],
-    pub true_a: [f64; 8],
-}
 
 /// A spindle: rotor, two radial bearings and one axial bearing.
 #[derive(Clone, Debug)]
@@ -84,11 +69,11 @@ impl FiveAxes {
         Self { guess, seed, ..this }
     }
 
-    pub fn omega(&self) -> f64 {
+    fn omega(&self) -> f64 {
         self.rpm * 2.0 * PI / 60.0
     }
 
-    pub fn inertia(&self) -> Five {
+    fn inertia(&self) -> Five {
         [INERTIA[0], INERTIA[0], INERTIA[0], INERTIA[1], INERTIA[1]]
     }
 
@@ -175,8 +160,9 @@ impl FiveAxes {
         std::array::from_fn(|k| gaps[k].max(1e-5) * (forces[k].max(0.0) / self.guess[k]).sqrt())
     }
 
-    /// Fourth-order Runge–Kutta, ten steps per sample; tracking poles at 800 and 1000 rad/s, observer poles at about 3500 rad/s.
-    pub fn run(&self) -> Vec<Sample> {
+    /// The readings A.Ym, A.Zm, B.Ym, B.Zm, Xm, and the currents held over the past interval. Fourth-order Runge–Kutta, ten steps per sample;
+    /// tracking poles at 800 and 1000 rad/s, observer poles at about 3500 rad/s.
+    pub fn run(&self) -> Vec<EstimatorInputOf<5, 8>> {
         const SUBSTEPS: usize = 10;
         let (ts, w, m) = (STEP_S, self.omega(), self.inertia());
         let pole = 1.0 - (-3500.0 * ts).exp();
@@ -192,11 +178,19 @@ impl FiveAxes {
         let mut samples = Vec::with_capacity(self.samples);
         for n in 0..self.samples {
             let t = n as f64 * ts;
-            let state = halves(&x);
-            let reading_m = self.readings(&state[0]).map(|r| r + self.noise.0 * noise.normal());
+            let [position, _] = halves(&x);
+            let position_m = self.readings(&position).map(|r| r + self.noise.0 * noise.normal());
             let current_a = before.map(|i| i + self.noise.1 * noise.normal());
-            samples.push(Sample { reading_m, current_a, theta_rad: w * t, state, true_a: current });
-            let measured = self.coordinates(&reading_m);
+            let (theta_rad, omega_rad_s, enable) = (w * t, w, true);
+            samples.push(EstimatorInputOf {
+                position_m,
+                current_a,
+                theta_rad,
+                omega_rad_s,
+                enable,
+                ..Default::default()
+            });
+            let measured = self.coordinates(&position_m);
             let (at, [_, _, wanted]) = (self.reference(t + ts), self.reference(t + 1.5 * ts));
             let gyroscopic = spin(&at[1]);
             let (mut next, mut predicted) = ([0.0; 5], [0.0; 5]);
@@ -220,40 +214,6 @@ impl FiveAxes {
             (before, current, force) = (current, after, next);
         }
         samples
-    }
-
-    /// The Cramér–Rao bound at the last sample: standard deviations of the eight λ. The test `bound` of the program checks its filter.
-    pub fn bound(&self, samples: &[Sample]) -> [f64; 8] {
-        let (directions, at) = (self.directions(), |xi: f64, y: f64, z: f64| vec![0.0, y, z, -xi * z, xi * y].into());
-        let mut gyroscopic = DMatrix::zeros(5, 5);
-        (gyroscopic[(3, 4)], gyroscopic[(4, 3)]) = (-self.polar_kgm2, self.polar_kgm2);
-        let unit = |n: usize| std::array::from_fn(|at| f64::from(at == n));
-        let mut bound = Bound::new(Rotor {
-            inertia: self.inertia().to_vec().into(),
-            gyroscopic,
-            directions: DMatrix::from_fn(5, 8, |n, k| directions[k][n]),
-            gap_m: (0..8).map(|k| self.gap_m[k / 6]).collect(),
-            lambda_nm2_a2: self.lambda.to_vec(),
-            planes: PLANES_M.map(|xi| [at(xi, 1.0, 0.0), at(xi, 0.0, 1.0)]).to_vec(),
-            readings: DMatrix::from_fn(5, 5, |reading, n| self.readings(&unit(n))[reading]),
-            position_noise_m: self.noise.0,
-            current_noise_a: self.noise.1,
-        });
-        bound.measure();
-        for (last, sample) in samples.iter().zip(&samples[1..]) {
-            let [q, v] = last.state;
-            bound.predict(&Interval {
-                length_s: STEP_S,
-                position_m: (0..5).map(|j| q[j] + 0.5 * STEP_S * v[j]).collect(),
-                current_a: last.true_a.to_vec(),
-                theta_rad: 0.5 * (last.theta_rad + sample.theta_rad),
-                omega_rad_s: self.omega(),
-                acceleration_rad_s2: 0.0,
-            });
-            bound.measure();
-        }
-        let relative = bound.lambda();
-        std::array::from_fn(|k| relative[k] * self.lambda[k])
     }
 }
 

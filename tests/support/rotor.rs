@@ -45,8 +45,6 @@ pub struct Rotor {
     pub load_n: [f64; 2],
     /// Amplitude of a force in z, sin ωt, N.
     pub sine_n: f64,
-    /// A force that rotates against the rotor, N.
-    pub backward_n: f64,
     /// Unbalance: magnitude in kg·m, phase in rad.
     pub unbalance: (f64, f64),
     /// Initial deviation from the reference along both axes: position (m), velocity (m/s).
@@ -82,7 +80,6 @@ impl Default for Rotor {
             currents: Currents::Held,
             load_n: [0.0; 2],
             sine_n: 0.0,
-            backward_n: 0.0,
             unbalance: (0.0, 0.0),
             start_off: (0.0, 0.0),
             samples: 1001,
@@ -146,10 +143,9 @@ impl Rotor {
         let gaps = self.gaps(x);
         let w = self.omega_rad_s;
         let (u, phi) = self.unbalance;
-        let back = self.backward_n;
         let mut f = [
-            self.load_n[0] + u * w * w * (w * t + phi).cos() + back * (w * t).cos(),
-            self.load_n[1] + u * w * w * (w * t + phi).sin() + self.sine_n * (w * t).sin() - back * (w * t).sin(),
+            self.load_n[0] + u * w * w * (w * t + phi).cos(),
+            self.load_n[1] + u * w * w * (w * t + phi).sin() + self.sine_n * (w * t).sin(),
         ];
         for k in 0..3 {
             let pull = lambda[k] * (i[k] / gaps[k]).powi(2);
@@ -216,15 +212,14 @@ impl Rotor {
         out
     }
 
-    /// With the right force constants the rotor tracks its path perfectly. A backward force then cannot be distinguished from them, so a rotor without one
-    /// sets its tolerance to 0.
+    /// With the right force constants the rotor tracks its path perfectly. A backward force then cannot be distinguished from them: its
+    /// tolerance is 0.
     pub fn config(&self, method: Method, hold: Hold) -> EstimatorConfig {
-        let backward_force_n = if self.backward_n == 0.0 { 0.0 } else { Tolerance::default().backward_force_n };
         let mut geometry = EstimatorConfig::default().geometry;
         (geometry.shaft.m_kg, geometry.bearings[0].gap_m) = (self.m_kg, self.gap_m);
         geometry.bearings[0].alpha_rad[..3].copy_from_slice(&self.alpha_rad);
         EstimatorConfig {
-            tolerance: Tolerance { backward_force_n, ..Tolerance::default() },
+            tolerance: Tolerance { backward_force_n: 0.0, ..Tolerance::default() },
             geometry,
             step_s: STEP_S,
             method,

@@ -4,7 +4,6 @@ use super::*;
 
 /// Message categories of an estimator without currents that misses a sample, and of a wrong call.
 fn logged_categories(logging: bool, switches: &[(bool, &[&str])]) -> Vec<String> {
-    const ESTIMATOR: &str = "AlgebraicEstimator";
     let fmu = Request { logging, ..Request::of(ESTIMATOR) }.instantiate(ESTIMATOR).expect("an instance");
     for (on, categories) in switches {
         fmu.set_logging(*on, categories).ok(&fmu);
