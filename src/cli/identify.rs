@@ -56,9 +56,12 @@ pub struct Arguments {
     #[arg(long, value_name = "SIGNAL=COLUMN", value_parser = pair)]
     column: Vec<Pair>,
     /// Assigns a unit: signal as in the interface = unit. Known are s, ms, µs, ns; m, mm, µm (um), nm, mil; A, mA; rad, deg
-    /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s.
+    /// (°), rev; rad/s, rpm (1/min, U/min, min-1), Hz, deg/s; or the calibration of a sensor: 25um/V, 7.87V/mm, or 0.3um for each count.
     #[arg(long, value_name = "SIGNAL=UNIT", value_parser = pair)]
     unit: Vec<Pair>,
+    /// Reading of a column that stands for 0, in the unit of the column: of a position sensor, that in the centre.
+    #[arg(long, value_name = "SIGNAL=READING", value_parser = pair)]
+    zero: Vec<Pair>,
     /// Sample rate, as in 10kHz, for recordings without times; if there are times, they must agree.
     #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
     rate: Option<f64>,
@@ -320,6 +323,7 @@ impl Arguments {
             magnets,
             columns: self.columns(scenario),
             units: self.unit.clone(),
+            zeros: self.zero.clone(),
             omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
             rate_s: self.rate.or(self.step),
             resample_s: self.resample,

@@ -281,7 +281,7 @@ const WITHOUT_SPEED: &[usize] = &[0, 1, 2, 3, 4, 5, 6];
 #[test]
 fn units_have_many_names() {
     use std::f64::consts::{PI, TAU};
-    let cases: [(usize, f64, &[&str]); 18] = [
+    let cases: [(usize, f64, &[&str]); 23] = [
         (0, 1.0, &["s", "sec", "Second"]),
         (0, 1e-3, &["ms"]),
         (0, 1e-6, &["µs", "us", "μs"]),
@@ -291,6 +291,10 @@ fn units_have_many_names() {
         (1, 1e-6, &["µm", "um", "Micron", "micrometer"]),
         (1, 1e-9, &["nm"]),
         (1, 25.4e-6, &["mil", "Mil"]),
+        (1, 25e-6, &["25um/V", "0.025 mm/V", "25 µm"]),
+        (1, -25e-9, &["-25nm/mV", "-25nm"]),
+        (1, 1e-3 / 7.87, &["7.87V/mm", "7.87 V / mm"]),
+        (3, 1e-2, &["100mV/A"]),
         (3, 1.0, &["A", "Amps", "Ampere"]),
         (3, 1e-3, &["mA"]),
         (6, 1.0, &["rad"]),
@@ -300,6 +304,7 @@ fn units_have_many_names() {
         (7, PI / 30.0, &["rpm", "RPM", "1/min", "U/min", "min-1", "min^-1", "min⁻¹", "min−1", "u/min", "Upm"]),
         (7, TAU, &["Hz", "rev/s", "rps"]),
         (7, PI / 180.0, &["deg/s", "°/s"]),
+        (7, 5.0, &["5rad/s/V", "0.2V/rad/s"]),
     ];
     let values = Bench { rows: 400, ..BENCH }.values();
     let cases = cases.into_iter().flat_map(|(at, factor, names)| names.iter().map(move |unit| (at, *unit, factor)));
@@ -327,6 +332,40 @@ fn units_have_many_names() {
     let samples = Samples::read((bare + &rows).as_bytes(), &Reading::default()).expect("a usable recording");
     assert_eq!((samples.step_s, samples.position_m[0][3], samples.current_a[0][3]), (1e-4, 3e-6, 1.2));
     assert_contains(&samples.notes.join("\n"), &["theta has no unit; it is taken to be in rad."]);
+}
+
+/// Probes in V and mV about their voltages in the centre, and a control current of two magnets about their bias.
+#[test]
+fn readings_of_sensors_are_calibrated() {
+    let rows = (0..40).map(|j| format!("{:.4};{};{};{};1;0.{j:02}\n", at(j), -9.8 + 0.02 * at(j), 5e3, 0.1 + at(j)));
+    let text = "t [s];probe y [V];probe z / mV;ic;i3 [A];theta [rad]\n".to_owned() + &rows.collect::<String>();
+    let columns = [("Ym", "probe y"), ("Zm", "probe z"), ("im[1]", "ic"), ("im[2]", "ic"), ("im[3]", "i3")];
+    let units = [("Ym", "-25um/V"), ("Zm", "8V/mm"), ("im[2]", "-1A")];
+    let zeros = [("Ym", "-9.8"), ("Zm", "4.8e3"), ("im[1]", "-2"), ("im[2]", "2")];
+    let read = |columns, units, zeros| {
+        let [columns, units, zeros] = [columns, units, zeros].map(pairs);
+        Samples::read(text.as_bytes(), &Reading { columns, units, zeros, ..Reading::default() })
+    };
+    let samples = read(&columns, &units, &zeros).expect("a usable recording");
+    let row =
+        [0, 1].map(|axis| samples.position_m[axis][30]).into_iter().chain((0..2).map(|k| samples.current_a[k][30]));
+    for (value, wanted) in row.zip([-25e-6 * 6e-5, 25e-6, 2.103, 1.897]) {
+        assert!((value - wanted).abs() < 1e-9 * wanted.abs().max(1e-3), "{value}, wanted {wanted}");
+    }
+    assert_contains(
+        &samples.notes.join("\n"),
+        &["Ym is (reading + 9.8) · -2.5e-5 m.", "im[2] is (reading − 2) · -1 A."],
+    );
+    let error = read(&columns, &[("Ym", "0V/mm")], &[("Zm", "V"), ("im[4]", "2")]).expect_err("no calibration");
+    assert_contains(
+        &error.to_string(),
+        &[
+            "the unit 0V/mm is none of m, mm, µm, nm, mil, nor a calibration (--unit Ym=…) as in 25um/V",
+            "--zero Zm: expected a number",
+            "--zero im[4]: im[4] is no signal",
+            "im[1] and im[2]: both are column ic; expected one for each",
+        ],
+    );
 }
 
 #[test]

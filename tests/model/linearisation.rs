@@ -118,7 +118,8 @@ fn values_are_those_of_the_plant_and_directional_derivatives_limits_of_differenc
                 let constant = point.with(&point, |value, _: f64| Taylor::<1>::constant(value));
                 assert_eq!(of_order(&constant.outputs().0, 0), values(plant.outputs(&state, &input, 0.3)));
                 let got = of_order(&point.along::<2>(&direction).outputs().0, 1);
-                let shifted = |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
+                let shifted =
+                    |h: f64| values(point.with(&direction, |value, slope: f64| value + h * slope).outputs().0);
                 let h = 2e-4;
                 let sides = [-2.0, -1.0, 1.0, 2.0].map(|side| shifted(side * h));
                 let quotient = combined(&sides, |[a, b, c, d]| (a - 8.0 * b + 8.0 * c - d) / (12.0 * h));

@@ -35,6 +35,8 @@ pub struct Reading {
     pub columns: Vec<Pair>,
     /// Units: signal as in the interface, unit. The default is the unit in the header, or else SI.
     pub units: Vec<Pair>,
+    /// Readings of columns that stand for 0: signal as in the interface, number in the unit of the column.
+    pub zeros: Vec<Pair>,
     /// Speed in rad/s for a recording with neither angle nor speed.
     pub omega_rad_s: Option<f64>,
     /// Sample time in s for recordings without time stamps; time stamps must agree with it.
@@ -208,6 +210,7 @@ fn table_of_currents(from: &mut dyn Read, reading: &Reading) -> Result<Table, Un
         let currents = reading.machine.of_magnets("im");
         reading.columns.retain(|(signal, _)| currents.contains(signal));
         reading.units.retain(|(signal, _)| currents.contains(signal));
+        reading.zeros.retain(|(signal, _)| currents.contains(signal));
         Table::read(&mut bytes.as_slice(), &reading, &wanted).map_err(|_| first)
     })
 }

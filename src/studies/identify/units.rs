@@ -26,6 +26,9 @@ pub(super) const LENGTH: Quantity = &[
 
 pub(super) const CURRENT: Quantity = &[(&["A", "Amp", "Amps", "Ampere"], 1.0), (&["mA"], 1e-3)];
 
+/// Of sensors that are recorded as they read.
+const VOLTAGE: Quantity = &[(&["V", "Volt", "Volts"], 1.0), (&["mV"], 1e-3)];
+
 pub(super) const ANGLE: Quantity = &[
     (&["rad", "radian", "radians"], 1.0),
     (&["deg", "°", "degree", "degrees", "Grad"], PI / 180.0),
@@ -71,6 +74,20 @@ pub(super) fn find(quantity: Quantity, name: &str) -> Option<(&'static str, f64)
     quantity.iter().find(|(names, _)| names.iter().any(same)).map(|(names, factor)| (names[0], *factor))
 }
 
+/// Size in SI of one unit of a column by the calibration of its sensor: `25um/V`, `7.87V/mm`, or `0.3um` for each count. A voltage is in the unit of the
+/// column if the header states one, or else in that of the calibration.
+pub(super) fn calibrated(quantity: Quantity, calibration: &str, of_column: Option<&String>) -> Option<f64> {
+    let (number, unit) = number_and_unit(calibration)?;
+    let [size, volts] = [quantity, VOLTAGE].map(|quantity| move |name| find(quantity, name).map(|(_, size)| size));
+    let per_volt = || unit.rsplit_once('/').and_then(|(of, volt)| Some((number * size(of)? / volts(volt)?, volt)));
+    let volts_per = || unit.split_once('/').and_then(|(volt, of)| Some((size(of)? / (number * volts(volt)?), volt)));
+    let sensor = per_volt().or_else(volts_per).and_then(|(per_volt, volt)| {
+        let read = of_column.and_then(|unit| volts(unit)).or_else(|| volts(volt))?;
+        Some(per_volt * read)
+    });
+    sensor.or_else(|| Some(number * size(unit)?)).filter(|size| size.is_normal())
+}
+
 /// Size of a unit in SI; without a name, that of the SI unit.
 pub(super) fn factor(quantity: Quantity, name: &str) -> Option<f64> {
     if name.is_empty() { Some(1.0) } else { find(quantity, name).map(|(_, factor)| factor) }
@@ -84,7 +101,7 @@ pub(super) fn in_si(number: f64, factor: f64) -> f64 {
 
 /// Whether any quantity of a signal has a unit of that name.
 pub(super) fn is_unit(name: &str) -> bool {
-    [TIME, LENGTH, CURRENT, ANGLE, SPEED].iter().any(|quantity| find(quantity, name).is_some())
+    [TIME, LENGTH, CURRENT, ANGLE, SPEED, VOLTAGE].iter().any(|quantity| find(quantity, name).is_some())
 }
 
 /// The names that messages list.
@@ -156,7 +173,8 @@ pub(super) fn significant(value: f64, digits: i32) -> String {
     }
     let size = value.abs().log10().floor() as i32;
     if !(-4..15).contains(&size) {
-        return format!("{:.*e}", digits as usize - 1, value);
+        let rounded: f64 = format!("{:.*e}", digits as usize - 1, value).parse().unwrap_or(value);
+        return format!("{rounded:e}");
     }
     let places = (digits - 1 - size).max(0) as usize;
     let text = format!("{value:.places$}");

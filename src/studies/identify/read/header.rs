@@ -42,6 +42,12 @@ impl Signal {
         options.iter().rev().find(|(name, _)| *name == self.name).map(|(_, value)| value)
     }
 
+    /// A unit of the signal, or the calibration of its sensor whose readings are in the unit `of_column`.
+    fn unit(&self, stated: &str, of_column: Option<&String>) -> Option<Unit> {
+        let calibrated = || units::calibrated(self.quantity, stated, of_column).map(|si| (CALIBRATED, si));
+        units::find(self.quantity, stated).or_else(|| calibrated().filter(|_| self.quantity != TIME))
+    }
+
     /// Likeness of the name of a column to one of its names, apart from punctuation.
     fn likeness(&self, column: &Column) -> f64 {
         let plain = |name: &str| name.trim_start_matches("plant.").replace(['.', '_', ' ', '[', ']'], "");
@@ -122,11 +128,15 @@ pub(super) fn find(text: &str, signals: &Signals, reading: &Reading) -> Option<(
 /// A unit: its name and its size in SI.
 pub(super) type Unit = (&'static str, f64);
 
-/// Column of a signal, and its unit, if stated.
-#[derive(Clone, Copy)]
+/// The name of a unit that is the calibration of a sensor.
+pub(super) const CALIBRATED: &str = "calibrated";
+
+/// Column of a signal, its unit, if stated, and its reading that stands for 0.
+#[derive(Clone, Copy, PartialEq)]
 pub(super) struct Place {
     pub column: usize,
     pub unit: Option<Unit>,
+    pub zero: f64,
 }
 
 /// A column as the header names it.
@@ -196,7 +206,7 @@ pub(super) fn places(
     notes: &mut Vec<String>,
 ) -> Vec<Option<Place>> {
     let before = findings.len();
-    for (option, pairs) in [("--column", &reading.columns), ("--unit", &reading.units)] {
+    for (option, pairs) in [("--column", &reading.columns), ("--unit", &reading.units), ("--zero", &reading.zeros)] {
         for (name, _) in pairs.iter().filter(|(name, _)| signals.list.iter().all(|known| known.name != *name)) {
             let known = joined(signals.list.iter().map(|known| &known.name));
             findings.push(format!("{option} {name}: {name} is no signal of a recording; known are {known}"));
@@ -219,22 +229,39 @@ pub(super) fn places(
         let finding = match candidates[at].as_slice() {
             [column] => {
                 let Column { name: title, unit: own } = &columns[*column];
-                if let Some(other) = (0..at).find(|other| candidates[*other] == [*column]) {
-                    let other = &signals.list[other].name;
-                    findings.push(format!("{other} and {name}: both are column {title}; expected one for each"));
-                }
                 let stated = stated.or(own.as_ref());
-                let found = stated.and_then(|unit| units::find(quantity, unit));
+                let found = stated.and_then(|stated| signal.unit(stated, own.as_ref()));
                 if let (Some(stated), None) = (stated, found) {
                     let known = units::names(quantity);
-                    findings.push(format!("{name} (column {title}): the unit {stated} is none of {known}"));
+                    findings.push(format!(
+                        "{name} (column {title}): the unit {stated} is none of {known}, nor a calibration (--unit {name}=…) as in 25um/V"
+                    ));
                 }
                 let si = (quantity[0].0[0], quantity[0].1);
                 if stated.is_none() && at != TIME_AT {
                     notes.push(format!("{name} has no unit; it is taken to be in {}.", si.0));
                 }
+                let zero = signal.given(&reading.zeros).map_or(Some(0.0), |zero| zero.trim().parse().ok());
+                let zero = zero.filter(|zero: &f64| zero.is_finite()).unwrap_or_else(|| {
+                    findings
+                        .push(format!("--zero {name}: expected a number, the reading of the column that stands for 0"));
+                    0.0
+                });
                 // The stamps determine the unit of the time.
-                places[at] = Some(Place { column: *column, unit: found.or((at != TIME_AT).then_some(si)) });
+                let place = Place { column: *column, unit: found.or((at != TIME_AT).then_some(si)), zero };
+                if let Some((unit, size)) = place.unit
+                    && (unit == CALIBRATED || zero != 0.0)
+                {
+                    let sign = if zero < 0.0 { '+' } else { '−' };
+                    let [size, zero] = [size, zero.abs()].map(|of| units::significant(of, 6));
+                    notes.push(format!("{name} is (reading {sign} {zero}) · {size} {}.", si.0));
+                }
+                // A control current is that of two magnets, with another sign.
+                if let Some(other) = places.iter().position(|other| *other == Some(place)) {
+                    let other = &signals.list[other].name;
+                    findings.push(format!("{other} and {name}: both are column {title}; expected one for each"));
+                }
+                places[at] = Some(place);
                 continue;
             }
             [] if given.is_none() && (at >= signals.theta || at == TIME_AT && reading.rate_s.is_some()) => continue,
@@ -257,7 +284,7 @@ pub(super) fn places(
             }
         };
         findings.push(finding);
-        if let Some(stated) = stated.filter(|unit| units::find(quantity, unit).is_none()) {
+        if let Some(stated) = stated.filter(|stated| signal.unit(stated, None).is_none()) {
             findings.push(format!("--unit {name}={stated}: expected one of {}", units::names(quantity)));
         }
     }

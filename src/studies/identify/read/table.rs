@@ -5,7 +5,7 @@ use std::iter::Peekable;
 
 use csv::StringRecord;
 
-use super::header::{self, Column, Place, Signals, TIME_AT};
+use super::header::{self, CALIBRATED, Column, Place, Signals, TIME_AT};
 use super::pace::{Times, listed};
 use super::stamps::Stamps;
 use super::{Reading, Unusable, text};
@@ -157,12 +157,13 @@ impl Table {
             findings.push(format!("line {line}: {} cells, the header has {width}{commas}", record.len()));
         }
         for (at, place) in self.places.iter().enumerate() {
-            let Some(Place { column, unit }) = place else { continue };
+            let Some(Place { column, unit, zero }) = place else { continue };
             let cell = cell(record, *column);
             let (value, wanted) = match &self.stamps {
                 Some(stamps) if at == TIME_AT => (stamps.seconds(cell, self.separator), "time"),
                 _ => {
-                    (text::number(cell, self.separator).map(|value| value * unit.map_or(1.0, |unit| unit.1)), "number")
+                    let number = text::number(cell, self.separator);
+                    (number.map(|number| (number - zero) * unit.map_or(1.0, |unit| unit.1)), "number")
                 }
             };
             if value.is_none() {
@@ -173,9 +174,10 @@ impl Table {
         self.lines.push(line);
     }
 
-    /// Unit assumed for each signal.
+    /// Unit assumed for each signal, unless it was calibrated.
     pub(super) fn units(&self) -> Vec<Option<&'static str>> {
-        self.places.iter().map(|place| Some(place.as_ref()?.unit?.0)).collect()
+        let unit = |place: &Option<Place>| Some(place.as_ref()?.unit?.0).filter(|unit| *unit != CALIBRATED);
+        self.places.iter().map(unit).collect()
     }
 
     /// The time stamps of these rows.
