@@ -66,13 +66,16 @@ def split(column):
 @functools.lru_cache(maxsize=4)
 def system(ssp):
     """The FMUs of an SSP, unzipped, with their model descriptions, and the connections."""
+    import distributed
     import fmpy
 
+    # The worker removes its directory when it ends.
+    directory = distributed.get_worker().local_directory
     archive = zipfile.ZipFile(io.BytesIO(ssp))
     structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
     elements = {}
     for component in structure.iterfind(".//ssd:Component", SSD):
-        folder = tempfile.mkdtemp(prefix="sweep-")
+        folder = tempfile.mkdtemp(dir=directory)
         zipfile.ZipFile(io.BytesIO(archive.read(component.get("source")))).extractall(folder)
         elements[component.get("name")] = folder, fmpy.read_model_description(folder)
     connections = [
