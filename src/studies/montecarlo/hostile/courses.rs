@@ -105,6 +105,11 @@ fn changes() -> Vec<Course> {
     let ramp = |rate: f64| {
         Course::new(&format!("load ramp {rate} N/s"), Valid, 2.0, move |scenario, seed| load_ramp(scenario, rate, seed))
     };
+    let step = |time_ms: f64| {
+        Course::new(&format!("load steps by 20 N within {time_ms} ms"), Valid, 2.0, move |scenario, _| {
+            change(scenario, "pZ", [0.5, 0.5 + 1e-3 * time_ms], 1.0);
+        })
+    };
     let drawn = |scenario: &mut Scenario, seed: u64| {
         let noise_known = scenario.number("estimator", "sensor.positionNoise") > 0.0;
         *scenario = cases::drawn(scenario, seed, noise_known);
@@ -135,6 +140,9 @@ fn changes() -> Vec<Course> {
         }),
         ramp(1.0),
         ramp(10.0),
+        step(1.0),
+        step(10.0),
+        step(100.0),
         Course::new("λ drifts 2 %/s", Valid, 2.0, |scenario, _| drift(scenario, [0.0, 2.0], 0.04)),
         Course::new("λ + 3 % within 0.3 s", Valid, 1.5, |scenario, _| drift(scenario, [0.5, 0.8], 0.03)),
         Course::new("λ steps by 5 %", NotWrong, 1.5, |scenario, seed| {
