@@ -22,6 +22,7 @@ use crate::machine::{AXIAL, MACHINES, Machine};
 use crate::output::{self, Format};
 use crate::report::frame;
 use crate::report::identification::{self, Results};
+use crate::simulation::scenario::OF_COLUMN;
 use crate::simulation::{Element, Pair, Scenario, simulate};
 use crate::studies::identify::likelihood::Knowledge;
 use crate::studies::identify::{self, Answer, Check, Currents, Holds, Question, Reading, Rotation, Samples, Stated};
@@ -310,20 +311,33 @@ impl Arguments {
         (is_off || is_estimated).then_some(is_estimated)
     }
 
-    /// Columns of the recordings.
+    /// Columns of the recordings, as in a scenario; options override it.
     fn columns(&self, scenario: &Scenario) -> Pairs {
-        scenario.columns.iter().chain(&self.column).cloned().collect()
+        let mut columns = scenario.columns.clone();
+        for (end, options) in OF_COLUMN.iter().zip([&self.column, &self.unit, &self.zero]) {
+            for (signal, value) in options {
+                let name = format!("{signal}{end}");
+                columns.retain(|(stated, _)| *stated != name);
+                columns.push((name, value.clone()));
+            }
+        }
+        columns
     }
 
     /// How to read recordings of a machine, with the currents of these magnets or else of all.
     fn reading(&self, scenario: &Scenario, magnets: Option<Vec<usize>>) -> Reading {
+        let columns = self.columns(scenario);
+        let stated = |end: &str| {
+            let of = |(name, value): &Pair| Some((name.strip_suffix(end)?.to_owned(), value.clone()));
+            columns.iter().filter_map(of).collect()
+        };
         Reading {
             machine: scenario.machine,
             is_stated: self.machine.is_some() || self.scenario.is_some(),
             magnets,
-            columns: self.columns(scenario),
-            units: self.unit.clone(),
-            zeros: self.zero.clone(),
+            columns: stated(OF_COLUMN[0]),
+            units: stated(OF_COLUMN[1]),
+            zeros: stated(OF_COLUMN[2]),
             omega_rad_s: self.speed.map(|rpm| rpm * std::f64::consts::PI / 30.0),
             rate_s: self.rate.or(self.step),
             resample_s: self.resample,

@@ -133,6 +133,7 @@ fn errors_are_refused_by_name() {
         ("", "[plant]\nlambda = [1e-6, 2e-6, 3e-6]\n'lambda[1]' = 2e-6", &["[plant] lambda[1] is given twice"]),
         // The bench.
         ("", "[columns]\nbar = \"x\"", &["[columns] bar: there is no signal of this name; known are Ym, Zm, im[1]"]),
+        ("", "[columns]\nYm = {nam = \"x\"}", &["[columns] Ym.nam: there is no signal of this name"]),
         ("machine = \"axial\"", "[tolerance]\ns = 1e-6", &["[tolerance] is refused"]),
         // Variables that cannot be set.
         ("", "[plant]\ni = [1.0, 1.0, 1.0]", &["i[1] = 1.0", "connected to controller.i[1]"]),

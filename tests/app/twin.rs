@@ -94,7 +94,7 @@ fn a_planar_bench_has_a_twin() {
     let folder = folder("twin/planar");
     let bench = "title = \"Bench\"\nduration = \"0.4 s\"\nstep = \"80 µs\"\n[all]\nsensor.Ts = 80e-6\nTs = 80e-6\n[plant]\n\
                  sensor.positionNoise = 1e-7\nsensor.currentNoise = 0.01\nsensor.offsetY = 8e-6\nomega = 280.0\npY = 10.0\npZ = -20.0\n\
-                 unbalance.magnitude = 2e-4\n[controller]\nreference.omega = 280.0\n[columns]\nYm = \"Weg y\"\n[tolerance]\n\
+                 unbalance.magnitude = 2e-4\n[controller]\nreference.omega = 280.0\n[columns]\nYm = {name = \"Weg y\", unit = \"1m\", zero = 0}\n[tolerance]\n\
                  sensor.offset = \"5 µm\"\nalpha = \"0.2 deg\"\n";
     write(&folder, "bench.toml", bench);
     exits(0, &folder, &["simulate", "bench.toml", "--csv", "run.csv"]);

@@ -168,13 +168,16 @@ pub struct Scenario {
     pub balance_s: Option<f64>,
     /// Uncertainties of a test bench, for `identify`: names and values as for `--tolerance`.
     pub tolerance: Vec<Pair>,
-    /// Columns of recordings, for `identify`: signals and names in the header, as for `--column`.
+    /// Columns of recordings, for `identify`: signals with one of the endings [`OF_COLUMN`], values as for `--column`, `--unit` and `--zero`.
     pub columns: Vec<Pair>,
     /// The bench for `identify`, machine `axial` only.
     pub identify: toml::Table,
     /// Changes applied on opening, each as `name=value`.
     pub changes: Vec<String>,
 }
+
+/// Endings of the keys for the name of the column of a signal, its unit and its zero.
+pub const OF_COLUMN: [&str; 3] = [".name", ".unit", ".zero"];
 
 /// Indices of the elements of the closed loop.
 const PLANT: usize = 0;

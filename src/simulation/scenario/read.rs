@@ -8,7 +8,7 @@ use fmu_export::ModelType;
 use fmu_export::variable::{Causality, Type, Value, Variability, Variable, element};
 use serde::Deserialize;
 
-use super::{Element, Pair, Profile, Scenario, ScenarioError, foreign, settable, source};
+use super::{Element, OF_COLUMN, Pair, Profile, Scenario, ScenarioError, foreign, settable, source};
 use crate::control::reference::HARMONICS;
 use crate::estimation::Method;
 use crate::fmu;
@@ -274,9 +274,16 @@ fn read(
     }
     let readings = [machine.measured(), machine.of_magnets("im")].concat();
     let signals: Vec<&str> = readings.iter().map(String::as_str).chain(["time", "theta", "omega"]).collect();
-    let columns = texts(&document.columns);
-    for (name, _) in columns.iter().filter(|(name, _)| !signals.contains(&&**name)) {
-        findings.push(format!("[columns] {name}: there is no signal of this name; {}", suggestion(name, &signals)));
+    let mut columns = texts(&document.columns);
+    for (name, _) in &mut columns {
+        let signal = OF_COLUMN.iter().find_map(|end| name.strip_suffix(end)).unwrap_or(name);
+        if !signals.contains(&signal) {
+            findings
+                .push(format!("[columns] {name}: there is no signal of this name; {}", suggestion(signal, &signals)));
+        } else if signal == name {
+            // A text alone is the name of the column.
+            name.push_str(OF_COLUMN[0]);
+        }
     }
     Scenario {
         title: document.title,

@@ -2,7 +2,7 @@
 
 use fmu_export::variable::{Type, Value, Variable};
 
-use super::Scenario;
+use super::{OF_COLUMN, Scenario};
 use crate::output::SCENARIO;
 
 impl Scenario {
@@ -22,7 +22,8 @@ impl Scenario {
             }
         }
         if !self.columns.is_empty() {
-            let columns = self.columns.iter().map(|(signal, column)| format!("{} = {}\n", key(signal), quoted(column)));
+            let short = |name: &str| key(name.strip_suffix(OF_COLUMN[0]).unwrap_or(name));
+            let columns = self.columns.iter().map(|(name, value)| format!("{} = {}\n", short(name), quoted(value)));
             text += &format!("\n[columns]\n{}", columns.collect::<String>());
         }
         if !self.identify.is_empty() {

@@ -264,7 +264,9 @@ pub(super) fn places(
                 places[at] = Some(place);
                 continue;
             }
-            [] if given.is_none() && (at >= signals.theta || at == TIME_AT && reading.rate_s.is_some()) => continue,
+            [] if given.or(stated).is_none() && (at >= signals.theta || at == TIME_AT && reading.rate_s.is_some()) => {
+                continue;
+            }
             [] => {
                 is_absent = true;
                 let finding = match given {
