@@ -587,7 +587,13 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
         if !arguments.at.is_empty() && study.scenario.balance_s.is_none() {
             study.instants_s.clone_from(&arguments.at);
         }
-        print::table(&montecarlo::table(&study, &study.run()?));
+        let outcome = study.run()?;
+        if outcome.trials.iter().all(|trial| trial.samples.is_empty()) {
+            let first_s = study.instants_s[0];
+            let why = format!("the rotor touches down before {first_s} s, the first instant of --at, in all runs");
+            return Err(refused(format!("{}: {why}", study.title)));
+        }
+        print::table(&montecarlo::table(&study, &outcome));
         say!();
         Ok(())
     };

@@ -175,6 +175,7 @@ fn invalid_arguments_exit_with_2() {
         ("package spindel", &["invalid value 'spindel'", "a similar value exists: 'spindle'"]),
         ("montecarlo --only nosuch", &["--only \"nosuch\"", "no study has this", "Drawn bearings, noise known"]),
         ("montecarlo slow.toml --runs 1", &["plant.sensor.Ts = 0.0001 s: expected at most Ts = 0.00005 s"]),
+        ("montecarlo lift-off --runs 1", &["the rotor touches down before 0.035 s", "--at", "in all runs"]),
         ("montecarlo --runs 0", &["--runs", "'0'", "expected a whole number above 0"]),
         ("montecarlo --runs many", &["--runs", "'many'", "expected a whole number above 0"]),
         ("identify none.csv", &["none.csv"]),

@@ -271,7 +271,7 @@ impl Times {
         Ok((place, notes))
     }
 
-    /// Refuses steps that are back.
+    /// Refuses stamps that go back.
     pub(super) fn check_rising(&self, is_back: fn(f64) -> bool) -> Result<(), String> {
         let steps = self.steps();
         let back = (0..steps.len()).filter(|row| is_back(steps[*row])).map(|row| (row, row + 1)).collect::<Vec<_>>();
