@@ -217,7 +217,7 @@ fn valid_does_not_chatter() {
         scenario.follow(&["plant.pY"], &time_s, [40.0, 10.0].repeat(time_s.len() / 2), true);
         scenario.duration_s = time_s[time_s.len() - 1];
         let recording = run_to_end(&scenario).recording;
-        let most = hostile::judge(&scenario, &recording, false).expect("all signals are there").changes;
+        let most = hostile::judge(&scenario, &recording, false).changes;
         assert!((4..=5).contains(&most), "a blow every {every_s} s: {most} changes within a second");
     }
 }
