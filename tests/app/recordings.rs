@@ -360,7 +360,7 @@ fn readings_of_sensors_are_calibrated() {
     assert_contains(
         &error.to_string(),
         &[
-            "the unit 0V/mm is none of m, mm, µm, nm, mil, nor a calibration (--unit Ym=…) as in 25um/V",
+            "the unit 0V/mm is none of m, mm, µm, nm, mil, nor a calibration, as in --unit Ym=25µm/V",
             "--zero Zm: expected a number",
             "--zero im[4]: im[4] is no signal",
             "im[1] and im[2]: both are column ic; expected one for each",

@@ -232,19 +232,20 @@ pub(super) fn places(
                 let stated = stated.or(own.as_ref());
                 let found = stated.and_then(|stated| signal.unit(stated, own.as_ref()));
                 if let (Some(stated), None) = (stated, found) {
-                    let known = units::names(quantity);
-                    findings.push(format!(
-                        "{name} (column {title}): the unit {stated} is none of {known}, nor a calibration (--unit {name}=…) as in 25um/V"
-                    ));
+                    let (known, some) = (units::names(quantity), quantity[quantity.len() / 2].0[0]);
+                    let or = format!(", nor a calibration, as in --unit {name}=25{some}/V");
+                    let or = if at == TIME_AT { String::new() } else { or };
+                    findings.push(format!("{name} (column {title}): the unit {stated} is none of {known}{or}"));
                 }
                 let si = (quantity[0].0[0], quantity[0].1);
                 if stated.is_none() && at != TIME_AT {
                     notes.push(format!("{name} has no unit; it is taken to be in {}.", si.0));
                 }
                 let zero = signal.given(&reading.zeros).map_or(Some(0.0), |zero| zero.trim().parse().ok());
-                let zero = zero.filter(|zero: &f64| zero.is_finite()).unwrap_or_else(|| {
+                let is_sensor = |zero: &f64| zero.is_finite() && (at != TIME_AT || *zero == 0.0);
+                let zero = zero.filter(is_sensor).unwrap_or_else(|| {
                     findings
-                        .push(format!("--zero {name}: expected a number, the reading of the column that stands for 0"));
+                        .push(format!("--zero {name}: expected a number, the reading of a sensor that stands for 0"));
                     0.0
                 });
                 // The stamps determine the unit of the time.
