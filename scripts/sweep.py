@@ -12,6 +12,7 @@ interrupted sweep resumes where it stopped, and cases of a lost worker are repea
 """
 
 import argparse
+import atexit
 import csv
 import decimal
 import functools
@@ -20,6 +21,7 @@ import io
 import os
 import pathlib
 import re
+import shutil
 import sys
 import tempfile
 import time
@@ -63,19 +65,30 @@ def split(column):
 # The following runs on the workers.
 
 
+@functools.lru_cache(maxsize=1)
+def directory():
+    """A directory that is removed when the process ends: that of the worker, if this is one."""
+    import distributed
+
+    try:
+        return distributed.get_worker().local_directory
+    except ValueError:
+        folder = tempfile.mkdtemp(prefix="sweep-")
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        return folder
+
+
 @functools.lru_cache(maxsize=4)
 def system(ssp):
     """The FMUs of an SSP, unzipped, with their model descriptions, and the connections."""
-    import distributed
     import fmpy
 
-    # The worker removes its directory when it ends.
-    directory = distributed.get_worker().local_directory
+    folders = directory()
     archive = zipfile.ZipFile(io.BytesIO(ssp))
     structure = ElementTree.fromstring(archive.read("SystemStructure.ssd"))
     elements = {}
     for component in structure.iterfind(".//ssd:Component", SSD):
-        folder = tempfile.mkdtemp(dir=directory)
+        folder = tempfile.mkdtemp(dir=folders)
         zipfile.ZipFile(io.BytesIO(archive.read(component.get("source")))).extractall(folder)
         elements[component.get("name")] = folder, fmpy.read_model_description(folder)
     connections = [

@@ -31,7 +31,7 @@ pub struct State<const N: usize, const K: usize, const G: usize> {
     next: Option<ControllerOutput<N, K>>,
 }
 
-/// The trait's methods take [`Values`]; calls without them go to the controller's own.
+/// The trait's methods take `Values`; calls without them go to the controller's own.
 impl<const N: usize, const K: usize, const B: usize, const G: usize> SampledModel for Controller<N, K, B, G>
 where
     // Holds for every length in use; serde does not implement it for generic lengths.

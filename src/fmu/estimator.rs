@@ -10,7 +10,7 @@ use crate::estimation::{Body, Estimator, EstimatorConfigOf, EstimatorInputOf, Es
 use crate::machine::Machine;
 use crate::variables::Saved;
 
-/// The trait's methods take [`Values`]; calls without them go to the estimator's own.
+/// The trait's methods take `Values`; calls without them go to the estimator's own.
 impl<G, const N: usize, const K: usize, const P: usize> SampledModel for Estimator<G, N, K, P>
 where
     G: Body<N, K, P, Method: Send + Sync> + Send + Sync,
