@@ -65,7 +65,7 @@ def split(column):
 # The following runs on the workers.
 
 
-@functools.lru_cache(maxsize=1)
+@functools.cache
 def directory():
     """A directory that is removed when the process ends: that of the worker, if this is one."""
     import distributed

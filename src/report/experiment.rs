@@ -200,6 +200,7 @@ pub fn page(name: &Path, command: &str, scenario: &Scenario, run: &Run) -> Strin
         best: answers[0].0,
         truth: scenario.truth(),
         stretches: evaluation::stretches(&run.recording),
+        axes: evaluation::axes(scenario.machine, &run.recording),
         events: events(scenario, run),
         sensitivities: &sensitivities,
         paper: paper(name, scenario),

@@ -86,6 +86,8 @@ pub(super) struct Signals<'r> {
     pub truth: Vec<f64>,
     /// Before and after the update, or only the end of the run.
     pub stretches: Vec<Stretch>,
+    /// The signals along the axes of all readings.
+    pub axes: Vec<Axis<'r>>,
     /// Events to mark, with their times in s.
     pub events: Vec<(f64, String)>,
     /// Sensitivity functions of the loop in the stretches.
@@ -382,8 +384,7 @@ fn tracking(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
     let truth = |name: &str| Line::new(name, colour::INK).dashed();
     let mut plots = Vec::new();
-    let axes = evaluation::axes(machine, run.recording);
-    for Axis { reading, position, reference, .. } in &axes {
+    for Axis { reading, position, reference, .. } in &run.axes {
         let mut plot = run.plot(&reading.axis[..1], PlotUnit::MICROMETRE);
         run.line(&mut plot, Line::new("position", colour::MAGNETS[0]), position);
         run.line(&mut plot, truth("reference"), reference);
@@ -391,7 +392,7 @@ fn tracking(run: &Signals) -> Figure {
     }
     for (b, bearing) in machine.bearings.iter().enumerate() {
         let mut plot = run.plot("error", PlotUnit::MICROMETRE).height(230.0);
-        for (axis, colour) in axes[machine.readings_of(b)].iter().zip(colour::MAGNETS) {
+        for (axis, colour) in run.axes[machine.readings_of(b)].iter().zip(colour::MAGNETS) {
             run.line(&mut plot, Line::new(&axis.reading.axis[..1], colour), &axis.error);
         }
         plots.push(plot.title(titled("Tracking error", bearing)));
@@ -436,13 +437,12 @@ fn orbit(run: &Signals) -> Option<Figure> {
         Plot::new((&axis("y"), PlotUnit::MICROMETRE), (&axis("z"), PlotUnit::MICROMETRE)).equal().height(460.0)
     };
     let machine = run.scenario.machine;
-    let axes = evaluation::axes(machine, run.recording);
     // The last stretch has the first colour.
     let colours = colour::MAGNETS[..run.stretches.len()].iter().rev();
     let mut plots = Vec::new();
     for (b, bearing) in machine.bearings.iter().enumerate() {
         // Radial bearings only.
-        let [y, z] = &axes[machine.readings_of(b)] else { continue };
+        let [y, z] = &run.axes[machine.readings_of(b)] else { continue };
         let mut path = plot_of("").title(titled("Orbit", bearing));
         let mut errors = plot_of("error").title(titled("Error", bearing));
         for (stretch, colour) in run.stretches.iter().zip(colours.clone()) {
@@ -473,11 +473,10 @@ fn orbit(run: &Signals) -> Option<Figure> {
 /// Distance of the rotor from the centre of each bearing, beside the clearance of the backup bearing.
 fn clearance(run: &Signals) -> Figure {
     let machine = run.scenario.machine;
-    let axes = evaluation::axes(machine, run.recording);
     let (mut plots, mut touched) = (Vec::new(), false);
     for (b, bearing) in machine.bearings.iter().enumerate() {
         let clearance_m = evaluation::clearance_m(run.scenario, bearing);
-        let radius = lengths(axes[machine.readings_of(b)].iter().map(|axis| axis.position));
+        let radius = lengths(run.axes[machine.readings_of(b)].iter().map(|axis| axis.position));
         let most = radius.iter().copied().filter(|radius| radius.is_finite()).fold(clearance_m, f64::max);
         let mut distance = run.plot("distance from the centre", PlotUnit::MICROMETRE).height(260.0);
         distance = distance.range(1, [0.0, 1.1 * most]);

@@ -233,8 +233,10 @@ pub(super) fn places(
                 let found = stated.and_then(|stated| signal.unit(stated, own.as_ref()));
                 if let (Some(stated), None) = (stated, found) {
                     let (known, some) = (units::names(quantity), quantity[quantity.len() / 2].0[0]);
-                    let or = format!(", nor a calibration, as in --unit {name}=25{some}/V");
-                    let or = if at == TIME_AT { String::new() } else { or };
+                    let or = match at {
+                        TIME_AT => String::new(),
+                        _ => format!(", nor a calibration, as in --unit {name}=25{some}/V"),
+                    };
                     findings.push(format!("{name} (column {title}): the unit {stated} is none of {known}{or}"));
                 }
                 let si = (quantity[0].0[0], quantity[0].1);
