@@ -102,30 +102,16 @@ fn currents(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
     reorder(trial, |order| change(&mut order[magnets]));
 }
 
-/// Exchanges the positions of the radial bearings of a shaft along these axes, 0 for y and 1 for z.
-fn exchange_positions(trial: &mut Trial, axes: &[usize]) {
+/// Exchanges positions of the radial bearings of a shaft, along these axes, 0 for y and 1 for z, and currents of the magnets with these numbers.
+fn exchange(trial: &mut Trial, axes: &[usize], magnets: &[usize]) {
     let Recording { position_m, position_error_m, .. } = &mut trial.recording;
     axes.iter().for_each(|axis| position_m.swap(*axis, axis + 2));
     if !position_error_m.is_empty() {
         axes.iter().for_each(|axis| position_error_m.swap(*axis, axis + 2));
     }
-}
-
-/// Exchanges the currents of the radial bearings of a shaft.
-fn exchange_currents(trial: &mut Trial) {
-    let magnets = trial.machine.bearings[0].magnets;
-    reorder(trial, |order| order[..2 * magnets].rotate_left(magnets));
-}
-
-/// Exchanges the currents of two magnets with the same number at the radial bearings of a shaft.
-fn exchange_opposite(trial: &mut Trial, k: usize) {
-    let magnets = trial.machine.bearings[0].magnets;
-    reorder(trial, |order| order.swap(k, magnets + k));
-}
-
-fn exchange_bearings(trial: &mut Trial) {
-    exchange_positions(trial, &[0, 1]);
-    exchange_currents(trial);
+    let count = trial.machine.bearings[0].magnets;
+    let own = magnets.iter().filter(|k| **k < count);
+    reorder(trial, |order| own.for_each(|k| order.swap(*k, k + count)));
 }
 
 /// Shifts columns by a row, to earlier or later rows.
@@ -161,6 +147,8 @@ fn advance(trial: &mut Trial, fraction: f64) {
     }
 }
 
+/// The magnets of a radial bearing.
+const EACH: [usize; 4] = [0, 1, 2, 3];
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
 const GAINS: &str = "--estimate sensor.gain --estimate sensor.gainDifference";
@@ -193,15 +181,15 @@ const ALTERNATIVES: &[Alternative] = &[
     (Radial(4), "the magnets count from the fourth", |t| currents(t, |order| order.rotate_left(3)), ORDER),
     (Axial, "magnets 1 and 2 are exchanged", |t| currents(t, |order| order.swap(0, 1)), COLUMNS),
     (Axial, "x is mirrored", |t| t.recording.position_m[4].iter_mut().for_each(|x| *x = -*x), MIRROR),
-    (Shaft, "the positions of the radial bearings are exchanged", |t| exchange_positions(t, &[0, 1]), COLUMNS),
-    (Shaft, "y of the radial bearings is exchanged", |t| exchange_positions(t, &[0]), COLUMNS),
-    (Shaft, "z of the radial bearings is exchanged", |t| exchange_positions(t, &[1]), COLUMNS),
-    (Shaft, "the currents of the radial bearings are exchanged", exchange_currents, COLUMNS),
-    (Shaft, "the radial bearings are exchanged", exchange_bearings, COLUMNS),
-    (Opposite(0), "magnets 1 of the radial bearings are exchanged", |t| exchange_opposite(t, 0), COLUMNS),
-    (Opposite(1), "magnets 2 of the radial bearings are exchanged", |t| exchange_opposite(t, 1), COLUMNS),
-    (Opposite(2), "magnets 3 of the radial bearings are exchanged", |t| exchange_opposite(t, 2), COLUMNS),
-    (Opposite(3), "magnets 4 of the radial bearings are exchanged", |t| exchange_opposite(t, 3), COLUMNS),
+    (Shaft, "the positions of the radial bearings are exchanged", |t| exchange(t, &[0, 1], &[]), COLUMNS),
+    (Shaft, "y of the radial bearings is exchanged", |t| exchange(t, &[0], &[]), COLUMNS),
+    (Shaft, "z of the radial bearings is exchanged", |t| exchange(t, &[1], &[]), COLUMNS),
+    (Shaft, "the currents of the radial bearings are exchanged", |t| exchange(t, &[], &EACH), COLUMNS),
+    (Shaft, "the radial bearings are exchanged", |t| exchange(t, &[0, 1], &EACH), COLUMNS),
+    (Opposite(0), "magnets 1 of the radial bearings are exchanged", |t| exchange(t, &[], &[0]), COLUMNS),
+    (Opposite(1), "magnets 2 of the radial bearings are exchanged", |t| exchange(t, &[], &[1]), COLUMNS),
+    (Opposite(2), "magnets 3 of the radial bearings are exchanged", |t| exchange(t, &[], &[2]), COLUMNS),
+    (Opposite(3), "magnets 4 of the radial bearings are exchanged", |t| exchange(t, &[], &[3]), COLUMNS),
     (Each, "the positions come a quarter of a sample late", |t| advance(t, 0.25), TOGETHER),
     (Each, "the positions come half a sample late", |t| advance(t, 0.5), TOGETHER),
     (Each, "the positions come three quarters of a sample late", |t| advance(t, 0.75), TOGETHER),
