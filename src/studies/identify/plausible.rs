@@ -1,7 +1,6 @@
 //! Misread units: values that no magnetic bearing has, and signals that contradict each other.
 
 use std::f64::consts::{PI, TAU};
-use std::ops::Range;
 
 use nalgebra::Complex;
 
@@ -34,7 +33,8 @@ impl Samples {
     /// Signs of a misread unit, by magnitude and by comparing the signals; `gap_m` is the nominal air gap of each bearing
     /// in m, infinite if it is unknown. A recording with findings must not be used.
     pub fn implausible(&self, gap_m: &[f64]) -> Vec<String> {
-        let checks = Checks { samples: self, signals: Signals::of(self.machine) };
+        let current_a = self.currents(Hold::Linear);
+        let checks = Checks { samples: self, signals: Signals::of(self.machine), current_a };
         // A mass without a shaft may be sampled at any rate.
         let pace = if self.machine.planes > 0 { checks.pace() } else { None };
         let mut rotation: Vec<String> = checks.wrapping().into_iter().chain(checks.angle_against_speed()).collect();
@@ -43,7 +43,7 @@ impl Samples {
             rotation.extend(checks.speed().or_else(|| checks.motion_against_angle()));
         }
         let positions = gap_m.iter().enumerate().flat_map(|(bearing, gap_m)| checks.positions(bearing, *gap_m));
-        pace.into_iter().chain(checks.unmoved()).chain(positions).chain(checks.currents()).chain(rotation).collect()
+        pace.into_iter().chain(positions).chain(checks.currents()).chain(rotation).collect()
     }
 }
 
@@ -55,6 +55,8 @@ fn rpm(rad_s: f64) -> String {
 struct Checks<'s> {
     samples: &'s Samples,
     signals: Signals,
+    /// Currents by magnet; those of an unused magnet are empty.
+    current_a: Vec<Vec<f64>>,
 }
 
 impl Checks<'_> {
@@ -92,26 +94,6 @@ impl Checks<'_> {
         }
     }
 
-    /// Positions that are constant although the currents of their bearing vary.
-    fn unmoved(&self) -> Vec<String> {
-        let Self { samples, signals } = self;
-        let currents = samples.currents(Hold::Linear);
-        let unmoved = |(bearing, magnets): (usize, Range<usize>)| {
-            let varies = |current: &Vec<f64>| range(current)[0] < range(current)[1];
-            let readings =
-                samples.machine.readings_of(bearing).filter(|_| currents[magnets.clone()].iter().any(varies));
-            let still = readings.map(|at| (at, range(&samples.position_m[at]))).filter(|(_, [low, high])| low == high);
-            let name = |at: usize| signals.list[signals.positions.start + at].name.clone();
-            let words = still.map(|(at, [value, _])| {
-                let value = significant(1e6 * value, 4);
-                format!("{} reads {value} µm throughout, while the currents vary: is the sensor connected?", name(at))
-            });
-            words.collect::<Vec<_>>()
-        };
-        let magnets = samples.machine.magnets_of_bearings().into_iter().map(|(_, magnets)| magnets);
-        magnets.enumerate().flat_map(unmoved).collect()
-    }
-
     fn pace(&self) -> Option<String> {
         let step_s = self.samples.step_s;
         let fits = |scale: f64| (STEP_S[0]..=STEP_S[1]).contains(&(scale * step_s));
@@ -129,9 +111,16 @@ impl Checks<'_> {
         let limit_m = gap_m.min(TRAVEL_M);
         let is_silent = |n: usize| noise(&self.samples.position_m[axes[n]]) < SILENT_M;
         let is_still = (0..axes.len()).all(|n| spans[n] < STILL_M && is_silent(n));
+        let own_a = &self.current_a[self.samples.machine.magnets_of(bearing)];
+        let currents_vary = own_a.iter().map(range).any(|[low, high]| low < high);
         let at = |n: usize| self.signals.positions.start + axes[n];
         let finding = |n: usize| {
             let (span, furthest) = (spans[n], ranges[n][0].abs().max(ranges[n][1].abs()));
+            if span == 0.0 && currents_vary {
+                let (name, value) = (&self.signals.list[at(n)].name, significant(1e6 * ranges[n][0], 4));
+                let words = "µm throughout, while the currents vary: is the sensor connected?";
+                return Some(format!("{name} reads {value} {words}"));
+            }
             let value = if furthest > limit_m {
                 let [furthest, limit] = [furthest, limit_m].map(|length_m| significant(length_m * 1e3, 4));
                 let of = if gap_m > TRAVEL_M { "any gap" } else { "the gap" };
@@ -160,9 +149,9 @@ impl Checks<'_> {
         findings
     }
 
-    /// Findings about the currents; those of an unused magnet are empty.
+    /// Findings about the currents.
     fn currents(&self) -> Vec<String> {
-        let currents = self.samples.currents(Hold::Linear);
+        let currents = &self.current_a;
         let largest: Vec<f64> =
             currents.iter().map(|current| range(current.iter().map(|value| value.abs()))[1]).collect();
         let most = range(&largest)[1];
