@@ -277,6 +277,19 @@ fn ask(samples: &[Samples], tolerances: &[(&str, &str)]) -> identify::Answer {
     identify::answer(samples, question(&samples[0], tolerances))
 }
 
+/// Fails if the noise of one recording is compared with the motion in another.
+#[test]
+fn recordings_may_differ_in_noise_and_motion() {
+    let recordings = [[1.5e-6, 40e-6], [0.05e-6, 4e-6]].map(|[noise_m, radius_m]| {
+        let (mut scenario, _) = run([noise_m, 1e-2], 0.01);
+        scenario.duration_s = 0.4;
+        scenario.set("plant", "unbalance.magnitude", 1e-5);
+        ["reference.rY", "reference.rZ"].iter().for_each(|name| scenario.set_everywhere(name, radius_m));
+        simulated(&scenario)
+    });
+    is_right("both", &ask(&recordings, &[]));
+}
+
 /// One noise level may be stated and the other estimated.
 #[test]
 fn one_noise_level_may_be_stated() {

@@ -405,7 +405,8 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         let mut other = Trial { bearing: *at, ..trial.clone() };
         apply(&mut other);
         let found = identified(&other)?;
-        let is_plausible = implausible(&found, &other.recording, other.machine, &other.options.parts).is_none();
+        let own = std::slice::from_ref(&other.recording);
+        let is_plausible = implausible(&found, own, other.machine, &other.options.parts).is_none();
         // Parameters that the alternative frees.
         let stated = trial.options.parts.iter().flat_map(|part| &part.parameters);
         let freed = found.bench.iter().zip(stated).filter(|(of, stated)| of.parameter.knowledge != stated.knowledge);

@@ -30,8 +30,8 @@ const CURRENT_NOISE: f64 = 0.15;
 /// Greatest plausible ratio of force constants of one bearing.
 const RATIO: f64 = 10.0;
 
-/// Why estimates cannot describe a magnetic bearing, if they cannot.
-pub fn implausible(found: &Identification, recording: &Recording, machine: &Machine, parts: &[Part]) -> Option<String> {
+/// Why estimates from recordings cannot describe a magnetic bearing, if they cannot.
+pub fn implausible(found: &Identification, all: &[Recording], machine: &Machine, parts: &[Part]) -> Option<String> {
     for (_, magnets) in machine.magnets_of_bearings() {
         let [least, greatest] = range(found.lambda[magnets.clone()].iter().map(|lambda| lambda.value));
         if let Some(k) = magnets.clone().find(|k| found.lambda[*k].value <= 0.0) {
@@ -44,8 +44,10 @@ pub fn implausible(found: &Identification, recording: &Recording, machine: &Mach
             ));
         }
     }
-    for (conditions, part) in found.conditions.iter().flat_map(|conditions| conditions.parts.iter().zip(parts)) {
-        let [current_rms, motion_rms] = recording.sizes(part);
+    let of_parts = found.conditions.iter().zip(all).flat_map(|(of, recording)| {
+        of.parts.iter().zip(parts).map(|(conditions, part)| (conditions, recording.sizes(part)))
+    });
+    for (conditions, [current_rms, motion_rms]) in of_parts {
         if conditions.current_noise_a > CURRENT_NOISE * current_rms {
             let noise_a = conditions.current_noise_a;
             let [noise, percent] = [noise_a, 100.0 * noise_a / current_rms].map(|of| significant(of, 2));
@@ -94,7 +96,7 @@ pub(super) fn uncertain(found: &Identification, all: &[Recording], stated: &Stat
 /// Why estimates that are certain enough are not valid.
 pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<String> {
     let names = stated.machine.symbols("λ");
-    if let Some(why) = all.iter().find_map(|recording| implausible(found, recording, stated.machine, &stated.parts)) {
+    if let Some(why) = implausible(found, all, stated.machine, &stated.parts) {
         return Some(why);
     }
     let silent = is_silent(found);
