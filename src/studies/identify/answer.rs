@@ -114,20 +114,8 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     let equally_likely: Vec<_> = question.equally_likely.iter().map(|hold| (other(*hold), true)).collect();
     let judged = identify_and_judge(&all, &equally_likely, question);
     let judged = with_delay(other, &all, &judged).unwrap_or(judged);
-    let wrong_speed = recordings.iter().zip(&all).rev().find_map(|(samples, recording)| {
-        let off = speed_error(samples, recording)?;
-        let (recording, options) = (recording.clone(), judged.options.clone());
-        let trial = Trial { recording, options, machine: stated.machine, bearing: 0 };
-        if !diagnosis::may_be_faster(&trial, off) {
-            return None;
-        }
-        let speed = if samples.rotation == Rotation::Stated { "stated" } else { "recorded" };
-        let by = if off > 0.0 { "faster" } else { "slower" };
-        let percent = significant(100.0 * off.abs(), 2);
-        Some(format!(
-            "Not valid: the motion turns {percent} % {by} than the {speed} speed: --speed, or a column of the angle."
-        ))
-    });
+    let mut of_each = recordings.iter().zip(&all).rev();
+    let wrong_speed = of_each.find_map(|(samples, recording)| wrong_speed(samples, recording, &judged));
     let answer = worded(judged, &all, wrong_speed.is_some());
     match wrong_speed {
         Some(verdict) => Answer { valid: false, verdict, ..answer },
@@ -135,14 +123,23 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     }
 }
 
-/// Relative difference between the speed of the motion and a speed without a recorded angle, if it is smaller than [`OTHER_SPEED`], significant,
-/// and large enough to matter.
-fn speed_error(samples: &Samples, recording: &Recording) -> Option<f64> {
+/// The verdict on a speed without a recorded angle, if that of the motion differs by less than [`OTHER_SPEED`], significantly, and by enough to matter.
+fn wrong_speed(samples: &Samples, recording: &Recording, judged: &Judged) -> Option<String> {
     if !matches!(samples.rotation, Rotation::Stated | Rotation::Speed) {
         return None;
     }
     let [off, std, angle_rad] = diagnosis::drift(recording)?;
-    (off.abs() > 5.0 * std && off.abs() < OTHER_SPEED && angle_rad.abs() > TURNED_RAD).then_some(off)
+    let matters = off.abs() > 5.0 * std && off.abs() < OTHER_SPEED && angle_rad.abs() > TURNED_RAD;
+    let (recording, options, machine) = (recording.clone(), judged.options.clone(), judged.question.stated.machine);
+    if !matters || !diagnosis::may_be_faster(&Trial { recording, options, machine, bearing: 0 }, off) {
+        return None;
+    }
+    let speed = if samples.rotation == Rotation::Stated { "stated" } else { "recorded" };
+    let by = if off > 0.0 { "faster" } else { "slower" };
+    let percent = significant(100.0 * off.abs(), 2);
+    Some(format!(
+        "Not valid: the motion turns {percent} % {by} than the {speed} speed: --speed, or a column of the angle."
+    ))
 }
 
 /// Longest delay that is accepted without being requested, relative to that of a typical bench.

@@ -4,7 +4,7 @@ use super::words::{PARTS, called};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    self, Change, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
+    self, Change, Conditions, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
 };
 use crate::studies::identify::{Stated, significant};
 use crate::studies::statistics::range;
@@ -24,7 +24,7 @@ const COLOURED: f64 = 0.15;
 /// Amplitude of a harmonic, relative to the noise of one innovation, beyond which it counts.
 const HARMONIC: f64 = 0.3;
 /// χ² of a harmonic, with two degrees of freedom: e⁻¹⁵ by chance.
-pub(super) const HARMONIC_CHI: f64 = 30.0;
+const HARMONIC_CHI: f64 = 30.0;
 /// Greatest plausible noise of the currents, relative to their rms.
 const CURRENT_NOISE: f64 = 0.15;
 /// Greatest plausible ratio of force constants of one bearing.
@@ -122,20 +122,12 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
             }
         }
     }
-    for residuals in found.conditions.iter().filter(|_| !silent) {
-        for n in 0..HARMONICS {
-            for (axis, of_axis) in residuals.harmonics.iter().enumerate() {
-                if of_axis[n] > HARMONIC_CHI && residuals.amplitudes[axis][n] > HARMONIC {
-                    let (name, times) =
-                        (stated.machine.readings[axis].axis, significant(residuals.amplitudes[axis][n], 2));
-                    return Some(format!(
-                        "the residuals of {name} contain harmonic {} of the rotor, {times} times the noise: the model lacks a \
-                         synchronous effect",
-                        n + 1
-                    ));
-                }
-            }
-        }
+    let mut present = found.conditions.iter().filter(|_| !silent).flat_map(harmonics);
+    if let Some((n, axis, amplitude)) = present.find(|(.., amplitude)| *amplitude > HARMONIC) {
+        let (name, times) = (stated.machine.readings[axis].axis, significant(amplitude, 2));
+        return Some(format!(
+            "the residuals of {name} contain harmonic {n} of the rotor, {times} times the noise: the model lacks a synchronous effect"
+        ));
     }
     for conditions in &found.conditions {
         for (part, Part { body, .. }) in conditions.parts.iter().zip(&stated.parts) {
@@ -176,6 +168,13 @@ pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options
     let lambda = &stated.machine.symbols("λ")[k];
     let percent = significant(100.0 * shift(k) / found.lambda[k].value, 2);
     Some(format!("the residuals call most for {name} ({description}), and with it {lambda} differs by {percent} %"))
+}
+
+/// The harmonics of the shaft in the residuals of a recording: number, axis, and amplitude relative to the noise of one innovation.
+pub(super) fn harmonics(of: &Conditions) -> Vec<(usize, usize, f64)> {
+    let each = (0..HARMONICS).flat_map(|n| (0..of.harmonics.len()).map(move |axis| (n, axis)));
+    let present = each.filter(|(n, axis)| of.harmonics[*axis][*n] > HARMONIC_CHI);
+    present.map(|(n, axis)| (n + 1, axis, of.amplitudes[axis][n])).collect()
 }
 
 /// Whether the noise is below that of any sensor.

@@ -1,11 +1,11 @@
 //! Verdict and findings in sentences.
 
-use super::judge::{HARMONIC_CHI, is_silent};
+use super::judge::{harmonics, is_silent};
 use super::shown::shown;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, HARMONICS, Hold, Identification,
-    LAG, Recording, Suspect,
+    BenchEstimate, BenchParameter, Change, Contradiction, DELAY, DYNAMICS, Estimate, Hold, Identification, LAG,
+    Recording, Suspect,
 };
 use crate::studies::identify::units::with_std;
 use crate::studies::identify::{Stated, plain, significant, time};
@@ -44,7 +44,7 @@ pub(super) fn findings(found: &Identification, all: &[Recording], stated: &State
         let most = |at: &usize| !found.suspects[..*at].iter().any(|better| overlaps(better, &found.suspects[*at]));
         let suspects = (0..found.suspects.len()).filter(most).take(3);
         words.extend(suspects.map(|at| suspected(found, &found.suspects[at], all[0].step_s)));
-        words.extend(harmonics(found, stated));
+        words.extend(of_shaft(found, stated));
     }
     words.extend(quantisation(found, stated));
     if found.covariance_from_scores {
@@ -200,14 +200,11 @@ fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
 }
 
 /// Harmonics of the shaft in the first recording that has any.
-fn harmonics(found: &Identification, stated: &Stated) -> Option<String> {
-    let is_present = |chi: f64| chi > HARMONIC_CHI;
-    let residuals = found.conditions.iter().find(|of| of.harmonics.iter().flatten().any(|chi| is_present(*chi)))?;
-    let readings = &stated.machine.readings;
-    let each = (0..HARMONICS).flat_map(|n| (0..readings.len()).map(move |axis| (n, axis)));
-    let listed = each.filter(|(n, axis)| is_present(residuals.harmonics[*axis][*n]));
-    let listed: Vec<String> = listed.map(|(n, axis)| format!("{}× in {}", n + 1, readings[axis].axis)).collect();
-    Some(format!("Harmonics of the shaft in the residuals: {}: run-out, or another force?", listed.join(", ")))
+fn of_shaft(found: &Identification, stated: &Stated) -> Option<String> {
+    let present = found.conditions.iter().map(harmonics).find(|of| !of.is_empty())?;
+    let in_words = |(n, axis, _): &(usize, usize, f64)| format!("{n}× in {}", stated.machine.readings[*axis].axis);
+    let listed = present.iter().map(in_words).collect::<Vec<_>>().join(", ");
+    Some(format!("Harmonics of the shaft in the residuals: {listed}: run-out, or another force?"))
 }
 
 /// Sensors whose quantisation exceeds their noise.
