@@ -199,29 +199,37 @@ fn suspected(found: &Identification, suspect: &Suspect, step_s: f64) -> String {
     format!("The residuals call for {} ({description}): {}.", values.join(" and "), options.join(" "))
 }
 
+/// Names a recording, counted from 0, if there are several.
+fn which(found: &Identification, r: usize) -> String {
+    if found.conditions.len() > 1 { format!(" of recording {}", r + 1) } else { String::new() }
+}
+
 /// Harmonics of the shaft in the first recording that has any.
 fn of_shaft(found: &Identification, stated: &Stated) -> Option<String> {
-    let present = found.conditions.iter().map(harmonics).find(|of| !of.is_empty())?;
+    let mut present = found.conditions.iter().map(harmonics).enumerate();
+    let (r, present) = present.find(|(_, of)| !of.is_empty())?;
     let in_words = |(n, axis, _): &(usize, usize, f64)| format!("{n}× in {}", stated.machine.readings[*axis].axis);
-    let listed = present.iter().map(in_words).collect::<Vec<_>>().join(", ");
-    Some(format!("Harmonics of the shaft in the residuals: {listed}: run-out, or another force?"))
+    let (listed, of) = (present.iter().map(in_words).collect::<Vec<_>>().join(", "), which(found, r));
+    Some(format!("Harmonics of the shaft in the residuals{of}: {listed}: run-out, or another force?"))
 }
 
 /// Sensors whose quantisation exceeds their noise.
 fn quantisation(found: &Identification, stated: &Stated) -> Vec<String> {
     let mut words = Vec::new();
-    for conditions in &found.conditions {
+    for (r, conditions) in found.conditions.iter().enumerate() {
+        let of = which(found, r);
         let of_parts = conditions.parts.iter().zip(&stated.parts);
         let noise = of_parts.flat_map(|(of, part)| std::iter::repeat_n(of.position_noise_m, part.body.coordinates()));
         for ((reading, &step_m), noise) in stated.machine.readings.iter().zip(&conditions.resolution_m).zip(noise) {
             if step_m > noise {
-                let step = significant(1e6 * step_m, 3);
-                words.push(format!("{} is quantised in steps of {step} µm, above the noise.", reading.name));
+                let (name, step) = (reading.name, significant(1e6 * step_m, 3));
+                words.push(format!("{name}{of} is quantised in steps of {step} µm, above the noise."));
             }
         }
         for part in conditions.parts.iter().filter(|part| part.counting < part.rows) {
             let (rows, counting) = (part.rows, part.counting);
-            words.push(format!("Errors of quantisation repeat with the readings: {rows} rows count as {counting}."));
+            words
+                .push(format!("Errors of quantisation{of} repeat with the readings: {rows} rows count as {counting}."));
         }
     }
     words
