@@ -177,17 +177,6 @@ impl Arguments {
         if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
             return Err(refused("lag: expected held currents, --hold heldAfter or heldBefore"));
         }
-        if self.recordings.len() > 1 {
-            if self.currents.is_some() {
-                return Err(refused("--currents needs a single recording"));
-            }
-            if method != LIKELIHOOD {
-                return Err(refused(format!("--method {method} needs a single recording")));
-            }
-        }
-        if self.check.is_some() && (self.currents.is_some() || method != LIKELIHOOD) {
-            return Err(refused(format!("--check needs --method {LIKELIHOOD}, and currents in the recording")));
-        }
         let reading = self.reading(&bearing, None);
         let gap_m: Vec<f64> = machine.of_bearings("s").iter().map(|name| bearing.number("estimator", name)).collect();
         let (recordings, checked) = self.read_all(&reading, &gap_m)?;
@@ -413,14 +402,13 @@ impl Arguments {
         Ok(())
     }
 
-    /// Sets sample time, window and noise of the estimator.
+    /// Sets window and noise of the estimator.
     fn complete(&self, estimator: &mut Element, samples: &Samples) {
         let window_s = match self.window {
             Some(window_s) => (window_s / samples.step_s).round() * samples.step_s,
             None => identify::one_revolution(samples),
         };
         for (name, value) in [
-            ("Ts", samples.step_s),
             ("Tf", window_s),
             ("epsilon", window_s),
             ("sensor.positionNoise", self.position_noise.unwrap_or(0.0)),

@@ -36,17 +36,18 @@ impl Arguments {
         self.changes.iter().cloned().partition(|(name, _)| loads.contains(name))
     }
 
-    /// A message for each option that does not apply to the machine.
+    /// A message for each option that does not apply to the machine, or not with the other options.
     pub(super) fn unused(&self, machine: &Machine) -> Vec<String> {
         let (is_axial, is_planar, method) = (*machine == AXIAL, *machine == PLANAR, self.method.as_str());
         let has_none = |option: &str| format!("the machine {} has no {option}", machine.name);
         let is_usual = [LIKELIHOOD, PREDICTION_ERROR].contains(&method);
+        let (is_on_line, has_several) = (method != LIKELIHOOD, self.recordings.len() > 1);
         let options = [
             (is_axial && self.currents.is_some(), has_none("--currents")),
             (is_axial && self.speed.is_some(), has_none("--speed")),
             (is_axial && self.resample.is_some(), has_none("--resample")),
             (!is_planar && self.window.is_some(), has_none("--window")),
-            (is_axial && method != LIKELIHOOD, has_none("--method")),
+            (is_axial && is_on_line, has_none("--method")),
             (!is_axial && !is_planar && !is_usual, has_none("--method but likelihood and predictionError")),
             (is_axial && self.hold != AUTO, has_none("--hold")),
             (is_axial && !self.tolerances.is_empty(), has_none("--tolerance")),
@@ -54,6 +55,12 @@ impl Arguments {
             (is_axial && self.position_noise.is_some(), has_none("--position-noise; --set noise.position=…")),
             (is_axial && self.current_noise.is_some(), has_none("--current-noise; --set noise.current=…")),
             (!is_axial && self.at.is_some(), "--at needs --machine axial".into()),
+            (!is_axial && has_several && self.currents.is_some(), "--currents needs a single recording".into()),
+            (!is_axial && has_several && is_on_line, format!("--method {method} needs a single recording")),
+            (
+                !is_axial && self.check.is_some() && (self.currents.is_some() || is_on_line),
+                format!("--check needs --method {LIKELIHOOD}, and currents in the recording"),
+            ),
         ];
         options.into_iter().filter(|(is_unused, _)| *is_unused).map(|(_, words)| words).collect()
     }
