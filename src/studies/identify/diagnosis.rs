@@ -53,13 +53,6 @@ pub(super) struct Trial {
     pub bearing: usize,
 }
 
-impl Trial {
-    /// The magnets of the bearing.
-    fn magnets(&self) -> Range<usize> {
-        self.machine.magnets_of_bearings()[self.bearing].1.clone()
-    }
-}
-
 /// Part of a recording that a mistake concerns.
 enum Concerns {
     /// The whole recording.
@@ -98,7 +91,7 @@ fn reorder(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
 
 /// Reorders the currents of the bearing.
 fn currents(trial: &mut Trial, change: impl FnOnce(&mut [usize])) {
-    let magnets = trial.magnets();
+    let magnets = trial.machine.magnets_of(trial.bearing);
     reorder(trial, |order| change(&mut order[magnets]));
 }
 

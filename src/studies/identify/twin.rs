@@ -3,8 +3,6 @@
 //! It is based on a scenario of the bench, whose values are replaced by those identified. Controller and estimator take the estimate as their
 //! first guess; the standard deviations become `tolerance.*` of the estimator.
 
-use fmu_export::variable::Value;
-
 use super::answer::Answer;
 use super::likelihood::{DYNAMICS, Part};
 use super::samples::Samples;
@@ -98,9 +96,7 @@ impl Twin {
         let step_s = format!("{step_s:.3e}").parse().unwrap_or(step_s);
         (scenario.step_s, scenario.duration_s) = (step_s, STEPS * step_s);
         let mut twin = Self { scenario, left_out: Vec::new() };
-        for (element, name) in [("plant", "sensor.Ts"), ("controller", "Ts"), ("estimator", "Ts")] {
-            twin.put(element, name, step_s);
-        }
+        ["sensor.Ts", "Ts"].iter().for_each(|name| twin.scenario.set_everywhere(name, step_s));
         let plain = Scenario::plain(base.machine);
         let slower = plain.number("controller", "Ts") / step_s;
         if slower < 1.0 {
@@ -111,39 +107,30 @@ impl Twin {
         twin
     }
 
-    /// Sets a variable of an element.
-    pub(super) fn put(&mut self, element: &str, name: &str, value: impl Into<Value>) {
-        self.scenario.set(element, name, value);
-    }
-
     /// Sets a variable, unless the scenario states it.
     pub(super) fn put_unless_stated(&mut self, element: &str, name: &str, value: f64) {
         if !self.scenario.is_stated(element, name) {
-            self.put(element, name, value);
+            self.scenario.set(element, name, value);
         }
     }
 
     /// Sets a force constant of the plant, which is the first guess of the others.
     pub(super) fn put_lambda(&mut self, name: &str, value: f64) {
-        self.put("plant", name, value);
-        for element in ["controller", "estimator"] {
-            self.put(element, &name.replace("lambda", "lambda0"), value);
-        }
+        self.scenario.set_everywhere(name, value);
+        self.scenario.set_everywhere(&name.replace("lambda", "lambda0"), value);
     }
 
     /// Sets a tolerance of the estimator, if there is one.
     pub(super) fn put_tolerance(&mut self, name: &str, std: f64) {
         if std > 0.0 {
-            self.put("estimator", &format!("tolerance.{name}"), std);
+            self.scenario.set("estimator", &format!("tolerance.{name}"), std);
         }
     }
 
     /// Sets the sensor noise, in m and A, of the plant and that assumed by the estimator.
     pub(super) fn put_noise(&mut self, position_m: f64, current_a: f64) {
-        for element in ["plant", "estimator"] {
-            self.put(element, "sensor.positionNoise", position_m);
-            self.put(element, "sensor.currentNoise", current_a);
-        }
+        self.scenario.set_everywhere("sensor.positionNoise", position_m);
+        self.scenario.set_everywhere("sensor.currentNoise", current_a);
     }
 
     /// The twin, if all models accept its values.
@@ -179,13 +166,10 @@ impl Answer {
 
         let mut twin = Twin::of(base, samples.step_s, &self.verdict);
         for (name, value) in stated.with([base.number("plant", "theta0"), omega_rad_s], of) {
-            if value != 0.0 || base.is_stated("plant", &name) {
-                twin.put("plant", &name, value);
-            }
-            // Only the plant has sensors and forces.
-            if !name.contains("sensor.") && !name.starts_with("perturbation") {
-                twin.put("controller", &name, value);
-                twin.put("estimator", &name, value);
+            for element in ["plant", "controller", "estimator"] {
+                if element != "plant" || value != 0.0 || base.is_stated(element, &name) {
+                    twin.scenario.set(element, &name, value);
+                }
             }
             if let Some(prefix) = name.strip_suffix('s').filter(|prefix| prefix.is_empty() || prefix.ends_with('.')) {
                 twin.put_unless_stated("plant", &format!("{prefix}touchdown.clearance"), 0.5 * value);
@@ -196,13 +180,13 @@ impl Answer {
         }
         let of_planes = |name| machine.of_planes(name).into_iter();
         for ((magnitude, phase), found) in of_planes("magnitude").zip(of_planes("phase")).zip(&found.unbalance) {
-            twin.put("plant", &magnitude, found.magnitude.value);
-            twin.put("plant", &phase, found.phase.value);
+            twin.scenario.set("plant", &magnitude, found.magnitude.value);
+            twin.scenario.set("plant", &phase, found.phase.value);
         }
         for (name, load) in stated.loads().iter().zip(&first.load_n) {
-            twin.put("plant", name, load.value);
+            twin.scenario.set("plant", name, load.value);
         }
-        twin.put("plant", "omega", omega_rad_s);
+        twin.scenario.set("plant", "omega", omega_rad_s);
         twin.put_noise(first.parts[0].position_noise_m, first.parts[0].current_noise_a);
         // A tolerance of the estimator applies to all bearings and magnets.
         let of_all = |begin: &str, of: &dyn Fn(&str) -> f64| {

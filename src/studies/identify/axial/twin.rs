@@ -7,8 +7,6 @@
 //! The factor κ between statics and dynamics is a factor of the mass. If one magnet is used, x of the twin counts from the operating point, and s is the gap
 //! there: the FMUs have their rotor in the middle of the gap. The FMUs lack the other effects of a bench, slow forces and noise that grows with the gap.
 
-use fmu_export::variable::Value;
-
 use super::answer::Answer;
 use super::{CURRENT_NOISE, DELAY, EXPONENT, GAP, LOAD, PARAMETERS, POSITION_NOISE, SLOW, UNKNOWNS, values};
 use crate::bearing::Used;
@@ -37,10 +35,8 @@ impl Answer {
         let law = axis.law(point);
         let mut twin = Twin::of(base, self.found.readings.step_s, &self.verdict);
         let gap_m = if let [_] = axis.used.as_slice() { law.reference_m } else { point[GAP] };
-        for element in ["plant", "controller", "estimator"] {
-            twin.put(element, "m", self.dynamics.value * axis.m_kg);
-            twin.put(element, "s", gap_m);
-        }
+        twin.scenario.set_everywhere("m", self.dynamics.value * axis.m_kg);
+        twin.scenario.set_everywhere("s", gap_m);
         twin.put_unless_stated("plant", "touchdown.clearance", 0.5 * gap_m);
         for (k, lambda) in &self.lambda {
             twin.put_lambda(&format!("lambda[{}]", k + 1), lambda.value);
@@ -48,13 +44,11 @@ impl Answer {
         let used = used(&axis.used);
         if let Some(k) = used.only() {
             // Tools that ignore enumerations assume both magnets are used: without a minimum force the other one then has no effect.
-            for element in ["controller", "estimator"] {
-                twin.put(element, "magnets.used", Value::Integer(used.number()));
-            }
-            twin.put("plant", &format!("coil.open[{}]", 2 - k), Value::Boolean(true));
+            twin.scenario.set_everywhere("magnets.used", used.number());
+            twin.scenario.set("plant", &format!("coil.open[{}]", 2 - k), true);
             twin.put_unless_stated("controller", "F0", 0.0);
         }
-        twin.put("plant", "pX", point[LOAD]);
+        twin.scenario.set("plant", "pX", point[LOAD]);
         twin.put_noise(libm::exp(point[POSITION_NOISE]), libm::exp(point[CURRENT_NOISE]));
         // Only unknowns that were searched have a noise_std.
         for (name, of, scale) in [("m", &self.dynamics, axis.m_kg), ("s", &self.gap, 1.0)] {
