@@ -10,7 +10,7 @@ use crate::machine::{Bearing, Machine, Reading};
 use crate::report::evaluation::{REVOLUTIONS, WITHOUT_TURNING_S};
 use crate::report::figures::{Figure, INDEX, time_unit, where_shown};
 use crate::report::plot::{Line, Plot, PlotUnit, colour};
-use crate::report::{Report, cards};
+use crate::report::{Report, cards, titled};
 use crate::simulation::Scenario;
 use crate::studies::identify::likelihood::{BenchEstimate, Change, Estimate, Identification};
 use crate::studies::identify::{Answer, Samples, Statement, Track, Twin, axial};
@@ -159,7 +159,6 @@ impl<'s> Drawn<'s> {
         let mut plots = Vec::new();
         let mut has_on_line = false;
         for (bearing, magnets) in self.samples.machine.magnets_of_bearings() {
-            let bearing = bearing.name();
             let mut whole = self.over_time("λ", PlotUnit::LAMBDA).height(380.0);
             for (number, k) in magnets.clone().enumerate() {
                 let [x, value, std] = self.corners(found, k);
@@ -170,8 +169,7 @@ impl<'s> Drawn<'s> {
             for part in found.contradictions.iter().filter(|part| part.recording == 0) {
                 whole.shade(self.instant(part.rows.start), self.instant(part.rows.end));
             }
-            let of = |what: &str| if bearing.is_empty() { what.to_owned() } else { format!("{bearing}: {what}") };
-            plots.push(whole.title(of("Maximum likelihood")));
+            plots.push(whole.title(titled("Maximum likelihood", bearing)));
             if let Some(mut on_line) = on_line.next().filter(|plot| !plot.is_empty()) {
                 has_on_line = true;
                 for (number, k) in magnets.enumerate() {
@@ -179,7 +177,7 @@ impl<'s> Drawn<'s> {
                     let line = line.group(NAMES[number]).dashed().unlisted();
                     on_line.line(line, &self.ends_s(), &[found.lambda[k].value; 2]);
                 }
-                plots.push(on_line.title(of("On-line estimator")));
+                plots.push(on_line.title(titled("On-line estimator", bearing)));
             }
         }
         let mut caption = String::from(

@@ -6,14 +6,13 @@ use super::restored::{Restored, Signals};
 use crate::estimation::Hold;
 use crate::studies::identify::likelihood::{Part, Recording};
 use crate::studies::identify::plausible::REST_RAD_S;
-use crate::studies::identify::{Rotation, Samples, Stated, rms};
+use crate::studies::identify::{Samples, Stated, rms};
 use crate::studies::statistics::spread;
 
 /// The recording of a machine with this meaning of a current sample.
 pub fn recording(samples: &Samples, stated: &Stated, hold: Hold) -> Recording {
     let (count, position_m, current_a) = (samples.len(), samples.position_m.clone(), samples.currents(hold));
-    let known = samples.rotation != Rotation::Unknown;
-    let rotation = |column: &[f64]| if known && !column.is_empty() { column.to_vec() } else { vec![0.0; count] };
+    let rotation = |column: &[f64]| if column.is_empty() { vec![0.0; count] } else { column.to_vec() };
     let (theta_rad, omega_rad_s) = (rotation(&samples.theta_rad), rotation(&samples.omega_rad_s));
     let [position_noise_m, current_noise_a] = stated.noise.map(|noise| (noise > 0.0).then_some(noise));
     let mut recording = Recording {
