@@ -358,7 +358,6 @@ impl Arguments {
     /// # Errors
     /// All reasons why it cannot be used, signs of misread units among them.
     fn read(&self, path: &Path, reading: &Reading, gap_m: &[f64]) -> Result<Samples, Vec<String>> {
-        let open = |path: &Path| open(path).map_err(|error| vec![error.to_string()]);
         let samples = match &self.currents {
             None => Samples::read(open(path)?, reading),
             Some(apart) => Samples::read_apart(open(path)?, open(apart)?, reading),
@@ -428,11 +427,11 @@ fn names<T: Choice>(more: &[&'static str]) -> PossibleValuesParser {
     T::all().map(T::name).chain(more.iter().copied()).collect::<Vec<_>>().into()
 }
 
-fn open(path: &Path) -> Result<Box<dyn io::Read>> {
+fn open(path: &Path) -> Result<Box<dyn io::Read>, Vec<String>> {
     if output::is_standard(path) {
         return Ok(Box::new(io::stdin().lock()));
     }
-    let file = fs::File::open(path).map_err(|error| refused(format!("{}: {error}", path.display())))?;
+    let file = fs::File::open(path).map_err(|error| vec![format!("{}: {error}", path.display())])?;
     Ok(Box::new(file))
 }
 

@@ -90,14 +90,12 @@ fn first(Results { recordings, answer, statements, summary, .. }: &Results) -> M
     html! {
         @for statement in statements {
             p class=(class(statement)) { (statement.verdict) }
-            @if let Some((answer, found)) = answer.as_ref().and_then(|answer| Some((answer, answer.found.as_ref()?))) {
+            @if let Some(found) = answer.as_ref().and_then(|answer| answer.found.as_ref()) {
                 (cards(recordings[0].machine, &found.lambda.iter().map(|of| Some([of.value, of.total_std])).collect::<Vec<_>>(), None))
                 p.soft {
                     "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is one standard deviation, stated tolerances included."
-                    @if let Some(typical) = answer.typical() {
-                        " With a typical bench where no tolerance is stated: ± "
-                        (typical.iter().map(|std| format!("{:.1}", 100.0 * std)).collect::<Vec<_>>().join(", ")) " %."
-                    }
+                    " With a typical bench where no tolerance is stated: ± "
+                    (found.typical().iter().map(|std| format!("{:.1}", 100.0 * std)).collect::<Vec<_>>().join(", ")) " %."
                 }
             }
             p { (statement.assumptions) }

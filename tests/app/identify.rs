@@ -328,7 +328,7 @@ fn the_answer_covers_the_whole_recording() {
     let std = |answer: &identify::Answer| answer.found.as_ref().map_or(f64::NAN, |found| found.lambda[0].total_std);
     assert!(std(&wide) > 3.0 * std(&alone) && std(&twice) < 0.8 * std(&alone));
     // A typical bench limits the precision to per cents, whatever the noise.
-    assert!(alone.typical().expect("estimates").iter().all(|std| (0.02..0.1).contains(std)));
+    assert!(alone.found.expect("estimates").typical().iter().all(|std| (0.02..0.1).contains(std)));
     let json = wide.statement().json;
     for key in ["lambdaHat", "lambdaStd", "lambdaStdTotal", "unbalance", "bench", "budget", "noise", "verdict"] {
         assert!(!json[key].is_null(), "{key}: {json}");

@@ -195,15 +195,14 @@ impl Stated {
         self.loads().into_iter().zip(values).filter_map(|(name, load_n)| Some((name, load_n?)))
     }
 
-    /// States a load, in N or N·m; returns whether there is one of this name.
-    pub fn set_load(&mut self, name: &str, load_n: f64) -> bool {
-        let Some(at) = self.loads().iter().position(|load| load == name) else { return false };
+    /// States a load, in N or N·m, if there is one of this name.
+    pub fn set_load(&mut self, name: &str, load_n: f64) {
+        let Some(at) = self.loads().iter().position(|load| load == name) else { return };
         let first = self.parts[0].body.coordinates();
         let (part, at) = if at < first { (0, at) } else { (1, at - first) };
         let Part { body, settings, .. } = &mut self.parts[part];
         settings.load_n.resize(body.coordinates(), None);
         settings.load_n[at] = Some(load_n);
-        true
     }
 
     /// Adds an effect of real benches, if this is the name of one: κ, the lag of the currents, or the power of the gap in the noise. Without

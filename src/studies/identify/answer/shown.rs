@@ -29,19 +29,20 @@ pub fn shown(parameter: &BenchParameter) -> (f64, &'static str) {
     }
 }
 
-impl Answer {
+impl Identification {
     /// Relative standard deviations of λ with a typical bench where no tolerance is stated.
-    pub fn typical(&self) -> Option<Vec<f64>> {
-        let found = self.found.as_ref()?;
+    pub fn typical(&self) -> Vec<f64> {
         let is_hidden = |line: &&BenchEstimate| !line.parameter.is_uncertain() && line.parameter.in_typical_bench;
         let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
             let own = lambda.total_std / lambda.value.abs();
-            let unstated = found.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
+            let unstated = self.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
             unstated.fold(own * own, |sum, part| sum + part * part).sqrt()
         };
-        Some(found.lambda.iter().enumerate().map(of_magnet).collect())
+        self.lambda.iter().enumerate().map(of_magnet).collect()
     }
+}
 
+impl Answer {
     /// The answer in words, numbers and JSON.
     pub fn statement(&self) -> Statement {
         Statement {
@@ -82,7 +83,7 @@ impl Answer {
     }
 
     fn estimates(&self, found: &Identification) -> Table {
-        let typical = self.typical().unwrap_or_default();
+        let typical = found.typical();
         let row = |name: String, of: &likelihood::Estimate, factor: f64, unit: &str, typical: Option<f64>| {
             let [value, noise, total] = of.cells(factor);
             let typical = typical.map_or(String::new(), |std| significant(std / factor, 2));
@@ -137,7 +138,7 @@ impl Answer {
         let per = |of: &[likelihood::Estimate], part: fn(&likelihood::Estimate) -> f64| -> Vec<f64> {
             of.iter().map(part).collect()
         };
-        let typical = self.typical().unwrap_or_default();
+        let typical = found.typical();
         let estimated = found.bench.iter().filter(|of| of.estimated);
         let bench = estimated.map(|of| (of.parameter.name.clone(), of.estimate.json()));
         let budget = found.bench.iter().map(|line| {
