@@ -125,7 +125,7 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
 
 /// The verdict on a speed without a recorded angle, if that of the motion differs by less than [`OTHER_SPEED`], significantly, and by enough to matter.
 fn wrong_speed(samples: &Samples, recording: &Recording, judged: &Judged) -> Option<String> {
-    if !matches!(samples.rotation, Rotation::Stated | Rotation::Speed) {
+    if samples.rotation.has_mark() {
         return None;
     }
     let [off, std, angle_rad] = diagnosis::drift(recording)?;

@@ -214,10 +214,7 @@ impl Checks<'_> {
 
     /// The signal whose unit determines the speed.
     fn speed_source(&self) -> usize {
-        match self.samples.rotation {
-            Rotation::Angle | Rotation::Both => self.signals.theta,
-            Rotation::Speed | Rotation::Stated | Rotation::Unknown => self.signals.omega,
-        }
+        if self.samples.rotation.has_mark() { self.signals.theta } else { self.signals.omega }
     }
 
     /// Speeds that are too high for a rotor, or for its controller.
