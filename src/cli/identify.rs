@@ -169,11 +169,10 @@ impl Arguments {
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
         // The data decide if none is stated.
-        let mut wanted = Hold::all().find(|hold| hold.name() == self.hold);
-        if stated.currents().lag {
-            // The currents lag behind commands.
-            stated.hold = *wanted.get_or_insert(Hold::HeldAfter);
-        }
+        let wanted = Hold::all().find(|hold| hold.name() == self.hold);
+        // Currents lag behind commands.
+        let wanted = wanted.or(stated.currents().lag.then_some(Hold::HeldAfter));
+        stated.hold = wanted.unwrap_or(stated.hold);
         if stated.currents() == (Currents { hold: Hold::Linear, lag: true }) {
             return Err(refused("lag: expected held currents, --hold heldAfter or heldBefore"));
         }
@@ -186,10 +185,9 @@ impl Arguments {
         // A stated hold is compared with the others as well if the answer depends on it.
         let is_compared = if method == LIKELIHOOD { samples.rotation != Rotation::Unknown } else { wanted.is_none() };
         let holds = is_compared.then(|| Holds::of(samples, &stated));
-        stated = match (wanted, holds) {
-            (None, Some(holds)) => stated.read_as(holds.most_likely()),
-            (hold, _) => Stated { hold: hold.unwrap_or(stated.hold), ..stated },
-        };
+        if let (None, Some(holds)) = (wanted, holds) {
+            stated = stated.read_as(holds.most_likely());
+        }
         let currents = stated.currents();
         estimator.set("hold", Value::Integer(currents.hold.number()));
 

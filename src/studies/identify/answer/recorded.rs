@@ -71,16 +71,15 @@ fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
             recording.current_a[part.magnets + k].iter().enumerate().map(of).collect()
         };
         let pulls: Vec<Vec<f64>> = (0..magnets).map(pull).collect();
-        let pulls: Vec<&[f64]> = pulls.iter().map(Vec::as_slice).collect();
         let measured = &recording.position_m[part.positions..][..coordinates];
-        let measured: Vec<&[f64]> = measured.iter().map(Vec::as_slice).collect();
+        let of: Vec<&[f64]> = pulls.iter().chain(measured).map(Vec::as_slice).collect();
         let is_missing = |row: usize, signal: usize| match signal.checked_sub(magnets) {
             Some(position) => lacks(row, part.positions + position),
             None => lacks(row, positions + part.magnets + signal),
         };
         let along = |k: usize, n: usize| part.body.gap_at(k, |_| 0.0) - part.body.gap_at(k, |at| f64::from(at == n));
         let directions: Vec<Vec<f64>> = (0..magnets).map(|k| (0..coordinates).map(|n| along(k, n)).collect()).collect();
-        let signals = Signals::new([&pulls, &measured], &directions, &recording.theta_rad, is_missing);
+        let signals = Signals::new(of, &directions, &recording.theta_rad, is_missing);
         let (of_pulls, of_positions): (Vec<_>, Vec<_>) =
             signals.restored().into_iter().partition(|of| of.signal < magnets);
         for Restored { row, signal, value, std } in of_positions {

@@ -108,21 +108,15 @@ impl Model {
 }
 
 impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
-    /// `is_missing(row, signal)` is whether a reading is missing; a pull acts on the positions along its direction.
-    pub fn new(
-        [pulls, positions]: [&[&'a [f64]]; 2],
-        directions: &'a [Vec<f64>],
-        theta_rad: &'a [f64],
-        is_missing: F,
-    ) -> Self {
-        let of = [pulls, positions].concat();
+    /// Pulls, then positions; `is_missing(row, signal)` is whether a reading is missing. Each pull acts on the positions along its direction.
+    pub fn new(of: Vec<&'a [f64]>, directions: &'a [Vec<f64>], theta_rad: &'a [f64], is_missing: F) -> Self {
         let scale = |(signal, of): (usize, &&[f64])| {
             let known = (0..of.len()).filter(|row| !is_missing(*row, signal)).map(|row| of[row]);
             let [mean, variance] = spread(known);
             [mean, variance.sqrt()]
         };
         let scales = of.iter().enumerate().map(scale).collect();
-        Self { of, pulls: pulls.len(), scales, directions, theta_rad, is_missing }
+        Self { of, pulls: directions.len(), scales, directions, theta_rad, is_missing }
     }
 
     fn count(&self) -> usize {
@@ -133,10 +127,6 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
     fn value(&self, (row, signal): Place) -> f64 {
         let [mean, std] = self.scales[signal];
         if (self.is_missing)(row, signal) { f64::NAN } else { (self.of[signal][row] - mean) / std }
-    }
-
-    fn is_known(&self, row: usize) -> bool {
-        (0..self.count()).all(|signal| self.value((row, signal)).is_finite())
     }
 
     fn factors(&self, row: usize) -> [f64; 3] {
@@ -155,7 +145,8 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         let terms = factors * (past * self.count() + 1);
         let mut since = 0;
         let has_past = |row: &usize| {
-            since = if self.is_known(*row) { since + 1 } else { 0 };
+            let is_known = (0..self.count()).all(|signal| self.value((*row, signal)).is_finite());
+            since = if is_known { since + 1 } else { 0 };
             since > past
         };
         let rows: Vec<usize> = (0..self.theta_rad.len()).filter(has_past).collect();
@@ -202,17 +193,12 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         // In a longer run, the past is not known.
         let runs = rows.chunk_by(|row, next| row + 1 == *next).filter(|run| run.len() <= model.past);
         let rows: Vec<usize> = runs.flatten().copied().collect();
-        rows.chunk_by(|row, next| next - row <= model.past).flat_map(|rows| self.together(&model, rows)).collect()
-    }
-
-    /// The missing readings of rows that share responses.
-    fn together(&self, model: &Model, rows: &[usize]) -> Vec<Restored> {
+        // Rows within the past of each other share responses.
+        let sharing = rows.chunk_by(|row, next| next - row <= model.past).filter(|rows| rows[0] >= model.past);
         let mut restored = BTreeMap::new();
-        if rows[0] >= model.past {
-            for rows in rows.chunks((TOGETHER / self.count()).max(1)) {
-                self.positions(model, rows, &mut restored);
-                rows.iter().for_each(|row| self.pulls(model, *row, &mut restored));
-            }
+        for rows in sharing.flat_map(|rows| rows.chunks((TOGETHER / self.count()).max(1))) {
+            self.positions(&model, rows, &mut restored);
+            rows.iter().for_each(|row| self.pulls(&model, *row, &mut restored));
         }
         let each = restored.into_iter().map(|((row, signal), [value, variance])| {
             let [mean, scale] = self.scales[signal];
