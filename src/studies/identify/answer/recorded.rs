@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use super::restored::{Restored, Signals};
+use super::restored::Signals;
 use crate::estimation::Hold;
 use crate::studies::identify::likelihood::{Part, Recording};
 use crate::studies::identify::plausible::REST_RAD_S;
@@ -81,15 +81,15 @@ fn restore(recording: &mut Recording, samples: &Samples, parts: &[Part]) {
         let directions: Vec<Vec<f64>> = (0..magnets).map(|k| (0..coordinates).map(|n| along(k, n)).collect()).collect();
         let signals = Signals::new(of, &directions, &recording.theta_rad, is_missing);
         let (of_pulls, of_positions): (Vec<_>, Vec<_>) =
-            signals.restored().into_iter().partition(|of| of.signal < magnets);
-        for Restored { row, signal, value, std } in of_positions {
+            signals.restored().into_iter().partition(|((_, signal), _)| *signal < magnets);
+        for ((row, signal), [value, std]) in of_positions {
             let position = part.positions + signal - magnets;
             recording.position_m[position][row] = value;
             recording.position_error_m[position][row] = std as f32;
         }
         let rms_a = |of: &Vec<f64>| rms(of.iter().copied().filter(|i| i.is_finite()));
         let largest_a: Vec<f64> = recording.current_a.iter().map(rms_a).collect();
-        for Restored { row, signal, value, std } in of_pulls {
+        for ((row, signal), [value, std]) in of_pulls {
             let (magnet, square_m2) = (part.magnets + signal, gap_m(&recording.position_m, row, signal).powi(2));
             // A current missing for longer, by itself, is missing because of its value: an outlier, or clipped.
             let is_odd = recording.current_a[magnet][row].is_nan() && (0..positions).all(|signal| !lacks(row, signal));

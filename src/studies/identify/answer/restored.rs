@@ -41,16 +41,7 @@ const PRIOR_STD: f64 = 10.0;
 /// Relative spread of force constants; that of drawn bearings is 0.12.
 const SPREAD: f64 = 0.15;
 
-/// A restored reading.
-pub struct Restored {
-    pub row: usize,
-    /// The pulls come first, then the positions.
-    pub signal: usize,
-    pub value: f64,
-    pub std: f64,
-}
-
-/// Row and signal.
+/// Row and signal; the pulls come first, then the positions.
 type Place = (usize, usize);
 
 /// Signals of bearings that are controlled together, with their means and standard deviations.
@@ -184,8 +175,8 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
         Some((final_error, model))
     }
 
-    /// The missing readings, as far as the responses of the controller determine them.
-    pub fn restored(&self) -> Vec<Restored> {
+    /// The missing readings, as far as the responses of the controller determine them: values and standard deviations.
+    pub fn restored(&self) -> Vec<(Place, [f64; 2])> {
         let models = MODELS.into_iter().filter_map(|of| self.model(of));
         let Some((_, model)) = models.min_by(|(a, _), (b, _)| a.total_cmp(b)) else { return Vec::new() };
         let is_missing = |row: &usize| (0..self.count()).any(|signal| (self.is_missing)(*row, signal));
@@ -200,9 +191,9 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
             self.positions(&model, rows, &mut restored);
             rows.iter().for_each(|row| self.pulls(&model, *row, &mut restored));
         }
-        let each = restored.into_iter().map(|((row, signal), [value, variance])| {
-            let [mean, scale] = self.scales[signal];
-            Restored { row, signal, value: mean + scale * value, std: scale * variance.sqrt() }
+        let each = restored.into_iter().map(|(place, [value, variance]): (Place, [f64; 2])| {
+            let [mean, scale] = self.scales[place.1];
+            (place, [mean + scale * value, scale * variance.sqrt()])
         });
         each.collect()
     }
@@ -247,9 +238,8 @@ impl<'a, F: Fn(usize, usize) -> bool> Signals<'a, F> {
 
     /// Adds the missing pulls of a row, predicted from earlier rows.
     fn pulls(&self, model: &Model, row: usize, restored: &mut BTreeMap<Place, [f64; 2]>) {
-        let known = |place| [self.value(place), 0.0];
-        let past =
-            self.past(row, model.past).map(|place| restored.get(&place).copied().unwrap_or_else(|| known(place)));
+        let known = |place: Place| restored.get(&place).copied().unwrap_or_else(|| [self.value(place), 0.0]);
+        let past = self.past(row, model.past).map(known);
         let (values, variances): (Vec<f64>, Vec<f64>) = past.chain([[1.0, 0.0]]).map(|[value, of]| (value, of)).unzip();
         let coefficients = model.at(self.factors(row));
         let expected = coefficients.tr_mul(&DVector::from(values));
