@@ -22,12 +22,12 @@ pub const USUAL_CURRENT_NOISE_A: f64 = 5.0e-2;
 /// this noise, the search is slow, and meanwhile the stated standard deviation of λ is too small.
 pub const START_CURRENT_NOISE_A: f64 = 1.5e-2;
 
-/// Smallest and greatest standard deviation of a position, m: smaller ones are rounding, greater ones hide the clearance.
-const POSITION_NOISE_M: [f64; 2] = [1.0e-9, 3.0e-5];
+/// Smallest and greatest standard deviation of a position, relative to the gap: smaller ones are rounding, greater ones hide the clearance.
+const POSITION_NOISE: [f64; 2] = [2.0e-6, 0.06];
 
-/// Greatest standard deviations for which the estimate is reliable, m and A: one and a half times those of the study of fourteen pairs of noise
-/// (`montecarlo --only "14 pairs"`).
-const RELIABLE_UP_TO: [f64; 2] = [7.5e-6, 0.15];
+/// Greatest standard deviations for which the estimate is reliable, of a position relative to the gap, and of a current in A: one and a half times those
+/// of the study of fourteen pairs of noise (`montecarlo --only "14 pairs"`).
+const RELIABLE_UP_TO: [f64; 2] = [0.015, 0.15];
 
 /// Prior information on ln σ² of known noise, 2 % of σ as after 1200 samples of one reading, and of estimated noise, so that the first samples have
 /// little effect. The information of samples on ln ρ grows with ρ² and is below 1 at first: with 2 instead of 1 a search that started a factor of three too
@@ -63,9 +63,11 @@ pub struct Noise {
 
 impl Noise {
     /// Initial noise: the known standard deviations of a position, m, and of a current, A, if not 0; otherwise `first_m`, from differences, for a position.
-    pub fn new([known_m, known_a]: [f64; 2], first_m: f64) -> Self {
+    /// `gap_m` is that of the magnets.
+    pub fn new([known_m, known_a]: [f64; 2], first_m: f64, gap_m: f64) -> Self {
         let known = [known_m > 0.0, known_a > 0.0];
-        let position = if known[0] { known_m } else { first_m.clamp(POSITION_NOISE_M[0], POSITION_NOISE_M[1]) };
+        let [least, most] = POSITION_NOISE.map(|part| part * gap_m);
+        let position = if known[0] { known_m } else { first_m.clamp(least, most) };
         let current = if known[1] { known_a } else { START_CURRENT_NOISE_A };
         let logs = Vector2::new(2.0 * log(current / position), 2.0 * log(position));
         // A standard deviation of three in ln ρ and ln σ_z²: a factor of twenty.
@@ -76,8 +78,9 @@ impl Noise {
     }
 
     /// Whether all estimated noise is within the reliable range.
-    pub fn is_within_range(&self) -> bool {
-        let limited = self.variances.into_iter().zip(RELIABLE_UP_TO);
+    pub fn is_within_range(&self, gap_m: f64) -> bool {
+        let [position, current] = RELIABLE_UP_TO;
+        let limited = self.variances.into_iter().zip([position * gap_m, current]);
         limited.zip(self.known).all(|((variance, greatest), known)| known || variance <= greatest * greatest)
     }
 
@@ -89,6 +92,7 @@ impl Noise {
         variance: f64,
         weight: f64,
         mean_square_a2: f64,
+        gap_m: f64,
     ) -> f64 {
         let Innovation { error, by_log_ratio, by_noise_ratio, .. } = innovation;
         let trace = by_log_ratio.trace();
@@ -113,7 +117,7 @@ impl Noise {
         let mut step = information.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
         // Known noise may be outside the range of estimates.
         let any = [f64::MIN_POSITIVE, f64::MAX];
-        let [least, most] = if self.known[0] { any } else { POSITION_NOISE_M.map(|std_m| std_m * std_m) };
+        let [least, most] = if self.known[0] { any } else { POSITION_NOISE.map(|part| (part * gap_m) * (part * gap_m)) };
         // A position variance at its bound stays there.
         if (self.variances[0] <= least && step.y < 0.0) || (self.variances[0] >= most && step.y > 0.0) {
             step = Vector2::new(score.x / information[(0, 0)], 0.0);

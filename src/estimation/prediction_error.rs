@@ -164,6 +164,11 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         self.known_noise.iter().all(|noise| *noise > 0.0)
     }
 
+    /// The smallest gap of a centred rotor.
+    fn gap_m(&self) -> f64 {
+        self.filter.machine.geometry.gap_m.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// Whether the rotor is within the gaps of all magnets at a position, m.
     pub fn is_in_gap(&self, position_m: [f64; N]) -> bool {
         self.filter.machine.geometry.gaps(position_m).iter().all(|gap_m| *gap_m > 0.0)
@@ -189,7 +194,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             estimate,
             pending: Box::new(StartBuffer::empty()),
             gap: 0,
-            noise: self.is_noise_known().then(|| Noise::new(self.known_noise, self.known_noise[0])),
+            noise: self.is_noise_known().then(|| Noise::new(self.known_noise, self.known_noise[0], self.gap_m())),
             trusted: [const { None }; QUARTERS],
             filter: None,
             filter_unknowns: unknowns,
@@ -241,7 +246,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let missing = std::mem::take(&mut state.gap);
         state.pending.push(Sample { missing, ..sample() });
         if state.noise.is_none() {
-            state.noise = state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m));
+            state.noise = state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m, self.gap_m()));
             state.uncounted = state.uncounted.saturating_add(1);
             if state.uncounted > MAX_UNCOUNTED {
                 state.estimate.verdict = Verdict::BadSample;
@@ -347,7 +352,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
             state.validation.add_settled(&innovation.error, position_variance, per_revolution);
-            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2);
+            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2, self.gap_m());
             if discount < 1.0 {
                 state.validation.forget();
                 state.discount(discount);
@@ -575,7 +580,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             Verdict::Unexplained
         } else if state.uncounted > MAX_UNCOUNTED {
             Verdict::BadSample
-        } else if !noise.is_within_range() {
+        } else if !noise.is_within_range(self.gap_m()) {
             Verdict::Noisy
         } else {
             // After a rejection its reason no longer holds.
