@@ -400,12 +400,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             return;
         }
         // The solutions with the widest prior of the backward forces, and with that of the selected model.
-        let solutions = sums.solve(&self.prior, variances).and_then(|found| {
+        let widest_prior = state.models.widest(&self.prior);
+        let solutions = sums.solve(&widest_prior, variances).and_then(|found| {
             let widest = found.combine();
             let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
             let model = state.models.select(&found, &widest, is_plausible)?;
-            let prior = state.models.prior(&self.prior);
-            let found = if prior == self.prior { found } else { sums.solve(&prior, variances)? };
+            let prior = state.models.prior(&widest_prior);
+            let found = if prior == widest_prior { found } else { sums.solve(&prior, variances)? };
             let solution = Solution { model, ..found.combine() };
             Some((widest, solution, found.condition))
         });
@@ -470,12 +471,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.trusted.rotate_left(1);
         let is_valid = state.estimate.verdict == Verdict::Valid;
         state.trusted[QUARTERS - 1] = if is_valid { Some(noise) } else { state.trusted[QUARTERS - 2].clone() };
-        let prior = state.models.prior(&self.prior);
+        let widest = state.models.widest(&self.prior);
+        let prior = state.models.prior(&widest);
         if state.is_settled() || state.changed {
             state.validation.discount(state.models.forgetting_factor(time_s), time_s);
             let nis = state.validation.nis_with_degrees(state.per_revolution());
             let loads = self.filter.machine.unit_loads();
-            match state.models.compare((&block, time_s), &self.prior, variances[0], nis, state.quarters, &loads) {
+            match state.models.compare((&block, time_s), &widest, variances[0], nis, state.quarters, &loads) {
                 Comparison::Same => (),
                 Comparison::Renewed => state.validation.forget(),
                 Comparison::Changed => {
