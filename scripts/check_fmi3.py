@@ -11,6 +11,7 @@ tests/importer does the same in fmi-rs.
 """
 
 import argparse
+import math
 import os
 import subprocess
 import sys
@@ -22,7 +23,7 @@ import numpy as np
 from conformance import ALL
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
-from fmpy.validation import validate_fmu
+from toolbox import fmucontainer, fmutool, run_tool, validate_fmu
 
 PROJECT = Path(__file__).resolve().parent.parent
 PROGRAM = PROJECT / "target" / "release" / f"magnetic-bearing{'.exe' if os.name == 'nt' else ''}"
@@ -93,9 +94,9 @@ def package(folder, *switches):
     return folder / "target" / "fmu"
 
 
-def size_of(variable):
-    """Count the values of a variable."""
-    return int(np.prod(variable.shape)) if variable.shape else 1
+def elements_of(variable):
+    """List the references of the elements of a variable."""
+    return range(variable.valueReference, variable.valueReference + math.prod(variable.shape or ()))
 
 
 def excitation(variable, element, step):
@@ -138,6 +139,10 @@ class Run2:
         self.fmu = FMU2Slave(
             guid=self.description.guid, unzipDirectory=str(folder), modelIdentifier=identifier, instanceName="two"
         )
+        self.references = {}
+        for variable in self.description.modelVariables:
+            if getter := GETTERS.get(variable.type):
+                self.references.setdefault(getter, []).append(variable.valueReference)
         self.fmu.instantiate()
         self.fmu.setupExperiment(startTime=0.0)
         self.fmu.enterInitializationMode()
@@ -152,9 +157,8 @@ class Run2:
     def values(self):
         """Read all numbers, by reference."""
         found = {}
-        for variable in self.description.modelVariables:
-            if getter := GETTERS.get(variable.type):
-                found[variable.valueReference] = float(getattr(self.fmu, getter)([variable.valueReference])[0])
+        for getter, references in self.references.items():
+            found.update(zip(references, map(float, getattr(self.fmu, getter)(references)), strict=True))
         return found
 
 
@@ -164,6 +168,13 @@ class Run3:
     def __init__(self, archive, folder, event_mode):
         self.description = fmpy.read_model_description(str(archive))
         self.event_mode = event_mode
+        # References of the variables and of their elements, by getter.
+        self.references = {}
+        for variable in self.description.modelVariables:
+            if variable.name != "time" and (getter := GETTERS3.get(variable.type)):
+                variables, elements = self.references.setdefault(getter, ([], []))
+                variables.append(variable.valueReference)
+                elements += elements_of(variable)
         identifier = self.description.coSimulation.modelIdentifier
         fmpy.extract(str(archive), str(folder))
         token = self.description.instantiationToken
@@ -178,7 +189,7 @@ class Run3:
         if self.event_mode and not self.is_first:
             self.fmu.enterEventMode()
         for variable in self.description.modelVariables:
-            elements = range(variable.valueReference, variable.valueReference + size_of(variable))
+            elements = elements_of(variable)
             values = [excitation(inputs[element], element, step) for element in elements if element in inputs]
             if values:
                 self.fmu.setFloat64([variable.valueReference], values)
@@ -194,18 +205,18 @@ class Run3:
     def values(self):
         """Read all numbers, by reference of the element."""
         found = {}
-        for variable in self.description.modelVariables:
-            if variable.name != "time" and (getter := GETTERS3.get(variable.type)):
-                values = getattr(self.fmu, getter)([variable.valueReference], nValues=size_of(variable))
-                found.update({variable.valueReference + k: float(value) for k, value in enumerate(values)})
+        for getter, (variables, elements) in self.references.items():
+            values = getattr(self.fmu, getter)(variables, nValues=len(elements))
+            found.update(zip(elements, map(float, values), strict=True))
         return found
 
 
 def same(one, other):
     """Whether two dictionaries of numbers hold the same bits."""
-    return one.keys() == other.keys() and all(
-        np.float64(one[key]).tobytes() == np.float64(other[key]).tobytes() for key in one
-    )
+    if one.keys() != other.keys():
+        return False
+    of_one, of_other = (np.array([numbers[key] for key in one]) for numbers in (one, other))
+    return of_one.tobytes() == of_other.tobytes()
 
 
 def direct(name, two, three, arrays, folder):
@@ -337,7 +348,6 @@ def contained(name, two, three, folder):
     """
     description = fmpy.read_model_description(str(two))
     length = float(description.defaultExperiment.stepSize)
-    tool = Path(sys.executable).with_name("fmucontainer")
     runs = []
     for archive in (two, three):
         place = folder / archive.stem
@@ -345,7 +355,7 @@ def contained(name, two, three, folder):
         (place / archive.name).write_bytes(archive.read_bytes())
         (place / "box.csv").write_text(f"rule;from_fmu;from_port;to_fmu;to_port\nFMU;{archive.name};;;\n", encoding="utf-8")
         version = "2" if archive is two else "3"
-        command(tool, "-fmu-directory", ".", "-container", f"box.csv:{length!r}", "-fmi", version, folder=place)
+        run_tool(fmucontainer, "-fmu-directory", place, "-container", f"box.csv:{length!r}", "-fmi", version)
         options = {"stop_time": STEPS * length, "step_size": length, "output_interval": length}
         box = place / "box.fmu"
         runs.append(columns(fmpy.simulate_fmu(str(box), fmi_type="CoSimulation", input=signals(box, description, length), **options)))
@@ -373,7 +383,7 @@ def validated(archive):
         Findings.
     """
     findings = [f"{archive.name}: {problem}" for problem in validate_fmu(str(archive))]
-    report = command(Path(sys.executable).with_name("fmutool"), "-input", archive, "-check")
+    report = run_tool(fmutool, "-input", archive, "-check")
     if "compliant with FMI-3.0" not in report or "No semantic error" not in report:
         findings.append(f"{archive.name}: fmutool -check says {report}")
     return findings

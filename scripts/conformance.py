@@ -22,7 +22,7 @@ from archive_files import ssp_findings
 from closed_loop import FMUS, SYSTEM, Instance, Model, read_parameters, read_system, run
 from compare_runs import ELEMENTS, PROJECT, program, without_choices
 from fmpy import simulate_fmu, supported_platforms
-from fmpy.validation import validate_fmu
+from toolbox import fmutool, run_tool, validate_fmu
 
 STEP_S = 1e-4
 STEPS = 50
@@ -426,9 +426,8 @@ def loop_in_every_tool(loop, all_models, findings):
 def sound_archives(folder, findings):
     """Check the archives with fmutool."""
     compliant = {}
-    fmutool = str(Path(sys.executable).with_name("fmutool"))
     for name in ALL:
-        report = command(fmutool, "-input", str(folder / f"{name}.fmu"), "-check")
+        report = run_tool(fmutool, "-input", folder / f"{name}.fmu", "-check")
         compliant[name] = sum("compliant with FMI-2.0" in line or "No semantic error" in line for line in report.splitlines())
         findings.expect(compliant[name] == 2, f"{name}: fmutool -check says {report}")
     print(f"  {'fmutool':10}runs no FMU; it finds {sum(count == 2 for count in compliant.values())} of {len(ALL)} archives sound")
