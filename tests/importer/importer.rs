@@ -13,7 +13,7 @@ use fmi_rs::fmi2::types::{fmi2Status, fmi2True};
 use fmi_rs::fmi2::{CS, FMU2};
 use fmi_rs::model_description::fmi2::{Causality, ScalarVariable, VariableType};
 
-use project::{fmus, folder, program, root, run};
+use project::{fmus, folder, program, run};
 
 mod project;
 
@@ -185,12 +185,11 @@ const STEP_S: f64 = 1e-4;
 /// Fails if an instance gets a parameter of another one.
 #[test]
 fn the_closed_loop_over_fmus_is_the_direct_run_bit_for_bit() {
-    const DURATION: &str = "0.1 s";
     let builders = packaged(&PLANAR);
     let system = unpacked("loop-system");
 
     for (name, file) in [("paper", "PaperSimulation.ssd"), ("unbalanced", "SystemStructure.ssd")] {
-        direct(&system, name, DURATION);
+        run(program(&system).args(["simulate", name, "--set", "duration=0.1s", "--csv", "direct.csv"]));
         let mut table = csv::Reader::from_path(system.join("direct.csv")).expect("the direct run");
         let head = table.headers().expect("a head").clone();
         let whole = Loop::new(&system, file, &builders, true);
@@ -243,15 +242,6 @@ fn final_values_are_written_for_comparison() {
     lines.sort();
     assert!(lines.len() > 30, "outputs of three FMUs: {}", lines.len());
     fs::write(Path::new(env!("CARGO_TARGET_TMPDIR")).join("final.csv"), lines.concat()).expect("a file");
-}
-
-/// Runs a scenario of the program for this duration, into `direct.csv`.
-fn direct(folder: &Path, name: &str, duration: &str) {
-    let text = fs::read_to_string(root().join(format!("src/simulation/scenarios/{name}.toml"))).expect("a scenario");
-    let mut scenario: toml::Table = text.parse().expect("a TOML file");
-    scenario.insert("duration".into(), duration.into());
-    fs::write(folder.join("direct.toml"), scenario.to_string()).expect("a file");
-    run(program(folder).args(["simulate", "direct.toml", "--csv", "direct.csv"]));
 }
 
 /// Messages pass through the importer's variadic logger.
