@@ -157,7 +157,7 @@ fn errors_of_the_bench_of_a_shaft_are_found() {
 #[test]
 fn exchanged_columns_of_a_shaft_are_named() {
     let folder = folder("machines-identified/exchanged");
-    record(&folder, &SPINDLE, first(800));
+    record(&folder, &SPINDLE, first(600));
     for (signals, words) in [
         (&["B.im[1]", "B.im[2]"][..], "magnets 1 and 2 are exchanged at B: exchange the currents"),
         (&["X.im[1]", "X.im[2]"], "magnets 1 and 2 are exchanged at X: exchange their columns"),
@@ -181,7 +181,7 @@ fn late_positions_of_one_bearing_are_named() {
     let (out, _) = exits(3, &folder, &words("identify run.csv --machine spindle"));
     let wanted = "The data fit better if the positions come a sample late at B: shift its positions by one row.";
     assert_contains(&out.replace('\n', " "), &[wanted]);
-    record(&folder, &SPINDLE, late(0.5));
+    record(&folder, &SPINDLE, |text| first(800)(late(0.5)(text)));
     let (out, _) = exits(3, &folder, &words("identify run.csv --machine spindle"));
     assert_contains(&out.replace('\n', " "), &["the data fit better if the positions come half a sample late at B"]);
 }

@@ -40,7 +40,7 @@ fn rotation(samples: &mut Samples) -> impl Iterator<Item = &mut f64> {
 
 #[test]
 fn what_is_wrong_is_told_in_words() {
-    let good = samples_of(&run(montecarlo::NOISE, 0.2).1);
+    let good = samples_of(&run(montecarlo::NOISE, 0.12).1);
     for (spoil, proposal) in WRONG.iter().chain([&GAIN, &EARLY]) {
         let mut samples = good.clone();
         let mut question = question(&good, &[]);
