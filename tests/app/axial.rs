@@ -238,7 +238,7 @@ fn mistakes_are_named() {
 /// Missing rows and sensor faults are excluded and named.
 #[test]
 fn faults_are_left_out_and_named() {
-    let rows = ONE.record(5000);
+    let rows = ONE.record(8000);
     let held = rows[3000][1];
     let random = |at: usize| (at as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 11;
     let lost =
