@@ -2,8 +2,6 @@
 
 import hashlib
 import re
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -11,11 +9,11 @@ import fmpy
 from elftools.elf.elffile import ELFFile
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
-from fmpy.validation import validate_fmu
 from lxml import etree
 
 from closed_loop import FMUS, NAMESPACES, SYSTEM, Instance
 from compare_runs import ELEMENTS, VARIANTS, program
+from toolbox import fmutool, run_tool, validate_fmu
 
 MEMBERS = [
     "modelDescription.xml",
@@ -36,19 +34,12 @@ def fmpy_validation(archives, fmu):
 
 def fmutool_check(archives, fmu):
     """Let the FMU manipulation toolbox check an FMU."""
-    tool = Path(sys.executable).with_name("fmutool")
-    done = subprocess.run(
-        [tool, "-input", archives.models[fmu].archive, "-check"],
-        capture_output=True,
-        encoding="utf-8",
-        stdin=subprocess.DEVNULL,
-    )
-    text = done.stdout + done.stderr
+    text = run_tool(fmutool, "-input", archives.models[fmu].archive, "-check")
     findings = [line for line in text.splitlines() if not line.startswith("INFO")]
     findings += [
         f"it does not say: {words}" for words in ("compliant with FMI-2.0", "No semantic error") if words not in text
     ]
-    return findings + ([f"it ended with {done.returncode}"] if done.returncode else []), ""
+    return findings, ""
 
 
 def schema_of_fmi(archives, fmu):
