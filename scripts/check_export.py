@@ -401,7 +401,7 @@ def main():
         fmu = PROJECT / "target" / "fmu" / f"{name}.fmu"
         findings += validated(fmu) + compare(fmu)
     findings += readme() + rust_version()
-    cargo("publish", "--dry-run", "--allow-dirty", "--no-verify", "-p", "fmu-export-derive", "-p", "fmu-export")
+    cargo("publish", "--dry-run", "--locked", "--allow-dirty", "--no-verify", "-p", "fmu-export-derive", "-p", "fmu-export")
     for finding in findings:
         print(finding)
     print(f"{len(findings)} findings")
