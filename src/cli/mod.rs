@@ -112,12 +112,12 @@ enum Command {
         /// Sample time, in s.
         #[arg(long, value_name = "SECONDS", value_parser = above_0(TIME), allow_hyphen_values = true)]
         sample_time: Option<f64>,
-        /// Standard deviation of the position noise, in m.
-        #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
-        position_noise: f64,
-        /// Standard deviation of the current noise, in A.
-        #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
-        current_noise: f64,
+        /// Standard deviation of the position noise, in m; by default that of the scenario, or 0.1 µm if it has none.
+        #[arg(long, value_name = "METRES", value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
+        position_noise: Option<f64>,
+        /// Standard deviation of the current noise, in A; by default that of the scenario, or 10 mA if it has none.
+        #[arg(long, value_name = "AMPERES", value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
+        current_noise: Option<f64>,
         /// Time by which λ must be known, in s.
         #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = above_0(TIME), allow_hyphen_values = true)]
         at: f64,
@@ -233,12 +233,12 @@ struct MonteCarlo {
     /// Runs only studies with this text in their title.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
-    /// Standard deviation of the position noise, in m.
-    #[arg(long, value_name = "METRES", default_value_t = montecarlo::NOISE[0], value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
-    position_noise: f64,
-    /// Standard deviation of the current noise, in A.
-    #[arg(long, value_name = "AMPERES", default_value_t = montecarlo::NOISE[1], value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
-    current_noise: f64,
+    /// Standard deviation of the position noise, in m; by default that of the scenario, or 0.1 µm if it has none.
+    #[arg(long, value_name = "METRES", value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
+    position_noise: Option<f64>,
+    /// Standard deviation of the current noise, in A; by default that of the scenario, or 10 mA if it has none.
+    #[arg(long, value_name = "AMPERES", value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
+    current_noise: Option<f64>,
     /// The estimator estimates the noise instead of knowing it.
     #[arg(long, requires = "scenario", conflicts_with = "only")]
     estimate_noise: bool,
@@ -303,8 +303,8 @@ fn run(command: Option<Command>) -> Result<()> {
         Some(Command::Simulate(arguments)) => simulate(&arguments),
         Some(Command::Identify(arguments)) => identify::run(&arguments),
         Some(Command::Design { scenario, speed, sample_time, position_noise, current_noise, at }) => {
-            let noise = [position_noise, current_noise];
             let scenario = open(&scenario, &[])?;
+            let noise = montecarlo::noise(&scenario, [position_noise, current_noise]);
             // An axis has no speed, but is not kept in the centre.
             let rpm = speed.or(scenario.speed_rpm()).unwrap_or(3000.0);
             let conditions = design::Conditions { rpm, step_s: sample_time, noise, instant_s: at };
@@ -598,8 +598,9 @@ fn monte_carlo(arguments: &MonteCarlo) -> Result<()> {
         Ok(())
     };
     if let Some(name) = &arguments.scenario {
-        let (scenario, noise) = (open(name, &[])?, [position_noise, current_noise]);
+        let scenario = open(name, &[])?;
         simulate::check_rates(&scenario)?;
+        let noise = montecarlo::noise(&scenario, [position_noise, current_noise]);
         return run_and_print(montecarlo::study(&scenario.title, &scenario, noise, !estimate_noise, runs));
     }
     let studies = montecarlo::studies(runs);

@@ -159,6 +159,15 @@ const TENFOLD: [f64; 2] = [10.0 * NOISE[0], NOISE[1]];
 /// When the estimates are evaluated, in s.
 pub const INSTANTS_S: [f64; 5] = [0.035, 0.1, 0.2, 0.4, 1.0];
 
+/// Standard deviations of the sensor noise, m and A: as stated, or that of the scenario, or [`NOISE`] where it has none.
+pub fn noise(scenario: &Scenario, [position, current]: [Option<f64>; 2]) -> [f64; 2] {
+    let own = |name| Some(scenario.number("plant", name)).filter(|own| *own > 0.0);
+    [
+        position.or_else(|| own("sensor.positionNoise")).unwrap_or(NOISE[0]),
+        current.or_else(|| own("sensor.currentNoise")).unwrap_or(NOISE[1]),
+    ]
+}
+
 /// A study of one scenario with the default method over seeds of this noise, which the estimator knows or estimates.
 pub fn study(title: &str, base: &Scenario, noise: [f64; 2], noise_known: bool, runs: usize) -> Study {
     let mut scenario = base.clone();

@@ -163,6 +163,20 @@ fn forces() -> Vec<Course> {
             cases::turning(scenario, -1.0, force_n, -Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
         })
     };
+    // The tolerance of such a force, 2 N, suits the paper's rotor.
+    let heavy = Course::new("100 kg, 25 N backward", Valid, 1.0, |scenario, seed| {
+        let factor = 100.0 / scenario.number("plant", "m");
+        scenario.set_everywhere("m", 100.0);
+        for path in ["plant.pY", "plant.pZ", "plant.unbalance.magnitude", "controller.F0"] {
+            scale(scenario, path, factor);
+        }
+        for k in 1..=3 {
+            scale(scenario, &format!("plant.lambda[{k}]"), factor);
+            scale(scenario, &format!("controller.lambda0[{k}]"), factor);
+            scale(scenario, &format!("estimator.lambda0[{k}]"), factor);
+        }
+        cases::turning(scenario, -1.0, 25.0, -Draw::new(seed).uniform(-PI, PI), scenario.duration_s);
+    });
     let oscillating = |name: &str, [least_n, most_n]: [f64; 2], [least_hz, most_hz]: [f64; 2]| {
         Course::new(name, NotWrong, 1.0, move |scenario, seed| {
             let mut draw = Draw::new(seed);
@@ -216,6 +230,7 @@ fn forces() -> Vec<Course> {
         backward(0.3),
         backward(1.0),
         backward(2.0),
+        heavy,
         Course { noise: [0.0; 2], only: Some(false), ..paper("without") },
         paper("with"),
         oscillating("0.3 N at 47 Hz", [0.3, 0.3], [47.0, 47.0]),
