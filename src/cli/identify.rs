@@ -103,7 +103,7 @@ pub struct Arguments {
     method: String,
     /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
-    /// the scenario). The parameter is then estimated as well.
+    /// the scenario); of an axis also of its load: pX=5mN. The parameter is then estimated as well.
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<Pair>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the
@@ -112,7 +112,7 @@ pub struct Arguments {
     #[arg(long = "estimate", value_name = "NAME")]
     estimates: Vec<String>,
     /// Meaning of a current sample: heldBefore (measured), heldAfter (commanded), linear, or auto to find out from the data: heldBefore
-    /// unless another one is more likely. A lag behind commands, and a delay of the positions of which nothing is stated, are found as well.
+    /// unless another one is more likely; of an axis, linear. A lag behind commands, and a delay of the positions of which nothing is stated, are found as well.
     #[arg(long, value_name = "HOLD", value_parser = names::<Hold>(&[AUTO]), hide_possible_values = true, default_value = AUTO)]
     hold: String,
     /// Length of the window, in s; one revolution by default.
@@ -130,7 +130,7 @@ pub struct Arguments {
     /// Interpolates a recording without a uniform sample time to this one, as in 100us; seconds if there is no unit.
     #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
     resample: Option<f64>,
-    /// Writes the estimates over time as CSV; - is the standard output, as for --json.
+    /// Writes the estimates over time as CSV, of an axis the prediction errors and the slow force; - is the standard output, as for --json.
     #[arg(long, value_name = "FILE")]
     csv: Option<PathBuf>,
     /// Writes the result as JSON; - is the standard output, and messages then go to the standard error.
@@ -384,7 +384,8 @@ impl Arguments {
     /// Writes the requested files.
     fn write(&self, results: &Results) -> Result<()> {
         if let Some(path) = &self.csv {
-            write_table(path, &identify::recording(&results.tracks))?;
+            let of_axis = results.axes.first().map(|axis| axis.recording());
+            write_table(path, &of_axis.unwrap_or_else(|| identify::recording(&results.tracks)))?;
         }
         if let Some(path) = &self.json {
             let mut document = results.document.clone();

@@ -282,11 +282,18 @@ fn the_command() {
     std::fs::copy(file("mpc"), folder.join("mpc.csv.gz")).expect("a file");
     let bench = "--machine axial --set magnets.used=second --set m=60.54g";
     let load = "--set pX=0.5939N --column Xm=z --column im[2]=i1 --estimate s --at Xm=10mm";
-    let arguments = format!("mpc.csv.gz {bench} {load} --save found.toml --report report");
+    let arguments = format!("mpc.csv.gz {bench} {load} --save found.toml --report report --csv rows.csv");
     let json = identified(&folder, &words(&arguments));
     for name in ["current", "ki", "kiStdTotal", "ks", "ksStdTotal", "dynamics"] {
         assert!(json["operatingPoint"][name].is_f64(), "{name}: {json}");
     }
+    assert_contains(&read(&folder, "rows.csv"), &["time [s],Xm [m],Xm.predictionError [m],force.slow [N]"]);
+    // A gain of the current scales ki, and linear is the usual meaning of the currents.
+    let more = "--tolerance current.gain=3% --tolerance sensor.offset=5um --hold linear";
+    let wide = identified(&folder, &words(&format!("mpc.csv.gz {bench} {load} {more}")));
+    let of = |json: &Json, name: &str| program::number(&json["operatingPoint"][name]);
+    let widened = (of(&json, "kiStdTotal").hypot(0.03 * of(&json, "ki")) / of(&wide, "kiStdTotal") - 1.0).abs();
+    below("ki with a tolerance", (of(&wide, "ki") / of(&json, "ki") - 1.0).abs().max(0.1 * widened), 2e-3);
     let page = read(&folder, "report/index.html");
     assert_contains(&page, &["<figure id=\"recorded\">", "<figure id=\"slow\">", "ki/κ"]);
     // The saved answer agrees up to rounding.
@@ -308,7 +315,7 @@ fn the_command() {
         ("--machine axial --set m=-1kg --speed 3", &["above 0", "no --speed"]),
         ("--machine axial --set m=1kg", &["Xm: no column"]),
         ("--at Xm=1mm", &["--at needs --machine axial"]),
-        ("--machine axial --set m=1kg --estimate m --resample 2ms", &["m: it cannot be estimated", "no --resample"]),
+        ("--machine axial --set m=1kg --estimate m --tolerance s=1%", &["m: it cannot be", "missing, --set s="]),
         (&beyond, &["--at Xm=-1000mm: the gap of magnet 2 would be", "positions from"]),
         (&pulls, &["pX = -1 N pulls where magnet 2 pulls as well"]),
     ] {

@@ -134,7 +134,6 @@ fn errors_are_refused_by_name() {
         // The bench.
         ("", "[columns]\nbar = \"x\"", &["[columns] bar: there is no signal of this name; known are Ym, Zm, im[1]"]),
         ("", "[columns]\nYm = {nam = \"x\"}", &["[columns] Ym.nam: there is no signal of this name"]),
-        ("machine = \"axial\"", "[tolerance]\ns = 1e-6", &["[tolerance] is refused"]),
         // Variables that cannot be set.
         ("", "[plant]\ni = [1.0, 1.0, 1.0]", &["i[1] = 1.0", "connected to controller.i[1]"]),
         ("", "[controller]\nYm = 0.0", &["Ym = 0.0", "connected to plant.Ym"]),

@@ -7,17 +7,21 @@ use serde_json::json;
 use super::machine::without_element;
 use super::{Arguments, Result, refused};
 use crate::bearing::Used;
+use crate::estimation::Hold;
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
 use crate::simulation::scenario::{Scenario, suggestion, text};
 use crate::studies::identify::axial::{self, Answer, Axis, PARAMETERS};
-use crate::studies::identify::{Samples, Statement, quantity};
+use crate::studies::identify::{self, Samples, Stated, Statement, quantity};
 use crate::variables::Choice;
 
-/// Parameters that are always known: the levitated mass, the magnets in use, and the position of the operating point.
+/// Parameters that are always stated: the levitated mass, the magnets in use, and the position of the operating point.
 const MASS: &str = "m";
 const USED: &str = "magnets.used";
 const AT: &str = "at";
+/// Gap and load.
+const GAP: &str = "s";
+const LOAD: &str = "pX";
 
 /// The axis as the scenario and the arguments describe it, and the errors in that description.
 struct Bench {
@@ -32,7 +36,8 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Scenario)> {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
-    let axis = Axis { m_kg: f64::NAN, used: vec![0, 1], ..Axis::default() };
+    let hold = Hold::all().find(|hold| hold.name() == arguments.hold);
+    let axis = Axis { m_kg: f64::NAN, used: vec![0, 1], hold, ..Axis::default() };
     let mut bench = Bench { axis, errors: arguments.unused(&AXIAL) };
     for (name, value) in &scenario.identify {
         match value {
@@ -44,6 +49,10 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Scenario)> {
     }
     arguments.changes.iter().for_each(|(name, value)| bench.state("--set ", name, Some(value)));
     arguments.estimates.iter().for_each(|name| bench.state("--estimate ", name, None));
+    let noise = [("noise.position", arguments.position_noise), ("noise.current", arguments.current_noise)];
+    for (name, std) in noise.into_iter().filter_map(|(name, std)| Some((name, std.filter(|std| *std > 0.0)?))) {
+        bench.state("", name, Some(&std.to_string()));
+    }
     match &arguments.at {
         Some((name, value)) if name == "Xm" => bench.state("--at ", AT, Some(value)),
         Some((name, _)) => {
@@ -54,6 +63,10 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Scenario)> {
     let changed = arguments.changes.iter().map(|(name, _)| without_element(name));
     if !changed.chain(scenario.identify.keys().map(String::as_str)).any(|name| name == MASS) {
         bench.errors.push("m is missing: the mass of what levitates, --set m=…".into());
+    }
+    for (name, value) in scenario.tolerance.iter().chain(&arguments.tolerances) {
+        let tolerated = bench.tolerate(&scenario, name, value);
+        bench.errors.extend(tolerated.err());
     }
     if !bench.errors.is_empty() {
         return Err(refused(bench.errors.join("\n  ")));
@@ -73,7 +86,11 @@ impl Bench {
             if matches!(name, MASS | USED) {
                 return Err(format!("{name}: it cannot be estimated; expected --set {name}=…"));
             }
-            self.axis.estimated[parameter(name)?] = true;
+            let at = parameter(name)?;
+            if axial::BENCH_ERRORS.contains(&at) {
+                return Err(format!("{name}: one axis does not show it; expected a --tolerance {name}=…"));
+            }
+            self.axis.estimated[at] = true;
             return Ok(());
         };
         let positive = |number: f64| {
@@ -90,8 +107,42 @@ impl Bench {
             _ => {
                 let at = parameter(name)?;
                 let number = quantity(name, value, PARAMETERS[at].1)?;
-                let is_signed = matches!(name, "pX" | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
-                self.axis.known[at] = Some(if is_signed { number } else { positive(number)? });
+                let is_positive = matches!(
+                    name,
+                    GAP | "dynamics" | "noise.position" | "noise.current" | "current.walk" | "current.slope"
+                );
+                let is_positive = is_positive || name.starts_with("lambda");
+                self.axis.known[at] = Some(if is_positive { positive(number)? } else { number });
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a tolerance: of the load, or of a bench parameter as on the other machines.
+    fn tolerate(&mut self, scenario: &Scenario, name: &str, value: &str) -> Result<(), String> {
+        let axis = &mut self.axis;
+        let known = |name: &str| Ok::<_, String>(axis.known[parameter(name)?].filter(|value| value.is_finite()));
+        if name == "gap.iron" {
+            return Err(format!("tolerance {name}: on one axis an iron path is a wider gap; expected s=…"));
+        }
+        if matches!(name, GAP | LOAD) && known(name)?.is_none() {
+            return Err(format!("tolerance {name}={value}: the value itself is missing, --set {name}=…"));
+        }
+        if name == LOAD {
+            let std_n = quantity(LOAD, value, "N").map_err(|why| format!("tolerance {why}"))?;
+            axis.tolerance[parameter(LOAD)?] = std_n.abs();
+            return Ok(());
+        }
+        let (gap_m, mut estimator) = (known(GAP)?, scenario.estimator().clone());
+        estimator.set(MASS, axis.m_kg);
+        estimator.set(GAP, gap_m.unwrap_or(f64::NAN));
+        let stated = Stated::of(&AXIAL, &estimator);
+        let parameters = stated.parameters();
+        for (at, std) in identify::tolerance(name, value, &stated)? {
+            let name = parameters[at].name.as_str();
+            let is_unused = (0..2).any(|k| !axis.used.contains(&k) && name.ends_with(&format!("[{}]", k + 1)));
+            if !is_unused {
+                axis.tolerance[parameter(name)?] = if name == GAP { gap_m.unwrap_or(0.0) * std } else { std };
             }
         }
         Ok(())

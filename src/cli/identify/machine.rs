@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{AUTO, Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_FORCE, refused};
+use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_FORCE, refused};
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::{Scenario, knows, names, suggestion};
@@ -43,22 +43,15 @@ impl Arguments {
         let is_usual = [LIKELIHOOD, PREDICTION_ERROR].contains(&method);
         let (is_on_line, has_several) = (method != LIKELIHOOD, self.recordings.len() > 1);
         let options = [
-            (is_axial && self.currents.is_some(), has_none("--currents")),
-            (is_axial && self.speed.is_some(), has_none("--speed")),
-            (is_axial && self.resample.is_some(), has_none("--resample")),
+            (is_axial && self.speed.is_some(), has_none("--speed: an axis does not rotate")),
             (!is_planar && self.window.is_some(), has_none("--window")),
-            (is_axial && is_on_line, has_none("--method")),
+            (is_axial && is_on_line, has_none("--method but likelihood")),
             (!is_axial && !is_planar && !is_usual, has_none("--method but likelihood and predictionError")),
-            (is_axial && self.hold != AUTO, has_none("--hold")),
-            (is_axial && !self.tolerances.is_empty(), has_none("--tolerance")),
-            (is_axial && self.csv.is_some(), has_none("--csv")),
-            (is_axial && self.position_noise.is_some(), has_none("--position-noise; --set noise.position=…")),
-            (is_axial && self.current_noise.is_some(), has_none("--current-noise; --set noise.current=…")),
             (!is_axial && self.at.is_some(), "--at needs --machine axial".into()),
-            (!is_axial && has_several && self.currents.is_some(), "--currents needs a single recording".into()),
+            (has_several && self.currents.is_some(), "--currents needs a single recording".into()),
             (!is_axial && has_several && is_on_line, format!("--method {method} needs a single recording")),
             (
-                !is_axial && self.check.is_some() && (self.currents.is_some() || is_on_line),
+                self.check.is_some() && (self.currents.is_some() || (!is_axial && is_on_line)),
                 format!("--check needs --method {LIKELIHOOD}, and currents in the recording"),
             ),
         ];

@@ -269,9 +269,6 @@ fn read(
     if !document.identify.is_empty() && machine.name != AXIAL.name {
         findings.push(format!("[identify] is refused: it describes the bench of the machine {} alone", AXIAL.name));
     }
-    if !document.tolerance.is_empty() && machine.name == AXIAL.name {
-        findings.push(format!("[tolerance] is refused: the bench of the machine {} has none", AXIAL.name));
-    }
     let readings = [machine.measured(), machine.of_magnets("im")].concat();
     let signals: Vec<&str> = readings.iter().map(String::as_str).chain(["time", "theta", "omega"]).collect();
     let mut columns = texts(&document.columns);

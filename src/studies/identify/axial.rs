@@ -19,10 +19,11 @@ use super::samples::Samples;
 use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
 use crate::bearing::array;
+use crate::estimation::Hold;
 use crate::studies::statistics::{mean, median, noise, range};
 
 /// Number of unknowns of the search; noises and force constants are searched by their logarithms.
-pub const UNKNOWNS: usize = 13;
+pub const UNKNOWNS: usize = 20;
 /// Values of the unknowns.
 pub type Point = [f64; UNKNOWNS];
 
@@ -36,10 +37,18 @@ const WALK: usize = 8;
 const SLOW: usize = 9;
 const DELAY: usize = 10;
 const SLOPE: usize = 11;
-const FEEDBACK: usize = 12;
+const MASS: usize = 12;
+const CURRENT_OFFSET: usize = 13;
+const CURRENT_GAIN: usize = 15;
+const SENSOR_OFFSET: usize = 17;
+const SENSOR_GAIN: usize = 18;
+const FEEDBACK: usize = 19;
+
+/// Errors of the bench, 0 if it is as stated: of the mass, relative, and of the sensors.
+pub(crate) const BENCH_ERRORS: std::ops::Range<usize> = MASS..FEEDBACK;
 
 /// Names and units of the unknowns, for `--set` and `--estimate`: λ of the magnet that pulls along x and of the other one, gap at x = 0, load along x, κ between
-/// forces in statics and in dynamics, noises, random walks, delay of positions relative to currents. Those with a smallest value are searched by their
+/// forces in statics and in dynamics, noises, random walks, delay of positions relative to currents, errors of mass and sensors. Those with a smallest value are searched by their
 /// logarithms; that of the slow force is relative to the weight.
 pub const PARAMETERS: [(&str, &str, f64); UNKNOWNS] = [
     ("lambda[1]", "N.m2/A2", f64::MIN_POSITIVE),
@@ -54,6 +63,13 @@ pub const PARAMETERS: [(&str, &str, f64); UNKNOWNS] = [
     ("force.slow", "N/s0.5", 1e-6),
     (likelihood::DELAY, "s", 0.0),
     ("current.slope", "A/s1.5", 1e-3),
+    ("m", "1", 0.0),
+    ("current.offset[1]", "A", 0.0),
+    ("current.offset[2]", "A", 0.0),
+    ("current.gain[1]", "1", 0.0),
+    ("current.gain[2]", "1", 0.0),
+    ("sensor.offset", "m", 0.0),
+    ("sensor.gain", "1", 0.0),
     ("current.feedback", "1", 0.0),
 ];
 
@@ -94,6 +110,10 @@ pub struct Axis {
     pub known: [Option<f64>; UNKNOWNS],
     /// Unknowns to be estimated although they are stated or usually known.
     pub estimated: [bool; UNKNOWNS],
+    /// Standard deviations of the stated values, which are then estimated as well; 0 if exactly known.
+    pub tolerance: [f64; UNKNOWNS],
+    /// Meaning of the currents; linear if not stated.
+    pub hold: Option<Hold>,
     /// Position at which the result is linearised, m; the mean of the recording by default.
     pub at_m: Option<f64>,
 }
@@ -125,6 +145,22 @@ impl Axis {
         self.known[at].is_some() && !self.estimated[at]
     }
 
+    /// Whether a stated value has a tolerance and is estimated.
+    fn is_tolerated(&self, at: usize) -> bool {
+        self.tolerance[at] > 0.0 && !self.estimated[at]
+    }
+
+    /// Inverse variance of an unknown by its tolerance; 0 without one.
+    fn precision(&self, at: usize) -> f64 {
+        if self.is_tolerated(at) { self.tolerance[at].powi(-2) } else { 0.0 }
+    }
+
+    /// Unknowns with a tolerance, and the deviations from their stated values at a point.
+    fn deviations<'a>(&'a self, point: &'a Point) -> impl Iterator<Item = (usize, f64)> + 'a {
+        let of = |at: usize| (at, point[at] - self.known[at].unwrap_or(0.0));
+        (0..UNKNOWNS).filter(|at| self.is_tolerated(*at)).map(of)
+    }
+
     /// Load used as the scale of forces, N: the weight on earth if none is stated.
     fn weight_n(&self) -> f64 {
         self.known[LOAD].map(f64::abs).filter(|load_n| *load_n > 0.0).unwrap_or(GRAVITY_M_S2 * self.m_kg)
@@ -137,7 +173,8 @@ impl Axis {
             // Relative to the gap at the operating point: s may be near 0.
             GAP => 1e-3 * self.law(point).reference_m.abs().max(1e-4),
             LOAD => 1e-3 * self.weight_n(),
-            DYNAMICS => 2e-3,
+            SENSOR_OFFSET => 1e-3 * self.law(point).reference_m.abs(),
+            DYNAMICS | MASS | SENSOR_GAIN | CURRENT_OFFSET..SENSOR_OFFSET => 2e-3,
             DELAY => 1e-6,
             _ => 0.02,
         }
@@ -167,7 +204,17 @@ impl Axis {
     fn law(&self, point: &Point) -> Law {
         let values = values(point);
         let magnet = |n: usize| self.used.get(n).map_or((0.0, 0.0), |k| (direction(*k), values[*k]));
-        let law = Law { magnets: array::from_fn(magnet), values, m_kg: self.m_kg, reference_m: 1.0 };
+        let error = |n: usize, at: usize| self.used.get(n).map_or(0.0, |k| values[at + k]);
+        let current = |n: usize| [1.0 + error(n, CURRENT_GAIN), error(n, CURRENT_OFFSET)];
+        let position = [1.0 + values[SENSOR_GAIN], values[SENSOR_OFFSET]];
+        let law = Law {
+            magnets: array::from_fn(magnet),
+            sensors: [current(0), current(1), position],
+            hold: self.hold.unwrap_or(Hold::Linear),
+            m_kg: self.m_kg * (1.0 + values[MASS]),
+            values,
+            reference_m: 1.0,
+        };
         Law { reference_m: law.gap_of(0, self.at_m.unwrap_or(0.0)), ..law }
     }
 }
@@ -177,6 +224,10 @@ impl Axis {
 struct Law {
     /// Direction along x and λ in N·m²/A² of the magnets used.
     magnets: [(f64, f64); 2],
+    /// Gain and offset of the channels: currents of the magnets used, position.
+    sensors: [[f64; 2]; 3],
+    /// Meaning of the currents.
+    hold: Hold,
     /// Unknowns in SI units.
     values: Point,
     m_kg: f64,
@@ -187,6 +238,12 @@ struct Law {
 impl Law {
     fn gap_of(&self, k: usize, x_m: f64) -> f64 {
         self.values[GAP] - self.magnets[k].0 * x_m
+    }
+
+    /// True value of a reading.
+    fn true_value(&self, channel: usize, reading: f64) -> f64 {
+        let [gain, offset] = self.sensors[channel];
+        (reading - offset) / gain
     }
 
     /// Force of the magnets, N, with its derivatives with respect to x, N/m, and the currents, N/A.
@@ -202,11 +259,12 @@ impl Law {
         (force, stiffness, gain)
     }
 
-    /// Acceleration without the slow force, m/s², with its derivatives with respect to x and the currents.
-    fn linearised(&self, x_m: f64, current_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
-        let (force, stiffness, gain) = self.force(x_m, current_a);
+    /// Acceleration without the slow force, m/s², with its derivatives with respect to x and the currents as read.
+    fn linearised(&self, x_m: f64, read_a: [f64; 2]) -> (f64, f64, [f64; 2]) {
+        let (force, stiffness, gain) = self.force(x_m, array::from_fn(|k| self.true_value(k, read_a[k])));
         let inertia = self.values[DYNAMICS] * self.m_kg;
-        ((self.values[LOAD] + force) / inertia, stiffness / inertia, gain.map(|gain| gain / inertia))
+        let gain = array::from_fn(|k| gain[k] / inertia / self.sensors[k][0]);
+        ((self.values[LOAD] + force) / inertia, stiffness / inertia, gain)
     }
 
     /// Standard deviation of a position reading, m.
@@ -247,7 +305,7 @@ struct Found {
 /// A sentence with the reason if nothing can be identified.
 fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
-    let mut columns = recording.unfilled().into_iter();
+    let mut columns = recording.unfilled(axis.hold.unwrap_or(Hold::Linear)).into_iter();
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
     let count = x_m.len();
@@ -319,6 +377,7 @@ impl Found {
 /// Indices of the unknowns searched when every effect of real benches is included.
 fn free(axis: &Axis) -> Vec<usize> {
     let is_free = |at: &usize| match *at {
+        at if axis.is_tolerated(at) => true,
         0..GAP => axis.used.contains(at) && !axis.is_known(*at),
         GAP => axis.estimated[GAP],
         // Without a known load, statics and dynamics have no common scale.
@@ -326,7 +385,7 @@ fn free(axis: &Axis) -> Vec<usize> {
         // Two magnets have two gaps.
         EXPONENT => axis.used.len() == 1 && !axis.is_known(*at),
         // By the likelihood, a current that is smooth and not a random walk would have no noise.
-        CURRENT_NOISE | DELAY => axis.estimated[*at],
+        CURRENT_NOISE | DELAY | MASS..FEEDBACK => axis.estimated[*at],
         at => !axis.is_known(at),
     };
     (0..UNKNOWNS).filter(is_free).collect()

@@ -86,8 +86,8 @@ impl Samples {
     }
 
     /// Positions, then currents, with NaN in filled gaps as well.
-    pub(super) fn unfilled(&self) -> Vec<Vec<f64>> {
-        let mut columns = [self.position_m.clone(), self.currents(Hold::Linear)].concat();
+    pub(super) fn unfilled(&self, how: Hold) -> Vec<Vec<f64>> {
+        let mut columns = [self.position_m.clone(), self.currents(how)].concat();
         for (at, column) in columns.iter_mut().enumerate() {
             let missing = self.missing.iter().zip(column).filter(|(missing, _)| **missing >> at & 1 != 0);
             missing.for_each(|(_, value)| *value = f64::NAN);

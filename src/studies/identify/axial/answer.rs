@@ -6,11 +6,12 @@ use serde_json::{Value as Json, json};
 use super::filter::Readings;
 use super::search::{Fit, follow};
 use super::{
-    Axis, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS, POSITION_NOISE, Point,
-    SLOW, UNKNOWNS, find, is_logarithm, mean,
+    Axis, BENCH_ERRORS, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS,
+    POSITION_NOISE, Point, SLOW, UNKNOWNS, find, is_logarithm, mean,
 };
 use crate::bearing::array;
 use crate::estimation::STD_LIMIT;
+use crate::simulation::{Column, Recording};
 use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
 use crate::studies::identify::answer::{constant_currents, dynamics_remark};
 use crate::studies::identify::likelihood::Estimate;
@@ -49,6 +50,8 @@ pub struct Answer {
     pub lambda: Vec<(usize, Estimate)>,
     /// See [`Answer::lambda`].
     pub gap: Estimate,
+    /// Errors of the bench with tolerances, by index of the unknown.
+    pub bench: Vec<(usize, Estimate)>,
     pub(super) found: Found,
 }
 
@@ -101,7 +104,7 @@ fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
 
 fn identified(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
     let found = find(axis, recording)?;
-    let Found { axis, fit: Fit { point, covariance, .. }, .. } = &found;
+    let Found { axis, fit: Fit { point, covariance, of_tolerances, .. }, .. } = &found;
     let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
     for (n, k) in axis.used.iter().enumerate() {
         let gap_m = law.gap_of(n, at_m);
@@ -114,25 +117,28 @@ fn identified(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
             ));
         }
     }
-    let estimate = |value: f64, variance: f64| Estimate {
+    let estimate = |value: f64, variance: f64, of_tolerances: f64| Estimate {
         value,
-        noise_std: variance.max(0.0).sqrt(),
+        noise_std: (variance - of_tolerances).max(0.0).sqrt(),
         total_std: (variance.max(0.0) + (FLOOR * value).powi(2)).sqrt(),
     };
     let unknown = |at: usize| {
         let (value, slope) = (law.values[at], if is_logarithm(at) { law.values[at] } else { 1.0 });
-        estimate(value, slope * slope * covariance[(at, at)])
+        let [variance, of_tolerances] = [covariance, of_tolerances].map(|of| slope * slope * of[(at, at)]);
+        estimate(value, variance, of_tolerances)
     };
-    let (operating, of_operating) = (found.operating(point), found.covariance_at_operating_point());
+    let operating = found.operating(point);
+    let [all, part] = [covariance, of_tolerances].map(|of| found.covariance_at_operating_point(of));
     let mut answer = Answer {
         valid: true,
         verdict: String::new(),
         findings: Vec::new(),
         at_m,
-        operating: array::from_fn(|i| estimate(operating[i], of_operating[(i, i)])),
+        operating: array::from_fn(|i| estimate(operating[i], all[(i, i)], part[(i, i)])),
         dynamics: unknown(DYNAMICS),
         lambda: axis.used.iter().map(|k| (*k, unknown(*k))).collect(),
         gap: unknown(GAP),
+        bench: BENCH_ERRORS.filter(|at| axis.is_tolerated(*at)).map(|at| (at, unknown(at))).collect(),
         found,
     };
     answer.judge();
@@ -146,8 +152,8 @@ impl Found {
         let Self { axis, readings: Readings { current_a, rows, .. }, .. } = self;
         let (law, at_m) = (axis.law(point), axis.at_m.unwrap_or(0.0));
         let mut mean_a = [0.0; 2];
-        for (mean_a, of) in mean_a.iter_mut().zip(current_a) {
-            *mean_a = mean(&of[rows.clone()]);
+        for (k, (mean_a, of)) in mean_a.iter_mut().zip(current_a).enumerate() {
+            *mean_a = law.true_value(k, mean(&of[rows.clone()]));
         }
         if let [k] = axis.used.as_slice() {
             mean_a[0] = law.reference_m * (point[LOAD].abs() / law.values[*k]).sqrt();
@@ -158,9 +164,9 @@ impl Found {
         [current, gain, stiffness, gain / point[DYNAMICS], stiffness / point[DYNAMICS]]
     }
 
-    /// Covariance of these five, by differences.
-    fn covariance_at_operating_point(&self) -> DMatrix<f64> {
-        let Self { axis, fit: Fit { point, covariance, .. }, .. } = self;
+    /// Covariance of these five from that of the unknowns, by differences.
+    fn covariance_at_operating_point(&self, covariance: &DMatrix<f64>) -> DMatrix<f64> {
+        let Self { axis, fit: Fit { point, .. }, .. } = self;
         let mut jacobian = DMatrix::zeros(5, UNKNOWNS);
         // Unknowns without covariance were not searched; at a slow force of zero there is no slope.
         for at in (0..UNKNOWNS).filter(|at| covariance[(*at, *at)] > 0.0) {
@@ -294,7 +300,9 @@ impl Answer {
         let known = known.map(|at| {
             let (name, unit, _) = PARAMETERS[at];
             let unit = if unit == "1" { String::new() } else { format!(" {unit}") };
-            format!(", {name} = {}{unit}", significant(axis.known[at].unwrap_or(0.0), 5))
+            let std = axis.tolerance[at];
+            let tolerance = if std > 0.0 { format!(" ± {}", significant(std, 2)) } else { String::new() };
+            format!(", {name} = {}{tolerance}{unit}", significant(axis.known[at].unwrap_or(0.0), 5))
         });
         let used: Vec<_> = axis.used.iter().map(|k| (k + 1).to_string()).collect();
         let known: String = known.collect();
@@ -318,6 +326,7 @@ impl Answer {
         ];
         rows.extend(self.lambda.iter().map(|(k, of)| row(&format!("λ{}", k + 1), of, 1e-6, "10⁻⁶ N·m²/A²")));
         rows.push(row("s", &self.gap, 1e-3, "mm"));
+        rows.extend(self.bench.iter().map(|(at, of)| row(PARAMETERS[*at].0, of, 1.0, PARAMETERS[*at].1)));
         let point = &self.found.fit.point;
         let noise = |name: &str, at: usize, factor: f64, unit: &str| {
             let value = significant(libm::exp(point[at]) / factor, 3);
@@ -342,6 +351,7 @@ impl Answer {
         let effects: serde_json::Map<String, Json> = self.found.effects.iter().map(effect).collect();
         let Readings { rows, start_s, step_s, .. } = &self.found.readings;
         let point = &self.found.fit.point;
+        let bench = self.bench.iter().map(|(at, of)| (PARAMETERS[*at].0.to_owned(), of.json()));
         json!({
             "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
             "operatingPoint": {
@@ -356,7 +366,7 @@ impl Answer {
             "magnets": magnets, "s": self.gap.json(), "pX": point[LOAD],
             "force.slow": libm::exp(point[SLOW]), "noise.exponent": point[EXPONENT], "delay": point[DELAY],
             "noise": {"position": libm::exp(point[POSITION_NOISE]), "current": libm::exp(point[CURRENT_NOISE])},
-            "effects": effects,
+            "effects": effects, "bench": bench.collect::<serde_json::Map<_, _>>(),
             "rows": {"from": start_s + rows.start as f64 * step_s, "count": rows.len()},
             "logLikelihood": self.found.fit.log_likelihood,
         })
@@ -375,14 +385,29 @@ impl Answer {
         traces
     }
 
+    /// Readings, prediction errors and slow force over time.
+    #[must_use]
+    pub fn recording(&self) -> Recording {
+        let Readings { start_s, step_s, x_m, .. } = &self.found.readings;
+        let [slow_n, std_n, errors_m] = self.traces();
+        let columns = [
+            ("Xm", "m", x_m.clone()),
+            ("Xm.predictionError", "m", errors_m),
+            ("force.slow", "N", slow_n),
+            ("force.slowStd", "N", std_n),
+        ];
+        let columns = columns.map(|(name, unit, values)| Column { name: name.into(), unit: unit.into(), values });
+        Recording { time_s: (0..x_m.len()).map(|row| start_s + row as f64 * step_s).collect(), columns: columns.into() }
+    }
+
     /// Checks this estimate against another recording, given the result of that recording.
     #[must_use]
     pub fn check(&self, own: &Self) -> Check {
         let Found { axis, fit, readings, .. } = &own.found;
         // Noises, slow force and delay belong to the recording, force constants and gap to the bench.
         let mut point = fit.point;
-        let bench = [0, 1, GAP, DYNAMICS];
-        bench.iter().for_each(|at| point[*at] = self.found.fit.point[*at]);
+        let bench = [0, 1, GAP, DYNAMICS].into_iter().chain(BENCH_ERRORS);
+        bench.for_each(|at| point[at] = self.found.fit.point[at]);
         let horizons = [1, rows_ahead(readings.step_s)];
         let [foreign_m, own_m] =
             [&point, &fit.point].map(|point| horizons.map(|ahead| prediction_rms(axis, readings, point, ahead)));
@@ -396,7 +421,9 @@ pub fn agreement<'a>(answers: impl IntoIterator<Item = &'a Answer>) -> Option<St
     let own = answers.into_iter().map(|answer| {
         let [_, ki, ks, ..] = answer.operating;
         let all = [ki, ks, answer.dynamics];
-        let variances = DVector::from_iterator(3, all.iter().map(|of| of.total_std * of.total_std));
+        // A tolerance of the bench is common to all recordings.
+        let variance = |of: &Estimate| of.noise_std.powi(2) + (FLOOR * of.value).powi(2);
+        let variances = DVector::from_iterator(3, all.iter().map(variance));
         (DVector::from_iterator(3, all.iter().map(|of| of.value)), DMatrix::from_diagonal(&variances))
     });
     let differ = disagreement(&own.collect::<Vec<_>>(), &["ki", "ks", "κ"].map(String::from));

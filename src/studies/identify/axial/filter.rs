@@ -6,6 +6,9 @@
 //! x_read = x(t − delay) + noise, σ_x (gap/gap_at)^ν          i_read = i + noise, σ_i
 //! ```
 //!
+//! and with errors of the sensors `x_read = (1 + sensor.gain) x(t − delay) + sensor.offset`, `i_read = (1 + current.gain) i + current.offset`.
+//! The states of the currents are as read, so that noise, walks and feedback do not depend on these errors.
+//!
 //! The innovations give the likelihood (Ljung, *System Identification*, 2nd ed., section 7.4; Jazwinski, *Stochastic Processes
 //! and Filtering Theory*, section 8.3 for the extended filter). Missing readings are skipped: the filter predicts
 //! across any pattern of gaps.
@@ -16,6 +19,7 @@ use nalgebra::{SMatrix, SVector};
 
 use super::{Axis, CURRENT_NOISE, DELAY, FEEDBACK, Law, SLOPE, SLOW, SLOW_START, WALK};
 use crate::bearing::array;
+use crate::estimation::Hold;
 
 /// Initial standard deviations: of the position and of the travel in a sample time, relative to the gap; of a current, A.
 const START_STD: f64 = 0.1;
@@ -81,7 +85,7 @@ impl<const N: usize> Filter<N> {
     pub(super) fn new(axis: &Axis, law: Law, readings: &Readings) -> Option<Self> {
         let row = readings.rows.clone().find(|row| readings.is_complete(*row))?;
         let mut filter = Self { law, x: SVector::zeros(), p: SMatrix::zeros(), row };
-        filter.x[0] = readings.x_m[row];
+        filter.x[0] = law.true_value(POSITION, readings.x_m[row]);
         for (k, current) in readings.current_a.iter().enumerate() {
             filter.x[3 + k] = current[row];
             filter.p[(3 + k, 3 + k)] = START_STD_A * START_STD_A;
@@ -125,9 +129,17 @@ impl<const N: usize> Filter<N> {
         let law = self.law;
         let [walk, slow, slope] = [WALK, SLOW, SLOPE].map(|at| law.values[at] * law.values[at] * h);
         let is_lost = self.is_lost();
+        // Effect of a constant acceleration on position and speed, and of one that grows linearly to 1.
+        let (constant, linear) = ([0.5 * h * h, h], [h * h / 6.0, 0.5 * h]);
+        // Parts of the change of the currents at the beginning and in the middle, and its effect.
+        let (begin, middle, of_change) = match law.hold {
+            Hold::Linear => (0.0, 0.5, linear),
+            Hold::HeldBefore => (1.0, 1.0, constant),
+            Hold::HeldAfter => (0.0, 0.0, [0.0; 2]),
+        };
         let current = |k: usize, part: f64| self.x[3 + k] + part * (h * self.x[Self::SLOPES + k] + change_a[k]);
         let [begin_a, middle_a, end_a] =
-            [0.0, 0.5, 1.0].map(|part| [0, 1].map(|k| if k < Self::MAGNETS { current(k, part) } else { 0.0 }));
+            [begin, middle, 1.0].map(|part| [0, 1].map(|k| if k < Self::MAGNETS { current(k, part) } else { 0.0 }));
         let mut f = SMatrix::<f64, N, N>::identity();
         let mut noise = [SVector::<f64, N>::zeros(); 2];
         for (k, noise) in noise.iter_mut().enumerate().take(Self::MAGNETS) {
@@ -143,16 +155,13 @@ impl<const N: usize> Filter<N> {
             self.x[0] += h * self.x[1] + h * h / 6.0 * (begin + 2.0 * middle);
             self.x[1] += h * middle;
             (f[(0, 1)], f[(1, 0)]) = (h + h * h * h / 6.0 * stiffness, h * stiffness);
-            // Effect of a constant acceleration on position and speed, and of one that grows linearly to 1.
-            let (constant, linear) = ([0.5 * h * h, h], [h * h / 6.0, 0.5 * h]);
             for row in 0..2 {
                 f[(row, row)] += 0.5 * h * h * stiffness;
                 f[(row, 2)] = constant[row] / law.m_kg;
                 for k in 0..Self::MAGNETS {
                     f[(row, 3 + k)] = constant[row] * gain[k];
-                    f[(row, Self::SLOPES + k)] = h * linear[row] * gain[k];
-                    // The walk of a current is linear from one sample to the next.
-                    noise[k][row] = linear[row] * gain[k];
+                    f[(row, Self::SLOPES + k)] = h * of_change[row] * gain[k];
+                    noise[k][row] = of_change[row] * gain[k];
                 }
             }
         }
@@ -179,14 +188,15 @@ impl<const N: usize> Filter<N> {
                 if is_position { Some(readings.x_m[row]) } else { readings.current_a.get(k).map(|of| of[row]) };
             let Some(reading) = reading.filter(|reading| reading.is_finite()) else { continue };
             if is_position && self.is_lost() {
-                self.x[0] = reading;
+                self.x[0] = self.law.true_value(POSITION, reading);
                 self.reset_motion(readings.step_s);
             }
             let (at, delay_s) = if is_position { (0, self.law.values[DELAY]) } else { (3 + k, 0.0) };
-            let gain = self.p.column(at) - self.p.column(1) * delay_s;
+            let [scale, offset] = if is_position { self.law.sensors[POSITION] } else { [1.0, 0.0] };
+            let gain = (self.p.column(at) - self.p.column(1) * delay_s) * scale;
             let noise = if is_position { self.law.position_noise(reading) } else { self.law.values[CURRENT_NOISE] };
-            let variance = gain[at] - delay_s * gain[1] + noise * noise;
-            let error = reading - (self.x[at] - delay_s * self.x[1]);
+            let variance = scale * (gain[at] - delay_s * gain[1]) + noise * noise;
+            let error = reading - (scale * (self.x[at] - delay_s * self.x[1]) + offset);
             *innovation = [error, variance];
             self.x.axpy(error / variance, &gain, 1.0);
             self.p.ger(-1.0 / variance, &gain, &gain, 1.0);
@@ -199,7 +209,7 @@ impl<const N: usize> Filter<N> {
         [self.x[2], self.p[(2, 2)].max(0.0).sqrt()]
     }
 
-    /// Position predicted this many rows ahead from the currents read in between, without position readings, m.
+    /// Reading of the position predicted this many rows ahead from the currents read in between, without position readings, m.
     pub(super) fn ahead(&self, readings: &Readings, rows: usize) -> f64 {
         let mut predictor = self.clone();
         for row in self.row + 1..=self.row + rows {
@@ -209,6 +219,7 @@ impl<const N: usize> Filter<N> {
             }
             predictor.predict(readings.step_s, [0.0; 2]);
         }
-        predictor.x[0]
+        let [gain, offset] = self.law.sensors[POSITION];
+        gain * predictor.x[0] + offset
     }
 }

@@ -22,8 +22,10 @@ pub(super) struct Fit {
     pub point: Point,
     /// Logarithm of the likelihood, up to a constant that depends on the number of readings.
     pub log_likelihood: f64,
-    /// Covariance of the point from the Fisher information; 0 for unknowns not searched.
+    /// Covariance of the point from the Fisher information and tolerances; 0 for unknowns not searched.
     pub covariance: DMatrix<f64>,
+    /// The part of it that is due to the tolerances.
+    pub of_tolerances: DMatrix<f64>,
     pub readings: usize,
     pub converged: bool,
 }
@@ -106,7 +108,10 @@ pub(super) fn fit(axis: &Axis, readings: &Readings, start: &Point, free: &[usize
     for (i, a) in kept.iter().enumerate() {
         kept.iter().enumerate().for_each(|(j, b)| covariance[(free[*a], free[*b])] = inverse[(i, j)]);
     }
-    Some(Fit { point, log_likelihood: sums.log_likelihood, covariance, readings: sums.readings, converged })
+    let precision = DMatrix::from_diagonal(&DVector::from_fn(UNKNOWNS, |at, _| axis.precision(at)));
+    let of_tolerances = &covariance * precision * &covariance;
+    let Sums { log_likelihood, readings, .. } = sums;
+    Some(Fit { point, log_likelihood, covariance, of_tolerances, readings, converged })
 }
 
 /// One pass of the filters at a point and, for central differences, at its neighbours along the unknowns.
@@ -157,6 +162,14 @@ fn pass_of<const N: usize>(axis: &Axis, readings: &Readings, point: &Point, free
             }
         }
         from = to;
+    }
+    for (at, off) in axis.deviations(point) {
+        let precision = axis.precision(at);
+        sums.log_likelihood -= 0.5 * precision * off * off;
+        if let Some(i) = free.iter().position(|of| *of == at) {
+            sums.score[i] -= precision * off;
+            sums.information[(i, i)] += precision;
+        }
     }
     sums.information.fill_upper_triangle_with_lower_triangle();
     sums.log_likelihood.is_finite().then_some(sums)
