@@ -309,7 +309,7 @@ def judge(fault, recording, other, folder, seed):
     for path in paths:
         path.unlink()
     texts = [document["verdict"], *document["findings"], *document.get("notes", [])]
-    texts.append(document.get("told", {}).get("hold", ""))
+    texts.append(document.get("stated", {}).get("hold", ""))
     cause = bool(re.search(fault.cause, " ".join(texts))) if fault.cause else not document["findings"]
     worst = 0.0
     if document["valid"]:

@@ -163,7 +163,7 @@ def main() -> None:
                 answer = json.loads(subprocess.run(command, input=text, capture_output=True, text=True).stdout)
                 if answer["valid"]:
                     valid += 1
-                    measured += answer["told"]["hold"] == "heldBefore"
+                    measured += answer["stated"]["hold"] == "heldBefore"
                     stated = zip(truth.values(), answer["lambdaHat"], answer["lambdaStdTotal"], answer["lambdaStd"])
                     errors += [((hat - true) / total, (hat - true) / noise, hat / true - 1) for true, hat, total, noise in stated]
             total, noise, relative = (math.sqrt(sum(e[n] ** 2 for e in errors) / max(len(errors), 1)) for n in range(3))

@@ -77,8 +77,8 @@ fn every_machine_is_identified_from_its_recording() {
         let files = ["--csv", "estimates.csv", "--report", "page"];
         let document = identified(&folder, &[&["run.csv", "--machine", machine.name], &files[..]].concat());
         agrees(&document, &scenario);
-        assert_eq!(document["told"]["hold"], "heldBefore");
-        assert!(document["told"][&machine.of_bearings("s")[0]].as_f64().is_some_and(|gap_m| gap_m > 0.0));
+        assert_eq!(document["stated"]["hold"], "heldBefore");
+        assert!(document["stated"][&machine.of_bearings("s")[0]].as_f64().is_some_and(|gap_m| gap_m > 0.0));
         let estimates = read(&folder, "estimates.csv");
         for name in machine.of_magnets("lambdaHat") {
             assert_contains(&estimates, &[&format!("predictionError.{name} [N.m2/A2]")]);
@@ -447,7 +447,7 @@ fn commands_of_a_shaft_have_no_lag() {
     let columns: Vec<String> = magnets.map(|(read, command)| format!("--column {read}=controller.{command}")).collect();
     let arguments = format!("run.csv --machine spindle --estimate lag {}", columns.join(" "));
     let document = identified(&folder, &words(&arguments));
-    assert_eq!(document["told"]["hold"], "heldAfter");
+    assert_eq!(document["stated"]["hold"], "heldAfter");
     for name in ["lag", "X.lag"] {
         let found = &document["bench"][name];
         is_right(name, found, 0.0);
@@ -479,7 +479,7 @@ fn a_known_load_identifies_the_dynamics() {
         let findings = document["findings"].to_string();
         assert_contains(&findings, &["% weaker than the law (κ = 1.0", "use ki/κ and ks/κ", "to the power of"]);
         assert_contains(&document["budget"].to_string(), &["\"parameter\":\"dynamics\""]);
-        assert_eq!(number(&document["told"]["pY"]), number(&document["recordings"][0]["pY"]["value"]));
+        assert_eq!(number(&document["stated"]["pY"]), number(&document["recordings"][0]["pY"]["value"]));
         finds_lambda(&document, &scenario, |name| !name.starts_with("X."));
         let noise = if machine.is_planar() { &document["noise"] } else { &document["noise"][0] };
         is_right("power of the gap", &noise["exponent"], 0.0);

@@ -119,7 +119,7 @@ fn a_planar_bench_has_a_twin() {
     ] {
         same(name, values[name], number(wanted));
     }
-    let alpha = number(&found["told"]["alpha"][1]) + number(&found["bench"]["alpha[2]"]["value"]);
+    let alpha = number(&found["stated"]["alpha"][1]) + number(&found["bench"]["alpha[2]"]["value"]);
     same("alpha[2]", values["controller.alpha[2]"], alpha);
     // The estimator has no offset parameter: its tolerance covers the offset of the sensor and the uncertainty of that.
     let offsets = ["sensor.offset[y]", "sensor.offset[z]"].map(|name| {

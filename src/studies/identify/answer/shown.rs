@@ -144,7 +144,7 @@ impl Answer {
         let budget = found.bench.iter().map(|line| {
             json!({
                 "parameter": line.parameter.name, "unit": line.parameter.unit,
-                "tolerance": line.tolerance, "told": line.parameter.is_uncertain(), "sensitivity": line.sensitivity,
+                "tolerance": line.tolerance, "uncertain": line.parameter.is_uncertain(), "sensitivity": line.sensitivity,
                 "contribution": line.contribution,
             })
         });
@@ -189,7 +189,7 @@ impl Answer {
             "lambdaStdTypical": typical.iter().zip(&found.lambda).map(|(part, of)| part * of.value.abs()).collect::<Vec<_>>(),
             "magnets": stated.machine.of_magnets("lambda"),
             "unbalance": one_or_all(found.unbalance.iter().map(unbalance).collect()),
-            "told": stated.json(), "noise": noise(&found.conditions[0]),
+            "stated": stated.json(), "noise": noise(&found.conditions[0]),
             "recordings": found.conditions.iter().map(recording).collect::<Vec<_>>(),
             "bench": bench.collect::<serde_json::Map<_, _>>(), "budget": budget.collect::<Vec<_>>(),
             "notSeparated": found.held().collect::<Vec<_>>(),
