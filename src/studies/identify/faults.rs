@@ -63,15 +63,29 @@ pub(super) fn leave_out(columns: &mut [Column<'_>], start_s: f64, step_s: f64) -
             let beside = if is_position { 0 } else { BESIDE_OUTLIER };
             outliers.iter().for_each(|row| values[row - beside..=row + beside].fill(f64::NAN));
         }
-        if !found.is_empty() {
-            let more = found.len().saturating_sub(LISTED);
-            found.truncate(LISTED);
-            found.extend((more > 0).then(|| format!("{more} more")));
-            notes.push(format!("{name}: {}; left out.", found.join(", ")));
-        }
+        notes.extend(left_out(name, found));
     }
     notes.extend(repetitions);
     notes
+}
+
+/// The note on faults of a column, if there are any.
+fn left_out(name: &str, mut found: Vec<String>) -> Option<String> {
+    let more = found.len().saturating_sub(LISTED);
+    found.truncate(LISTED);
+    found.extend((more > 0).then(|| format!("{more} more")));
+    (!found.is_empty()).then(|| format!("{name}: {}; left out.", found.join(", ")))
+}
+
+/// The note on an angle or a speed that is wrong from row to row, if there is any, with the instants of the rows.
+pub(super) fn intervals_in_words(
+    name: &str,
+    how: &str,
+    rows: &[[f64; 2]],
+    instant: impl Fn(f64) -> String,
+) -> Option<String> {
+    let words = |[from, to]: &[f64; 2]| format!("{how} from {} to {}", instant(*from), instant(*to));
+    left_out(name, rows.iter().map(words).collect())
 }
 
 /// The number of outliers and the instant of the first.
@@ -132,19 +146,21 @@ fn leave_out_repetitions(columns: &mut [Column<'_>], step_s: f64) -> Option<Stri
     Some(note)
 }
 
-/// Runs of equal readings that are too long for chance: if a fraction p of the readings equals the one before, a run of n occurs in N
-/// rows with a probability of at most N pⁿ. Readings that are missing or left out do not interrupt a run. A run that ends with a step of the quantisation
+/// Longest run of equal readings that chance explains: if a fraction p of the readings equals the one before, a run of n occurs in N rows with a
+/// probability of at most N pⁿ.
+pub(super) fn longest_by_chance(equal: usize, count: usize) -> Option<usize> {
+    let share = equal as f64 / count.max(1) as f64;
+    let longest = libm::log(count as f64 / CHANCE) / -libm::log(share);
+    (equal > 0 && longest.is_finite()).then(|| (longest.ceil() as usize).max(LEAST))
+}
+
+/// Runs of equal readings that are too long for chance. Readings that are missing or left out do not interrupt a run. A run that ends with a step of the quantisation
 /// is the peak of a quantised signal.
 fn stuck(values: &[f64]) -> Vec<std::ops::Range<usize>> {
     let known: Vec<usize> = (0..values.len()).filter(|row| values[*row].is_finite()).collect();
     let is_equal = |row: &usize, next: &usize| values[*row] == values[*next];
     let equal = known.windows(2).filter(|pair| is_equal(&pair[0], &pair[1])).count();
-    let share = equal as f64 / known.len().max(1) as f64;
-    let longest = libm::log(known.len() as f64 / CHANCE) / -libm::log(share);
-    if equal == 0 || !longest.is_finite() {
-        return Vec::new();
-    }
-    let least = (longest.ceil() as usize).max(LEAST);
+    let Some(least) = longest_by_chance(equal, known.len()) else { return Vec::new() };
     let steps = known.windows(2).map(|pair| (values[pair[1]] - values[pair[0]]).abs());
     let quantum = steps.filter(|step| *step > 0.0).fold(f64::INFINITY, f64::min);
     let runs: Vec<&[usize]> = known.chunk_by(is_equal).collect();

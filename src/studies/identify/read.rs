@@ -122,14 +122,20 @@ impl Samples {
         if is_apart {
             samples.set_apart(signals.currents.clone().map(known).collect());
         }
-        let mut theta = known(signals.theta);
+        let (mut theta, mut omega) = (known(signals.theta), known(signals.omega));
+        let instant = |place: f64| time(start_s + place * step_s);
         let jumps = signals::leave_out_jumps(&mut theta);
         if let Some(first) = jumps.first() {
-            let words = faults::outliers_in_words(jumps.len(), &time(start_s + first * step_s));
+            let words = faults::outliers_in_words(jumps.len(), &instant(*first));
             samples.notes.push(format!("theta: {words}; left out."));
         }
+        let [stuck, dropouts] = [signals::leave_out_stuck(&mut theta), signals::leave_out_dropouts(&mut omega)];
+        let notes = [("theta", "stuck", stuck), ("omega", "wrong", dropouts)];
+        samples
+            .notes
+            .extend(notes.iter().filter_map(|(name, how, rows)| faults::intervals_in_words(name, how, rows, instant)));
         samples.wrap_rad = signals::unwrap(&mut theta);
-        samples.set_rotation(&theta, &known(signals.omega), reading.omega_rad_s);
+        samples.set_rotation(&theta, &omega, reading.omega_rad_s);
         if let Some(currents) = apart {
             let [origin_ns, later_ns] = [table, currents].map(|of| of.stamps.as_ref().map_or(0, Stamps::origin_ns));
             let later_s = (later_ns - origin_ns) as f64 * 1e-9;

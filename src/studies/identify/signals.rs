@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use super::faults::longest_by_chance;
 use crate::estimation::Hold;
 use crate::studies::statistics::{median, quantile, range};
 
@@ -109,9 +110,78 @@ pub(super) fn fill(values: &mut [f64]) {
     }
 }
 
+/// Difference of two angles, within half a turn.
+fn turn(from: f64, to: f64) -> f64 {
+    (to - from) - ((to - from) / TAU).round() * TAU
+}
+
+/// Leaves out the readings with these numbers; returns the first and last place of each run of them.
+fn leave_out(signal: &mut Known, is_wrong: &[bool]) -> Vec<[f64; 2]> {
+    let rows: Vec<usize> = (0..signal.len()).filter(|row| is_wrong[*row]).collect();
+    let runs = rows.chunk_by(|row, next| row + 1 == *next);
+    let ends = runs.map(|run| [run[0], run[run.len() - 1]].map(|row| signal[row].0)).collect();
+    let mut row = 0..;
+    signal.retain(|_| !is_wrong[row.next().unwrap_or(0)]);
+    ends
+}
+
+/// Leaves out equal angles of a shaft that turns before and after them; returns their first and last places. A shaft that comes to rest turns less and less:
+/// in the last rows less than half as far as in as many before.
+pub(super) fn leave_out_stuck(angle: &mut Known) -> Vec<[f64; 2]> {
+    const LEAST_ROWS: usize = 20;
+    let equal = angle.windows(2).filter(|pair| pair[0].1 == pair[1].1).count();
+    let Some(longest) = longest_by_chance(equal, angle.len()) else { return Vec::new() };
+    let rows = longest.max(LEAST_ROWS);
+    let turned = |from: usize| {
+        let piece = angle.get(from..=from + rows)?;
+        Some(piece.windows(2).map(|pair| turn(pair[0].1, pair[1].1)).sum::<f64>().abs())
+    };
+    let mut is_wrong = vec![false; angle.len()];
+    let mut from = 0;
+    for run in angle.chunk_by(|one, next| one.1 == next.1) {
+        let to = from + run.len();
+        let before = from.checked_sub(2 * rows + 1).and_then(|far| Some([turned(far)?, turned(far + rows)?]));
+        let after = turned(to).and_then(|near| Some([turned(to + rows)?, near]));
+        let mut sides = before.into_iter().chain(after).peekable();
+        let is_stuck = run.len() > longest && sides.peek().is_some() && sides.all(|[far, near]| near > 0.5 * far);
+        is_wrong[from..to].fill(is_stuck);
+        from = to;
+    }
+    leave_out(angle, &is_wrong)
+}
+
+/// Leaves out speeds between a jump and the jump back, or that do not change after a jump: a rotor does not jump. Returns their first and last places.
+pub(super) fn leave_out_dropouts(speed: &mut Known) -> Vec<[f64; 2]> {
+    /// Jumps are larger than this fraction of the median speed, and than this multiple of the median step.
+    const JUMP: f64 = 0.05;
+    const NOISE: f64 = 20.0;
+    let step = median(speed.windows(2).map(|pair| (pair[1].1 - pair[0].1).abs()));
+    let limit = (JUMP * median(speed.iter().map(|(_, speed)| speed.abs()))).max(NOISE * step);
+    let count = speed.len();
+    let wrong_from = |is_backward: bool| {
+        let (mut is_wrong, mut last) = (vec![false; count], None);
+        for row in 0..count {
+            let row = if is_backward { count - 1 - row } else { row };
+            let value = speed[row].1;
+            is_wrong[row] = (value - *last.get_or_insert(value)).abs() > limit;
+            last = if is_wrong[row] { last } else { Some(value) };
+        }
+        is_wrong
+    };
+    let is_usual = |is_wrong: &Vec<bool>| 2 * is_wrong.iter().filter(|is_wrong| **is_wrong).count() <= count;
+    let Some(mut is_wrong) = [false, true].into_iter().map(wrong_from).find(is_usual) else { return Vec::new() };
+    // A jump for good is a change of the speed between two parts of a recording, unless the speed is constant after it.
+    let at_begin = is_wrong.iter().take_while(|is_wrong| **is_wrong).count();
+    let at_end = is_wrong.iter().rev().take_while(|is_wrong| **is_wrong).count();
+    for run in [0..at_begin, count - at_end..count] {
+        let is_constant = speed[run.clone()].windows(2).all(|pair| pair[0].1 == pair[1].1);
+        is_wrong[run].fill(is_constant);
+    }
+    leave_out(speed, &is_wrong)
+}
+
 /// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count; returns their places.
 pub(super) fn leave_out_jumps(angle: &mut Known) -> Vec<f64> {
-    let turn = |from: f64, to: f64| (to - from) - ((to - from) / TAU).round() * TAU;
     let distance = |of: &[(f64, f64)]| turn(of[0].1 + 0.5 * turn(of[0].1, of[2].1), of[1].1).abs();
     let off: Vec<f64> = angle.windows(3).map(distance).collect();
     if off.is_empty() {

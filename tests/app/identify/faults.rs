@@ -137,12 +137,14 @@ fn missing_rows_are_gaps() {
 fn sensor_faults_are_excluded_and_named() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     type Fault = fn(usize, f64) -> f64;
-    let cases: [(&str, &str, usize, Fault); 6] = [
+    let cases: [(&str, &str, usize, Fault); 8] = [
         ("plant.Ym", "outliers", 0, |row, value| if row % 997 == 500 { value + 50e-6 } else { value }),
         ("plant.im[2]", "outliers", 0, |row, value| if row % 499 == 100 { 0.0 } else { value }),
         ("plant.Zm", "stuck at", 190, |row, value| if (1500..1700).contains(&row) { 1e-5 } else { value }),
         ("plant.im[3]", "stuck at", 290, |row, value| if (1500..1800).contains(&row) { 2.0 } else { value }),
         ("plant.im[1]", "clipped at", 0, |_, value| value.min(2.2)),
+        ("plant.theta", "theta: stuck", 0, |row, value| if (1500..1730).contains(&row) { 1.0 } else { value }),
+        ("plant.omegam", "omega: wrong", 0, |row, value| if (1500..1730).contains(&row) { 0.0 } else { value }),
         ("plant.im[1]", "clipped at", 0, |row, value| if row % 997 == 500 { 9.0 } else { value.min(2.2) }),
     ];
     for (name, words, gap, fault) in cases {
