@@ -197,6 +197,10 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     Some(delayed)
 }
 
+/// Advice where other meanings of the currents make λ uncertain.
+const MEANING: &str =
+    "with other meanings of the currents, which are about as likely, λ differs: state the right one (--hold)";
+
 /// Identifies and judges. The difference of λ with each of the `alternatives` widens its standard deviation; the flag allows late positions.
 fn identify_and_judge(all: &[Recording], alternatives: &[(Vec<Recording>, bool)], question: Question) -> Judged {
     let slow_force = question.slow_force.unwrap_or(false);
@@ -206,8 +210,9 @@ fn identify_and_judge(all: &[Recording], alternatives: &[(Vec<Recording>, bool)]
         Some(_) => likelihood::identify(all, &options),
         None => with_slow_force(all, &mut options),
     };
-    let mut notes = Vec::new();
+    let (mut notes, mut is_certain) = (Vec::new(), false);
     if let Some(found) = identified.as_mut().ok().filter(|found| found.converged) {
+        is_certain = uncertain(found, all, &question.stated).is_none();
         for (other, may_be_late) in alternatives {
             let own = if *may_be_late { options.clone().late() } else { options.clone() };
             match likelihood::identify(other, &own) {
@@ -216,7 +221,11 @@ fn identify_and_judge(all: &[Recording], alternatives: &[(Vec<Recording>, bool)]
             }
         }
     }
-    let refusal = refusal(&identified, all, &options, &question);
+    let mut refusal = refusal(&identified, all, &options, &question);
+    let is_widened = |found: &Identification| is_certain && uncertain(found, all, &question.stated).is_some();
+    if let (Some(refusal), true) = (&mut refusal, identified.as_ref().is_ok_and(is_widened)) {
+        refusal.advice = MEANING.into();
+    }
     Judged { question, options, found: identified.ok(), refusal, notes }
 }
 
