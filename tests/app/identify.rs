@@ -376,7 +376,7 @@ fn a_scenario_may_state_tolerances() {
         let json = identified(&folder, &[&["--scenario", "mine.toml", "good.csv"], more].concat());
         for (name, wanted) in wanted {
             let mut lines = json["budget"].as_array().expect("a budget").iter();
-            let line = lines.find(|line| line["parameter"] == *name && line["stated"] == true);
+            let line = lines.find(|line| line["parameter"] == *name && line["uncertain"] == true);
             let found = line.map(|line| number(&line["tolerance"]));
             let ratio = found.unwrap_or(f64::NAN) / wanted.unwrap_or(f64::NAN);
             assert!((found, *wanted) == (None, None) || (ratio - 1.0).abs() < 1e-9, "{name}: {found:?}, {wanted:?}");
