@@ -117,7 +117,8 @@ impl Noise {
         let mut step = information.try_inverse().map_or(Vector2::zeros(), |inverse| inverse * score);
         // Known noise may be outside the range of estimates.
         let any = [f64::MIN_POSITIVE, f64::MAX];
-        let [least, most] = if self.known[0] { any } else { POSITION_NOISE.map(|part| (part * gap_m) * (part * gap_m)) };
+        let [least, most] =
+            if self.known[0] { any } else { POSITION_NOISE.map(|part| (part * gap_m) * (part * gap_m)) };
         // A position variance at its bound stays there.
         if (self.variances[0] <= least && step.y < 0.0) || (self.variances[0] >= most && step.y > 0.0) {
             step = Vector2::new(score.x / information[(0, 0)], 0.0);

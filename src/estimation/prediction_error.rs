@@ -246,7 +246,8 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let missing = std::mem::take(&mut state.gap);
         state.pending.push(Sample { missing, ..sample() });
         if state.noise.is_none() {
-            state.noise = state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m, self.gap_m()));
+            state.noise =
+                state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m, self.gap_m()));
             state.uncounted = state.uncounted.saturating_add(1);
             if state.uncounted > MAX_UNCOUNTED {
                 state.estimate.verdict = Verdict::BadSample;
