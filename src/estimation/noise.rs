@@ -18,6 +18,15 @@ const START_SAMPLES: usize = 64;
 /// Greatest usual standard deviation of the noise of a current sensor, A; the smallest is a tenth of it.
 pub const USUAL_CURRENT_NOISE_A: f64 = 5.0e-2;
 
+/// The levels of current noise are for currents of up to this rms value, A, and in proportion beyond, as the ranges of current sensors are: with 5 to 10 A
+/// and 80 mA of noise no backward force was identified (noise estimated, rotor of 100 kg).
+const USUAL_CURRENT_A: f64 = 2.5;
+
+/// Factor on the levels of current noise, for the mean square of the currents, A².
+pub fn current_range(mean_square_a2: f64) -> f64 {
+    (sqrt(mean_square_a2) / USUAL_CURRENT_A).max(1.0)
+}
+
 /// Initial standard deviation of the noise of a current, A: the geometric mean of the usual range. From below, where the data contain little information on
 /// this noise, the search is slow, and meanwhile the stated standard deviation of λ is too small.
 pub const START_CURRENT_NOISE_A: f64 = 1.5e-2;
@@ -77,10 +86,10 @@ impl Noise {
         Self { known, start, weighting_log_ratio: logs.x, logs, variances, information, samples: 0.0 }
     }
 
-    /// Whether all estimated noise is within the reliable range.
-    pub fn is_within_range(&self, gap_m: f64) -> bool {
+    /// Whether all estimated noise is within the reliable range, with this gap and mean square of the currents.
+    pub fn is_within_range(&self, gap_m: f64, mean_square_a2: f64) -> bool {
         let [position, current] = RELIABLE_UP_TO;
-        let limited = self.variances.into_iter().zip([position * gap_m, current]);
+        let limited = self.variances.into_iter().zip([position * gap_m, current * current_range(mean_square_a2)]);
         limited.zip(self.known).all(|((variance, greatest), known)| known || variance <= greatest * greatest)
     }
 
@@ -135,7 +144,8 @@ impl Noise {
         (self.logs.y, self.variances[0]) = bounded(self.logs.y, step.y, [least, most]);
         // More than 0.2 A would explain all of the motion by noise, so that neither λ nor the noise converges: orbits of two circles with 1 µm then end at
         // 0.7 A. To keep the motion itself from being taken for noise while λ is unknown, the variance is at most 0.15 of the mean square of the currents.
-        let most = (0.15 * mean_square_a2).min(0.2 * 0.2) / self.variances[0];
+        let most_a = 0.2 * current_range(mean_square_a2);
+        let most = (0.15 * mean_square_a2).min(most_a * most_a) / self.variances[0];
         // Outside 10² ≤ σ_i/σ_z ≤ 10⁸ A/m one of the two noises has no effect on the innovations.
         let ratio = if self.known[1] { any } else { [1.0e4, most.clamp(1.0e4, 1.0e16)] };
         (self.logs.x, self.variances[1]) = bounded(self.logs.x, step.x, ratio);

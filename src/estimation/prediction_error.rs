@@ -11,7 +11,7 @@ use super::angle::angle_difference;
 use super::config::Verdict;
 use super::innovations::{FilterState, MAX_BRIDGED, Parameters, Sample, WhiteningFilter};
 use super::models::{Comparison, Models, QUARTERS, WRONG_BY};
-use super::noise::{Noise, OUTLIER, StartBuffer, USUAL_CURRENT_NOISE_A};
+use super::noise::{Noise, OUTLIER, StartBuffer, USUAL_CURRENT_NOISE_A, current_range};
 use super::sums::{AngleTable, Prior, Solution, Sums, lambda_of};
 use super::validation::Validation;
 
@@ -404,7 +404,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         let widest_prior = state.models.widest(&self.prior);
         let solutions = sums.solve(&widest_prior, variances).and_then(|found| {
             let widest = found.combine();
-            let is_plausible = self.excess(variances[1]) <= FORCE_EXCESS;
+            let is_plausible = self.excess(variances[1], state.mean_square_a2) <= FORCE_EXCESS;
             let model = state.models.select(&found, &widest, is_plausible)?;
             let prior = state.models.prior(&widest_prior);
             let found = if prior == widest_prior { found } else { sums.solve(&prior, variances)? };
@@ -448,9 +448,10 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
     }
 
     /// Noise of the currents relative to the stated, or else to the usual one: a ratio of standard deviations.
-    fn excess(&self, current_variance: f64) -> f64 {
+    fn excess(&self, current_variance: f64, mean_square_a2: f64) -> f64 {
         let [_, stated_a] = self.known_noise;
-        sqrt(current_variance) / if stated_a > 0.0 { stated_a } else { USUAL_CURRENT_NOISE_A }
+        let usual_a = USUAL_CURRENT_NOISE_A * current_range(mean_square_a2);
+        sqrt(current_variance) / if stated_a > 0.0 { stated_a } else { usual_a }
     }
 
     /// Ends the quarter if it is over, and reports.
@@ -577,13 +578,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         } else if state.estimated_at.is_none() || !(was_valid || state.models.is_confirmed()) {
             Verdict::Uncertain
         } else if state.quarters < state.unexplained_until
-            || (self.known_noise[1] > 0.0 && self.excess(noise.variances[1]) > NOISE_EXCESS)
+            || (self.known_noise[1] > 0.0 && self.excess(noise.variances[1], state.mean_square_a2) > NOISE_EXCESS)
             || (0..K).any(|k| far_below * lambda[k] < self.lambda0[k])
         {
             Verdict::Unexplained
         } else if state.uncounted > MAX_UNCOUNTED {
             Verdict::BadSample
-        } else if !noise.is_within_range(self.gap_m()) {
+        } else if !noise.is_within_range(self.gap_m(), state.mean_square_a2) {
             Verdict::Noisy
         } else {
             // After a rejection its reason no longer holds.
