@@ -388,17 +388,17 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         let count = if forces.len() == FORCES { FORCE_MODELS } else { FORCE_FRACTIONS.len() };
         let mut models = [(f64::NEG_INFINITY, SVector::zeros(), SMatrix::zeros()); FORCE_MODELS];
         models[0].0 = 0.0;
-        let model = |m: usize, precision: f64| {
+        let compared = |m: usize, precision: f64| {
             let own = Square::from_diagonal(&precisions(m, forces.len(), precision).into());
             let covariance = (data + own).try_inverse()?;
             let mean = covariance * right;
             let volume = (covariance * own).determinant();
             Some((0.5 * (right.dot(&mean) + log(volume)), mean, covariance))
         };
-        for m in 1..count {
-            models[m] = model(m, precision)?;
+        for (m, model) in models[..count].iter_mut().enumerate().skip(1) {
+            *model = compared(m, precision)?;
         }
-        if model(count - 1, precision / (WIDER * WIDER))?.0 > models[count - 1].0 + VERY_STRONG {
+        if compared(count - 1, precision / (WIDER * WIDER))?.0 > models[count - 1].0 + VERY_STRONG {
             self.force_scale *= WIDER;
         }
         for (m, model) in models[..count].iter_mut().enumerate() {
