@@ -73,8 +73,9 @@ const FORCE_LIMITS: [f64; 2] = [0.9999, 0.50];
 const FORCE_TEMPER: f64 = 0.5;
 
 /// A tolerance of backward forces is multiplied by this factor where the data contradict it: where they are more probable, with very strong evidence as a
-/// difference of log-likelihoods (Kass and Raftery 1995), with a force that much greater (prior predictive check, Box 1980). Without this 31 of 40 runs
-/// of a rotor of 100 kg under 25 N were off by up to 9 standard deviations with the tolerance of 2 N (noise estimated, seeds 2200101 to 2200140).
+/// difference of log-likelihoods (Kass and Raftery 1995), with a force that much greater (prior predictive check, Box 1980). It is divided by the factor
+/// again once they are not: outliers look like a great force for a while. With the tolerance of 2 N alone, 31 of 40 runs of a rotor of 100 kg under 25 N
+/// were off by up to 9 standard deviations (noise estimated, seeds 2200101 to 2200140).
 const WIDER: f64 = 10.0;
 const VERY_STRONG: f64 = 5.0;
 
@@ -398,8 +399,11 @@ impl<const K: usize, const U: usize, const T: usize> Models<K, U, T> {
         for (m, model) in models[..count].iter_mut().enumerate().skip(1) {
             *model = compared(m, precision)?;
         }
-        if compared(count - 1, precision / (WIDER * WIDER))?.0 > models[count - 1].0 + VERY_STRONG {
+        let scaled = |factor: f64| Some(compared(count - 1, precision / (factor * factor))?.0 - models[count - 1].0);
+        if scaled(WIDER)? > VERY_STRONG {
             self.force_scale *= WIDER;
+        } else if self.force_scale > 1.0 && scaled(1.0 / WIDER)? > 0.0 {
+            self.force_scale /= WIDER;
         }
         for (m, model) in models[..count].iter_mut().enumerate() {
             self.force_log_odds[m] = model.0;
