@@ -169,7 +169,7 @@ impl Arguments {
         let bearing = self.bearing(machine)?;
         let mut stated = self.stated(&bearing)?;
         // The data decide if none is stated.
-        let wanted = Hold::all().find(|hold| hold.name() == self.hold);
+        let wanted = self.hold();
         // Currents lag behind commands.
         let wanted = wanted.or(stated.currents().lag.then_some(Hold::HeldAfter));
         stated.hold = wanted.unwrap_or(stated.hold);
@@ -398,6 +398,11 @@ impl Arguments {
             write_page(folder, &identification::page(&title, &frame::command_line(), results))?;
         }
         Ok(())
+    }
+
+    /// The stated meaning of the currents, if any.
+    fn hold(&self) -> Option<Hold> {
+        Hold::all().find(|hold| hold.name() == self.hold)
     }
 
     /// Sets window and noise of the estimator.

@@ -25,6 +25,7 @@ use std::ops::Range;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::angle::angle_difference;
 use self::config::stiffness_std;
 pub use self::config::{
     Bearings, EstimatorConfig, EstimatorConfigOf, EstimatorInput, EstimatorInputOf, EstimatorOutput, EstimatorOutputOf,
@@ -32,6 +33,7 @@ pub use self::config::{
 };
 pub use self::innovations::Machine;
 use self::innovations::Sample;
+pub use self::models::VERY_STRONG;
 pub use self::noise::START_CURRENT_NOISE_A;
 pub use self::prediction_error::STD_LIMIT;
 pub use self::readings::STUCK_SAMPLES;

@@ -72,12 +72,14 @@ const FORCE_LIMITS: [f64; 2] = [0.9999, 0.50];
 /// with 0.1 and 0.3 N were off by 5 to 12 standard deviations (`montecarlo --only backward --seed 97301`), with 0.5 none.
 const FORCE_TEMPER: f64 = 0.5;
 
-/// A tolerance of backward forces is multiplied by this factor where the data contradict it: where they are more probable, with very strong evidence as a
-/// difference of log-likelihoods (Kass and Raftery 1995), with a force that much greater (prior predictive check, Box 1980). It is divided by the factor
-/// again once they are not: outliers look like a great force for a while. With the tolerance of 2 N alone, 31 of 40 runs of a rotor of 100 kg under 25 N
-/// were off by up to 9 standard deviations (noise estimated, seeds 2200101 to 2200140).
+/// A tolerance of backward forces is multiplied by this factor where the data contradict it: where they are more probable, with very strong evidence, with
+/// a force that much greater (prior predictive check, Box 1980). It is divided by the factor again once they are not: outliers look like a great force
+/// for a while. With the tolerance of 2 N alone, 31 of 40 runs of a rotor of 100 kg under 25 N were off by up to 9 standard deviations (noise estimated,
+/// seeds 2200101 to 2200140).
 const WIDER: f64 = 10.0;
-const VERY_STRONG: f64 = 5.0;
+
+/// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
+pub const VERY_STRONG: f64 = 5.0;
 
 /// Greatest number of unknowns of backward forces.
 const FORCES: usize = 4;

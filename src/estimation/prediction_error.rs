@@ -155,6 +155,8 @@ pub struct PredictionError<const N: usize, const K: usize, const U: usize, const
     pub prior: Prior<U>,
     /// Standard deviations of the noise of a position and of a current, m and A; 0 if unknown.
     pub known_noise: [f64; 2],
+    /// The smallest gap of a centred rotor.
+    pub gap_m: f64,
     /// Relative variance of λ due to the tolerances of mass and current gains, which scale it.
     pub scale_variance: f64,
 }
@@ -162,11 +164,6 @@ pub struct PredictionError<const N: usize, const K: usize, const U: usize, const
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionError<N, K, U, T> {
     fn is_noise_known(&self) -> bool {
         self.known_noise.iter().all(|noise| *noise > 0.0)
-    }
-
-    /// The smallest gap of a centred rotor.
-    fn gap_m(&self) -> f64 {
-        self.filter.machine.geometry.gap_m.into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// Whether the rotor is within the gaps of all magnets at a position, m.
@@ -194,7 +191,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             estimate,
             pending: Box::new(StartBuffer::empty()),
             gap: 0,
-            noise: self.is_noise_known().then(|| Noise::new(self.known_noise, self.known_noise[0], self.gap_m())),
+            noise: self.is_noise_known().then(|| Noise::new(self.known_noise, self.known_noise[0], self.gap_m)),
             trusted: [const { None }; QUARTERS],
             filter: None,
             filter_unknowns: unknowns,
@@ -247,7 +244,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.pending.push(Sample { missing, ..sample() });
         if state.noise.is_none() {
             state.noise =
-                state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m, self.gap_m()));
+                state.pending.position_noise_m().map(|first_m| Noise::new(self.known_noise, first_m, self.gap_m));
             state.uncounted = state.uncounted.saturating_add(1);
             if state.uncounted > MAX_UNCOUNTED {
                 state.estimate.verdict = Verdict::BadSample;
@@ -353,7 +350,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {
             state.validation.add_settled(&innovation.error, position_variance, per_revolution);
-            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2, self.gap_m());
+            let discount = noise.update(&innovation, position_variance, weight, state.mean_square_a2, self.gap_m);
             if discount < 1.0 {
                 state.validation.forget();
                 state.discount(discount);
@@ -584,7 +581,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
             Verdict::Unexplained
         } else if state.uncounted > MAX_UNCOUNTED {
             Verdict::BadSample
-        } else if !noise.is_within_range(self.gap_m(), state.mean_square_a2) {
+        } else if !noise.is_within_range(self.gap_m, state.mean_square_a2) {
             Verdict::Noisy
         } else {
             // After a rejection its reason no longer holds.

@@ -127,6 +127,7 @@ impl<const B: usize, const A: usize> EstimatorConfigOf<RotorConfig<f64, B>, A> {
         PredictionError {
             lambda0,
             prior,
+            gap_m: machine.geometry.gap_m.into_iter().fold(f64::INFINITY, f64::min),
             filter: WhiteningFilter {
                 machine,
                 step_s: self.step_s,

@@ -7,7 +7,6 @@ use serde_json::json;
 use super::machine::without_element;
 use super::{Arguments, Result, refused};
 use crate::bearing::Used;
-use crate::estimation::Hold;
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
 use crate::simulation::scenario::{Scenario, suggestion, text};
@@ -36,8 +35,7 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Scenario)> {
         Some(path) if Scenario::machine_of(path) == Some(&AXIAL) => Scenario::open_parameters(path, &[])?,
         _ => Scenario::plain(&AXIAL),
     };
-    let hold = Hold::all().find(|hold| hold.name() == arguments.hold);
-    let axis = Axis { m_kg: f64::NAN, used: vec![0, 1], hold, ..Axis::default() };
+    let axis = Axis { m_kg: f64::NAN, used: vec![0, 1], hold: arguments.hold(), ..Axis::default() };
     let mut bench = Bench { axis, errors: arguments.unused(&AXIAL) };
     for (name, value) in &scenario.identify {
         match value {
@@ -107,12 +105,9 @@ impl Bench {
             _ => {
                 let at = parameter(name)?;
                 let number = quantity(name, value, PARAMETERS[at].1)?;
-                let is_positive = matches!(
-                    name,
-                    GAP | "dynamics" | "noise.position" | "noise.current" | "current.walk" | "current.slope"
-                );
-                let is_positive = is_positive || name.starts_with("lambda");
-                self.axis.known[at] = Some(if is_positive { positive(number)? } else { number });
+                let is_signed = axial::BENCH_ERRORS.contains(&at)
+                    || matches!(name, LOAD | "noise.exponent" | "delay" | "force.slow" | "current.feedback");
+                self.axis.known[at] = Some(if is_signed { number } else { positive(number)? });
             }
         }
         Ok(())

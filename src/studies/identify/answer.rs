@@ -21,7 +21,7 @@ use super::samples::{Rotation, Samples};
 use super::tolerance::plain;
 use super::units::significant;
 use super::{GRAVITY_M_S2, Holds, Stated};
-use crate::estimation::STD_LIMIT;
+use crate::estimation::{STD_LIMIT, VERY_STRONG};
 use crate::studies::parallel::in_order;
 
 /// Minimum number of turns of a recording, with noise known or estimated (as on line). Of 600 good recordings of drawn bearings,
@@ -173,7 +173,7 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
         0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
     };
     let gain = (now.log_likelihood - found.log_likelihood).min(delays.iter().map(delay_of).map(evidence).sum());
-    if gain < diagnosis::VERY_STRONG {
+    if gain < VERY_STRONG {
         return None;
     }
     // Of two refused answers, the simpler is given.

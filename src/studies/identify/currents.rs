@@ -1,12 +1,13 @@
 //! Meaning of the current samples, decided by likelihood.
 
-use super::diagnosis::{self, Trial, VERY_STRONG};
+use super::diagnosis::{self, Trial};
 use super::likelihood::{DELAY, DYNAMICS, Hold, Knowledge, LAG, Options};
 use super::samples::Samples;
 use super::tolerance::plain;
 use super::units::significant;
 use super::{Stated, answer};
 use crate::bearing::array;
+use crate::estimation::VERY_STRONG;
 use crate::table::Table;
 use crate::variables::Choice;
 

@@ -13,6 +13,7 @@ use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
 use crate::bearing::array;
+use crate::estimation::VERY_STRONG;
 use crate::machine::Machine;
 use crate::studies::parallel::{in_order, in_order_shown};
 
@@ -29,8 +30,6 @@ const BESIDE: usize = 8;
 const SAME: f64 = 0.01;
 /// Probability of a proposal for data that are as stated.
 const CHANCE: f64 = 1e-3;
-/// Very strong evidence, as a difference of log-likelihoods (Kass and Raftery 1995).
-pub(super) const VERY_STRONG: f64 = 5.0;
 /// Alternatives whose log-likelihood is within this of the best are proposed as well: the model errors that they share call for more than very
 /// strong evidence.
 const AS_GOOD: f64 = 2.0 * VERY_STRONG;

@@ -3,7 +3,7 @@
 use std::f64::consts::TAU;
 
 use super::faults::longest_by_chance;
-use crate::estimation::Hold;
+use crate::estimation::{Hold, angle_difference};
 use crate::studies::statistics::{median, quantile, range};
 
 /// Longest gap, in samples, across which the identification predicts; a longer one begins a new segment.
@@ -110,11 +110,6 @@ pub(super) fn fill(values: &mut [f64]) {
     }
 }
 
-/// Difference of two angles, within half a turn.
-fn turn(from: f64, to: f64) -> f64 {
-    (to - from) - ((to - from) / TAU).round() * TAU
-}
-
 /// Leaves out the readings with these numbers; returns the first and last place of each run of them.
 fn leave_out(signal: &mut Known, is_wrong: &[bool]) -> Vec<[f64; 2]> {
     let rows: Vec<usize> = (0..signal.len()).filter(|row| is_wrong[*row]).collect();
@@ -134,7 +129,7 @@ pub(super) fn leave_out_stuck(angle: &mut Known) -> Vec<[f64; 2]> {
     let rows = longest.max(LEAST_ROWS);
     let turned = |from: usize| {
         let piece = angle.get(from..=from + rows)?;
-        Some(piece.windows(2).map(|pair| turn(pair[0].1, pair[1].1)).sum::<f64>().abs())
+        Some(piece.windows(2).map(|pair| angle_difference(pair[0].1, pair[1].1)).sum::<f64>().abs())
     };
     let mut is_wrong = vec![false; angle.len()];
     let mut from = 0;
@@ -182,7 +177,8 @@ pub(super) fn leave_out_dropouts(speed: &mut Known) -> Vec<[f64; 2]> {
 
 /// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count; returns their places.
 pub(super) fn leave_out_jumps(angle: &mut Known) -> Vec<f64> {
-    let distance = |of: &[(f64, f64)]| turn(of[0].1 + 0.5 * turn(of[0].1, of[2].1), of[1].1).abs();
+    let distance =
+        |of: &[(f64, f64)]| angle_difference(of[0].1 + 0.5 * angle_difference(of[0].1, of[2].1), of[1].1).abs();
     let off: Vec<f64> = angle.windows(3).map(distance).collect();
     if off.is_empty() {
         return Vec::new();
