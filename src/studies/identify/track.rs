@@ -280,13 +280,8 @@ pub fn recording(tracks: &[Track]) -> Recording {
     let mut recording = Recording::default();
     for track in tracks {
         recording.time_s.clone_from(&track.outputs.time_s);
-        let of_magnets = ["lambdaHat", "lambdaStd"].map(|name| track.machine.of_magnets(name)).concat();
-        let others = ["valid", "condition", "residual"].map(str::to_owned);
-        for name in of_magnets.into_iter().chain(others).chain(motion(track.machine)) {
-            let column = track.outputs.columns.iter().find(|column| column.name == name);
-            let named = |column: &Column| Column { name: format!("{}.{name}", track.name()), ..column.clone() };
-            recording.columns.extend(column.map(named));
-        }
+        let named = |column: &Column| Column { name: format!("{}.{}", track.name(), column.name), ..column.clone() };
+        recording.columns.extend(track.outputs.columns.iter().map(named));
     }
     recording
 }
