@@ -242,7 +242,7 @@ fn results_as_json_table_and_page() {
     let json = &statements[0].json;
     let hat = json["methods"][0]["estimate"]["lambdaHat"][2].as_f64().expect("a number");
     assert!((hat / TRUTH[2] - 1.0).abs() < 0.02, "{json}");
-    assert_eq!(identify::recording(&tracks).columns.len(), 13);
+    assert_eq!(identify::recording(&tracks).columns.len(), 25);
     let results = Results { recordings: vec![samples], tracks, statements, ..Results::default() };
     let page = identification::page("A <title>", "command", &results);
     assert!(page.contains("A &lt;title&gt;") && page.matches("application/json").count() == 5);

@@ -178,7 +178,7 @@ fn the_page_is_complete_and_loads_nothing() {
 #[test]
 fn the_first_screen_states_the_answer_and_the_verdict() {
     let answer = answer(&PAGE);
-    assert_contains(answer, &["Valid", "all tests pass", "1.7999 ± 0.0063", "truth 1.8000, error −0.0038 %"]);
+    assert_contains(answer, &["Valid", "all tests pass", "1.8000 ± 0.0042", "truth 1.8000, error −0.0020 %"]);
     // The animation and one plot, before any table.
     assert_eq!(data(answer).len(), 2);
     assert!(PAGE.find("id=\"answer\"").unwrap() < PAGE.find("<table").unwrap());
