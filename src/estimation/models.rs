@@ -54,9 +54,9 @@ const UNEXPLAINED_LIMIT: f64 = 4.0;
 /// seems to oscillate: half a second covers beats of 1 Hz and more; a drift of λ by 2 %/s gives a scatter of 1 %.
 const SCATTER_S: f64 = 0.5;
 
-/// Exponent of the weights of the models of change in the variance of the mixture, for the reason given at `FORCE_TEMPER`. With 0.75, 22 of 320 axes with
-/// drifting λ exceeded 5 standard deviations, with 0.7 17, with 0.65 15 (noise estimated, seeds 1300001 to 1300160, 3200001 to 3200160). The ratio of rms
-/// error to total standard deviation of drawn bearings is then 0.72, 0.70 and 0.69 after 1 s (noise known, seeds 745001 to 745200).
+/// Exponent of the weights of the models of change in the variance of the mixture, for the reason given at `FORCE_TEMPER`. With 1, 43 of 320 axes with
+/// drifting λ exceeded 5 standard deviations, with 0.75 21, with 0.7 16, with 0.65 14 (noise estimated, seeds 1300001 to 1300160, 3200001 to 3200160). The
+/// ratio of rms error to total standard deviation of drawn bearings is then 0.75, 0.72, 0.70 and 0.69 after 1 s (noise known, seeds 745001 to 745200).
 const CHANGE_TEMPER: f64 = 0.7;
 
 /// The models of a backward force: none, or Gaussian with these fractions of its tolerance, from a tenth of a newton to a few newtons. The bearings of a
