@@ -424,7 +424,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         // keep the estimate uncertain. The same holds for the residuals of a backward force that is still undecided.
         let estimated = state.estimated_at.is_some();
         let ratios = SVector::<f64, K>::from_fn(|k, _| self.lambda0[k] / solution.unknowns[k]);
-        if std < FILTER_STD * cbrt(ratios.max().max(1.0)) || estimated {
+        if estimated || std < FILTER_STD * cbrt(ratios.max().max(1.0)) {
             if !estimated {
                 state.estimated_at = Some(state.quarters);
                 // With λ_0 too small the weights S⁻¹ of these samples are too large, by a factor of 1 if position noise dominates, of (λ/λ_0)² if current

@@ -103,12 +103,8 @@ fn kept(machine: &Machine) -> Vec<String> {
 /// Names of the outputs that are not of a magnet.
 fn numbers(machine: &Machine) -> Vec<String> {
     let of_parts = ["noise.position", "noise.current"].map(|name| machine.of_parts(name)).concat();
-    [motion(machine), of_parts, ["condition", "residual"].map(str::to_owned).to_vec()].concat()
-}
-
-/// Names of loads and unbalances.
-fn motion(machine: &Machine) -> Vec<String> {
-    [machine.of_loads("p", "Hat"), machine.of_planes("magnitude"), machine.of_planes("phase")].concat()
+    let motion = [machine.of_loads("p", "Hat"), machine.of_planes("magnitude"), machine.of_planes("phase")].concat();
+    [motion, of_parts, ["condition", "residual"].map(str::to_owned).to_vec()].concat()
 }
 
 /// The choice that an estimator has for a variable.
