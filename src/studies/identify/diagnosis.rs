@@ -6,7 +6,7 @@ use std::ops::Range;
 use nalgebra::Complex;
 
 use self::Concerns::{All, Axial, Each, Opposite, Radial, Shaft};
-use super::answer::{implausible, with_slow_force};
+use super::answer::{implausible, judge, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
 use super::likelihood::{Change, Contradiction, Estimate, Identification, Knowledge, LAG, Options, Recording};
 use super::mean;
@@ -363,8 +363,17 @@ pub(super) fn holds<const N: usize>(trial: impl Fn(usize) -> Trial) -> [f64; N] 
     of.map(|value| if value.is_finite() { value - best } else { value })
 }
 
-/// Descriptions that explain the data better, with advice, the best first; empty if nothing fits better than the stated values.
-pub(super) fn proposals(trial: &Trial) -> Vec<String> {
+/// Descriptions with which the data fit better.
+#[derive(Default)]
+pub(super) struct Proposals {
+    /// With advice, the best first; empty if nothing fits better than the stated values.
+    pub words: Vec<String>,
+    /// Why the best does not explain the data either, if it does not.
+    pub why_not: Option<String>,
+}
+
+/// Descriptions with which the data fit better than with the stated values.
+pub(super) fn proposals(trial: &Trial) -> Proposals {
     let trial = stretch(trial, 1);
     let as_stated = identified(&trial);
     // The axial bearing and the radial ones are separate: an alternative for one leaves magnets of the other that push.
@@ -398,7 +407,8 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         apply(&mut other);
         let found = identified(&other)?;
         let own = std::slice::from_ref(&other.recording);
-        let is_plausible = implausible(&found, own, other.machine, &other.options.parts).is_none();
+        let parts = &other.options.parts;
+        let is_plausible = implausible(&found, own, other.machine, parts).is_none();
         // Parameters that the alternative frees.
         let stated = trial.options.parts.iter().flat_map(|part| &part.parameters);
         let freed = found.bench.iter().zip(stated).filter(|(of, stated)| of.parameter.knowledge != stated.knowledge);
@@ -416,15 +426,16 @@ pub(super) fn proposals(trial: &Trial) -> Vec<String> {
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
         }
-        Some((found.log_likelihood, *proposal, words))
+        Some((found.log_likelihood, *proposal, words, judge(&found, own, other.machine, parts)))
     };
     let tried = in_order_shown("trying alternatives", alternatives.len(), &words);
-    let mut fits: Vec<(f64, &str, String)> = tried.into_iter().flatten().collect();
+    let mut fits: Vec<(f64, &str, String, Option<String>)> = tried.into_iter().flatten().collect();
     fits.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let Some(best) = fits.first().map(|(likelihood, ..)| *likelihood) else { return Vec::new() };
+    let Some((best, .., why_not)) = fits.first().cloned() else { return Proposals::default() };
     // Parts of a sample only if one is the best: its neighbours fit almost as well.
-    let is_shown = |(rank, (likelihood, proposal, _)): &(usize, (f64, &str, String))| {
-        *likelihood > best - AS_GOOD && (*rank == 0 || *proposal != TOGETHER)
-    };
-    fits.into_iter().enumerate().filter(is_shown).map(|(_, (.., words))| words).collect()
+    let is_shown = |rank: usize, proposal: &str| rank == 0 || proposal != TOGETHER;
+    let as_good = fits.into_iter().take_while(|(likelihood, ..)| *likelihood > best - AS_GOOD).enumerate();
+    let words =
+        as_good.filter_map(|(rank, (_, proposal, words, _))| is_shown(rank, proposal).then_some(words)).collect();
+    Proposals { words, why_not }
 }

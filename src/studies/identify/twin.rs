@@ -14,7 +14,7 @@ use crate::simulation::{Scenario, simulate};
 /// Communication steps of the run: 0.4 s at 10 kHz.
 const STEPS: f64 = 4000.0;
 /// Parameters of the bench that no plant has.
-const WITHOUT: [&str; 5] = ["sensor.rotation", "delay", "lag", "runout1", "runout2"];
+const WITHOUT: [&str; 6] = ["sensor.rotation", "sensor.skew", "delay", "lag", "runout1", "runout2"];
 
 /// A machine with the identified values.
 #[derive(Clone)]
@@ -27,7 +27,7 @@ pub struct Twin {
 
 impl Stated {
     /// Parameters of the plant for a bench with the errors `of(name)` that turns from the angle θ₀ in rad at the speed ω in rad/s. The plant has
-    /// no rotation or run-out of the sensors, no delay of the positions alone, no lag of the currents, and for a shaft no backward forces.
+    /// no rotation, skew or run-out of the sensors, no delay of the positions alone, no lag of the currents, and for a shaft no backward forces.
     pub fn with(&self, [theta0_rad, omega_rad_s]: [f64; 2], of: impl Fn(&str) -> f64) -> Vec<(String, f64)> {
         // κ acts like an error of the mass.
         let heavier = (1.0 + of("m")) * (1.0 + of(DYNAMICS));

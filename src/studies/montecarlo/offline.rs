@@ -103,7 +103,7 @@ fn differ(scenario: &mut Scenario, errors: &[f64]) {
     scenario.set("plant", "sensor.delay", of("delay").abs());
 }
 
-/// The recording that the bench would make, including rotation and run-out of its sensors.
+/// The recording that the bench would make, including rotation, skew and run-out of its sensors.
 fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Samples {
     let column = |name: &str| recording[format!("plant.{name}")].to_vec();
     let of = |name: &str| error_of(errors, name);
@@ -119,11 +119,12 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Samples {
     let (common, half) = (of("sensor.gain"), of("sensor.gainDifference"));
     let gain = [1.0 + common + half, 1.0 + common - half];
     let offset = [of("sensor.offset[y]"), of("sensor.offset[z]")];
-    let (sin, cos) = libm::sincos(of("sensor.rotation"));
+    let (rotation, skew) = (of("sensor.rotation"), of("sensor.skew"));
+    let [(sin_y, cos_y), (sin_z, cos_z)] = [rotation - skew, rotation + skew].map(libm::sincos);
     let once =
         ["forward.cos", "forward.sin", "backward.cos", "backward.sin"].map(|part| of(&format!("runout1.{part}")));
     let twice = ["y.cos", "y.sin", "z.cos", "z.sin"].map(|part| of(&format!("runout2.{part}")));
-    if sin == 0.0 && once.iter().chain(&twice).all(|part| *part == 0.0) {
+    if [rotation, skew] == [0.0; 2] && once.iter().chain(&twice).all(|part| *part == 0.0) {
         return samples;
     }
     for (row, theta) in samples.theta_rad.iter().enumerate() {
@@ -131,8 +132,8 @@ fn misread(recording: &Recording, step_s: f64, errors: &[f64]) -> Samples {
         let read = [0, 1].map(|axis| (samples.position_m[axis][row] - offset[axis]) / gain[axis]);
         let y = read[0] + (once[0] + once[2]) * c + (once[3] - once[1]) * s + twice[0] * c2 + twice[1] * s2;
         let z = read[1] + (once[0] - once[2]) * s + (once[1] + once[3]) * c + twice[2] * c2 + twice[3] * s2;
-        samples.position_m[0][row] = gain[0] * (cos * y - sin * z) + offset[0];
-        samples.position_m[1][row] = gain[1] * (sin * y + cos * z) + offset[1];
+        samples.position_m[0][row] = gain[0] * (cos_y * y - sin_y * z) + offset[0];
+        samples.position_m[1][row] = gain[1] * (sin_z * y + cos_z * z) + offset[1];
     }
     samples
 }
@@ -161,7 +162,7 @@ const NOISES: [(&str, [f64; 2]); 2] = [("0.1 µm", NOISE), ("1 µm", TENFOLD)];
 const LENGTHS_S: [f64; 3] = [0.1, 1.0, 5.0];
 
 /// Bench errors, of one or several parameters at a time: names and tolerances as for `--tolerance`.
-const ERRORS: [&[(&str, f64)]; 13] = [
+const ERRORS: [&[(&str, f64)]; 14] = [
     &[("m", 0.01)],
     &[("s", 0.02)],
     &[("gap.iron", 1e-5)],
@@ -170,6 +171,7 @@ const ERRORS: [&[(&str, f64)]; 13] = [
     &[("sensor.gainDifference", 0.01)],
     &[("sensor.offset", 1e-5)],
     &[("sensor.rotation", TAU / 360.0)],
+    &[("sensor.skew", TAU / 720.0)],
     &[("delay", 2e-5)],
     &[("current.gain", 0.01)],
     &[("current.offset", 0.02)],

@@ -61,6 +61,17 @@ fn what_is_wrong_is_told_in_words() {
     }
 }
 
+/// Another mistake, which a usual one explains in part only: the verdict does not name that one.
+#[test]
+fn other_mistakes_are_not_called_usual_ones() {
+    let mut samples = samples_of(&run(montecarlo::NOISE, 0.12).1);
+    let question = question(&samples, &[]);
+    samples.position_m.iter_mut().for_each(|readings| readings.rotate_right(5));
+    let identify::Answer { valid, verdict, findings, .. } = identify::answer(&[samples], question);
+    assert!(!valid && !verdict.contains("fit better"), "{verdict}");
+    assert!(findings[0].starts_with("No usual mistake explains the data. They fit best if "), "{findings:?}");
+}
+
 /// Two mistakes may cancel (axes exchanged and angle reversed is the bearing seen from behind, with its magnets rotated), but then λ is
 /// correct. No other pair is valid.
 #[test]

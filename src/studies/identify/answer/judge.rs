@@ -94,9 +94,9 @@ pub(super) fn uncertain(found: &Identification, all: &[Recording], stated: &Stat
 }
 
 /// Why estimates that are certain enough are not valid.
-pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) -> Option<String> {
-    let names = stated.machine.symbols("λ");
-    if let Some(why) = implausible(found, all, stated.machine, &stated.parts) {
+pub fn judge(found: &Identification, all: &[Recording], machine: &Machine, parts: &[Part]) -> Option<String> {
+    let names = machine.symbols("λ");
+    if let Some(why) = implausible(found, all, machine, parts) {
         return Some(why);
     }
     let silent = is_silent(found);
@@ -124,13 +124,13 @@ pub(super) fn judge(found: &Identification, all: &[Recording], stated: &Stated) 
     }
     let mut present = found.conditions.iter().filter(|_| !silent).flat_map(harmonics);
     if let Some((n, axis, amplitude)) = present.find(|(.., amplitude)| *amplitude > HARMONIC) {
-        let (name, times) = (stated.machine.readings[axis].axis, significant(amplitude, 2));
+        let (name, times) = (machine.readings[axis].axis, significant(amplitude, 2));
         return Some(format!(
             "the residuals of {name} contain harmonic {n} of the rotor, {times} times the noise: the model lacks a synchronous effect"
         ));
     }
     for conditions in &found.conditions {
-        for (part, Part { body, .. }) in conditions.parts.iter().zip(&stated.parts) {
+        for (part, Part { body, .. }) in conditions.parts.iter().zip(parts) {
             let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
             if part.position_noise_m < SILENT_M {
                 if part.current_noise_a >= SILENT_A {

@@ -5,11 +5,11 @@
 //! ```text
 //! m_true = m (1 + m)      s_true = s (1 + s) + gap.iron      α_true = alpha + alpha[k]      m_true κ q̈ = forces, κ = 1 + dynamics
 //! i_true = (i_read − current.offset[k])/(1 + current.gain[k]), or lag · di_true/dt = that − i_true
-//! (Y, Z)_read = diag(1 + g_c + g_d, 1 + g_c − g_d) R(rotation) ((Y, Z)(t − delay) + run-out(θ)) + offset
+//! (Y, Z)_read = diag(1 + g_c + g_d, 1 + g_c − g_d) R ((Y, Z)(t − delay) + run-out(θ)) + offset
 //! ```
 //!
-//! with `R(φ) = [cos φ, −sin φ; sin φ, cos φ]`, g_c = `sensor.gain` and g_d = `sensor.gainDifference`. Positive `delay`: positions
-//! are read late relative to the currents. Each bearing of a shaft has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values
+//! with `R = [cos φ_Y, −sin φ_Y; sin φ_Z, cos φ_Z]`, φ_Y = `sensor.rotation` − `sensor.skew` and φ_Z = `sensor.rotation` + `sensor.skew`,
+//! g_c = `sensor.gain` and g_d = `sensor.gainDifference`. Positive `delay`: positions are read late relative to the currents. Each bearing of a shaft has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values
 //! scaled with the mass, and the axial motion has its own parameters.
 
 use std::f64::consts::PI;
@@ -70,7 +70,7 @@ enum Scope {
 type Row = (Scope, &'static str, &'static str, f64, bool, &'static str);
 
 /// All parameters, in the order of their indices.
-const PARAMETERS: [Row; 32] = [
+const PARAMETERS: [Row; 33] = [
     (Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
     (Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
     (Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
@@ -81,6 +81,7 @@ const PARAMETERS: [Row; 32] = [
     (Radial, GAIN_DIFFERENCE, "1", 0.005, true, "half the difference of the gains of the sensors y and z"),
     (Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
     (Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
+    (Radial, "sensor.skew", "rad", HALF_DEGREE, false, "half of what the sensors y and z lack to 90° between them"),
     (Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
     (Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
     (Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
@@ -188,6 +189,7 @@ pub(super) struct Sensors {
     pub gain: usize,
     pub gain_difference: usize,
     pub rotation: usize,
+    pub skew: usize,
     /// Once per turn: cos and sin, forward, then backward; twice per turn: cos and sin of y, then of z.
     pub runout: [usize; 8],
 }
@@ -210,6 +212,7 @@ impl Places {
                 gain: at("sensor.gain"),
                 gain_difference: at(GAIN_DIFFERENCE),
                 rotation: at("sensor.rotation"),
+                skew: at("sensor.skew"),
                 runout: array::from_fn(|part| at(&runout[part / 4][part % 4])),
             }
         };

@@ -220,8 +220,8 @@ pub(super) struct Rotor {
     machine: Description,
     /// Derivatives of the description with respect to bench parameters, by index.
     varied: Vec<(usize, Description)>,
-    /// cos and sin of the rotation of each pair of position sensors.
-    rotations: Vec<[f64; 2]>,
+    /// sin and cos of the rotation of each sensor of each pair.
+    rotations: Vec<[(f64, f64); 2]>,
     /// Sensor offsets, m.
     offset: ByAxis,
     /// Sensor gains and rotation, row by row.
@@ -347,14 +347,16 @@ impl Rotor {
         }
         let mut rotations = Vec::new();
         for (p, places) in places.pairs.iter().enumerate() {
-            let (sin, cos) = libm::sincos(bench[places.rotation]);
+            let [skew, rotation] = [places.skew, places.rotation].map(|at| bench[at]);
+            let turned = [rotation - skew, rotation + skew].map(libm::sincos);
+            let [(s_y, c_y), (s_z, c_z)] = turned;
             let (common, different) = (bench[places.gain], bench[places.gain_difference]);
             let gain = [1.0 + common + different, 1.0 + common - different];
-            for (row, rotated) in [[cos, -sin], [sin, cos]].into_iter().enumerate() {
+            for (row, rotated) in [[c_y, -s_y], [s_z, c_z]].into_iter().enumerate() {
                 offset[2 * p + row] = bench[places.offset[row]];
                 (0..2).for_each(|column| sensor[2 * p + row][2 * p + column] = gain[row] * rotated[column]);
             }
-            rotations.push([cos, sin]);
+            rotations.push(turned);
         }
         Self {
             h: case.recording.step_s,
@@ -616,7 +618,7 @@ impl Rotor {
             d.set(0, base + offset, 1.0);
             d.set(0, base + gain, sensed[0]);
         }
-        for (p, (places, [r_c, r_s])) in self.places.pairs.iter().zip(&self.rotations).enumerate() {
+        for (p, (places, [(s_y, c_y), (s_z, c_z)])) in self.places.pairs.iter().zip(&self.rotations).enumerate() {
             let first = 2 * p;
             let mut put = |j: usize, y: f64, z: f64| {
                 d.set(first, base + j, y);
@@ -625,11 +627,13 @@ impl Rotor {
             put(places.offset[0], 1.0, 0.0);
             put(places.offset[1], 0.0, 1.0);
             let [y, z] = [sensed[first], sensed[first + 1]];
-            let rotated = [r_c * y - r_s * z, r_s * y + r_c * z];
+            let rotated = [c_y * y - s_y * z, s_z * y + c_z * z];
             put(places.gain, rotated[0], rotated[1]);
             put(places.gain_difference, rotated[0], -rotated[1]);
             let (common, different) = (1.0 + self.bench(places.gain), self.bench(places.gain_difference));
-            put(places.rotation, -(common + different) * rotated[1], (common - different) * rotated[0]);
+            let turned = [-(common + different) * (s_y * y + c_y * z), (common - different) * (c_z * y - s_z * z)];
+            put(places.rotation, turned[0], turned[1]);
+            put(places.skew, -turned[0], turned[1]);
             let m: [[f64; 2]; 2] =
                 array::from_fn(|row| [self.sensor[first + row][first], self.sensor[first + row][first + 1]]);
             let runouts = [[c, s], [-s, c], [c, -s], [s, c], [c_2, 0.0], [s_2, 0.0], [0.0, c_2], [0.0, s_2]];
