@@ -233,6 +233,9 @@ fn mistakes_are_named() {
         assert!(!answer.valid && first.contains(words), "{words}: {} {:?}", answer.verdict, answer.findings);
         assert!(answer.verdict.contains(words) || words.contains("throughout"), "{words}: {}", answer.verdict);
     }
+    let fast = Levitation { lag_s: 1e-4, ..TWO };
+    let (answer, _) = fast.answer(&fast.record(3000));
+    assert_contains(&answer.verdict, &["Not valid: the data fit better if the currents are those before the sample"]);
 }
 
 /// Missing rows and sensor faults are excluded and named.

@@ -66,7 +66,7 @@ fn of_bench(found: &Identification, name: &str) -> Estimate {
 /// A bench with every error drawn from its typical tolerance, and the errors.
 fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
     let mut channels = Noise::sequence(seed);
-    let noise: [Noise; 28] = std::array::from_fn(|_| channels());
+    let noise: [Noise; 29] = std::array::from_fn(|_| channels());
     let drawn = options(&base).parts[0].parameters.clone().into_iter().zip(noise).map(|(parameter, mut noise)| {
         let value = parameter.typical * noise.standard_normal();
         // Sensors are causal.
@@ -80,13 +80,14 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
         offset: [d[5], d[6]],
         gain: [d[7] + d[8], d[7] - d[8]],
         rotation: d[9],
-        delay: d[10],
-        runout1: [d[11], d[12], d[13], d[14]],
-        runout2: [d[15], d[16], d[17], d[18]],
-        current_offset: [d[19], d[20], d[21]],
-        current_gain: [d[22], d[23], d[24]],
-        iron: d[25],
-        backward: [d[26], d[27]],
+        skew: d[10],
+        delay: d[11],
+        runout1: [d[12], d[13], d[14], d[15]],
+        runout2: [d[16], d[17], d[18], d[19]],
+        current_offset: [d[20], d[21], d[22]],
+        current_gain: [d[23], d[24], d[25]],
+        iron: d[26],
+        backward: [d[27], d[28]],
     };
     (Bench { seed, errors, ..base }, d)
 }
@@ -96,7 +97,7 @@ fn drawn(seed: u64, base: Bench) -> (Bench, Vec<f64>) {
 fn all_parameters_of_a_bench_are_found_at_once() {
     let imperfect = [(60_101, 0.5), (60_103, 6.0)];
     let imperfect = imperfect.map(|(seed, seconds)| drawn(seed, Bench { seconds, ..Bench::default() }));
-    let exact = (Bench { seconds: 1.0, seed: 45, ..Bench::default() }, vec![0.0; 28]);
+    let exact = (Bench { seconds: 1.0, seed: 45, ..Bench::default() }, vec![0.0; 29]);
     for (bench, truth) in imperfect.into_iter().chain([exact]) {
         let what = format!("seed {}", bench.seed);
         let mut options = options(&bench);

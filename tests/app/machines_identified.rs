@@ -248,6 +248,31 @@ fn a_push_is_not_taken_for_a_change() {
     assert_contains(findings[0].as_str().expect("words"), &["From 198.4 ms to 208 ms", "something disturbs the rotor"]);
 }
 
+/// A gap that is 5 % too large and hardly shows in what repeats with the turns is not valid (error of λ: 12 standard deviations).
+#[test]
+fn a_wrong_gap_shows_beside_the_turns() {
+    let folder = folder("machines-identified/gap");
+    let noise = "plant.sensor.positionNoise=0.3um --set plant.sensor.currentNoise=14mA";
+    let motion =
+        "reference.rY=20um --set reference.rZ=20um --set F0.modulation=0.5 --set F0.modulationFrequency=[87,119]";
+    let command = format!("simulate planar4 --set duration=1 --set {noise} --set {motion} --csv run.csv");
+    exits(0, &folder, &words(&command));
+    exits(0, &folder, &words("identify run.csv --machine planar4"));
+    exits(3, &folder, &words("identify run.csv --machine planar4 --set s=0.525mm"));
+}
+
+/// A recording with another unbalance does not agree, although λ is the same.
+#[test]
+fn another_unbalance_does_not_agree() {
+    let folder = folder("machines-identified/unbalance");
+    let first = record_with(&folder, &PLANAR4, &[]);
+    fs::rename(folder.join("run.csv"), folder.join("first.csv")).expect("a file");
+    let magnitude = "unbalance.magnitude";
+    record_with(&folder, &PLANAR4, &[(magnitude, 1.2 * first.number("plant", magnitude))]);
+    let (_, err) = exits(4, &folder, &words("identify first.csv --machine planar4 --check run.csv"));
+    assert_contains(&err, &["error: run.csv: The force constants agree, but something else differs"]);
+}
+
 /// Another recording agrees with the estimate unless its bench differs, and is predicted as well as by a fit of its own.
 #[test]
 fn another_recording_is_checked_with_the_estimate() {

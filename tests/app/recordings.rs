@@ -158,9 +158,11 @@ fn stamps_that_contradict_a_constant_rate_are_refused_and_named() {
     ];
     for (name, stamp, words) in cases {
         let text = BENCH.with_times("time [s]", stamp);
-        let error = Samples::read(text.as_bytes(), &Reading::default()).expect_err(name).to_string();
-        assert_contains(&error, words);
-        assert!(!error.contains("--resample"), "{name}: {error}");
+        for text in [text.replace('\n', "\r\n"), text] {
+            let error = Samples::read(text.as_bytes(), &Reading::default()).expect_err(name).to_string();
+            assert_contains(&error, words);
+            assert!(!error.contains("--resample"), "{name}: {error}");
+        }
     }
 }
 

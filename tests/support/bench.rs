@@ -54,6 +54,7 @@ pub struct Errors {
     pub offset: [f64; 2],
     pub gain: [f64; 2],
     pub rotation: f64,
+    pub skew: f64,
     pub delay: f64,
     /// Forward cos, sin; backward cos, sin.
     pub runout1: [f64; 4],
@@ -179,8 +180,9 @@ impl Bench {
             let delayed = |a: usize| history[at][a] * (1.0 - fraction) + history[next][a] * fraction;
             let y = delayed(0) + (r[0] + r[2]) * cos + (r[3] - r[1]) * sin + q[0] * cos_2 + q[1] * sin_2;
             let z = delayed(1) + (r[0] - r[2]) * sin + (r[1] + r[3]) * cos + q[2] * cos_2 + q[3] * sin_2;
-            let (s_r, c_r) = errors.rotation.sin_cos();
-            let rotated = [c_r * y - s_r * z, s_r * y + c_r * z];
+            let turned = [errors.rotation - errors.skew, errors.rotation + errors.skew];
+            let [(s_y, c_y), (s_z, c_z)] = turned.map(f64::sin_cos);
+            let rotated = [c_y * y - s_y * z, s_z * y + c_z * z];
             let read: [f64; 2] = std::array::from_fn(|a| {
                 noise[a].measure((1.0 + errors.gain[a]) * rotated[a] + errors.offset[a], self.position_noise)
             });

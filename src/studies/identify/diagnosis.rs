@@ -26,6 +26,8 @@ const TURNS: f64 = 5.0;
 const HOLD_STRETCHES: usize = 4;
 /// Rows on each side over which the slope of a position is taken.
 const BESIDE: usize = 8;
+/// Greatest part of a turn that a gap may hide.
+const LARGEST_GAP: f64 = 0.1;
 /// A gap, or a gain of a position sensor, that differs from the stated one by less, relative, is the same: a careful assembly is that accurate.
 const SAME: f64 = 0.01;
 /// Probability of a proposal for data that are as stated.
@@ -211,35 +213,43 @@ pub(super) fn drift(recording: &Recording) -> Option<[f64; 3]> {
     let Recording { theta_rad, position_m, .. } = recording;
     let (first, last) = (theta_rad[recording.used().next()?], theta_rad[recording.used().last()?]);
     let mean = [0, 1].map(|a| mean(recording.used().map(|row| position_m[a][row])));
-    let mut turns: Vec<Complex<f64>> = Vec::new();
+    let (mut turns, mut before): (Vec<Option<Complex<f64>>>, f64) = (Vec::new(), 0.0);
     for row in recording.used() {
-        let turn = ((theta_rad[row] - first).abs() / TAU) as usize;
-        turns.resize(turns.len().max(turn + 1), Complex::default());
+        let turned = (theta_rad[row] - first).abs() / TAU;
+        let turn = turned as usize;
+        turns.resize(turns.len().max(turn + 1), Some(Complex::default()));
+        // Of a turn with a gap nothing is known.
+        if turned > before + LARGEST_GAP {
+            turns[before as usize..=turn].fill(None);
+        }
+        before = turned;
         let (sin, cos) = libm::sincos(theta_rad[row]);
         let [y, z] = [0, 1].map(|a| position_m[a][row] - mean[a]);
-        turns[turn] += Complex::new(y, z) * Complex::new(cos, -sin);
+        turns[turn].iter_mut().for_each(|sum| *sum += Complex::new(y, z) * Complex::new(cos, -sin));
     }
     // The last turn is incomplete.
     turns.pop();
+    let turns: Vec<(f64, Complex<f64>)> =
+        turns.into_iter().enumerate().filter_map(|(turn, sum)| Some((turn as f64, sum?))).collect();
     let phases = turns.windows(2).scan(0.0, |phase, pair| {
-        let step = pair[1] * pair[0].conj();
+        let step = pair[1].1 * pair[0].1.conj();
         *phase += libm::atan2(step.im, step.re);
         Some(*phase)
     });
     let phases: Vec<f64> = [0.0].into_iter().chain(phases).collect();
-    let count = phases.len() as f64;
-    let middle = 0.5 * (count - 1.0);
-    let square = count * (count * count - 1.0) / 12.0;
-    let at = |turn: usize| turn as f64 - middle;
-    let slope = phases.iter().enumerate().map(|(turn, phase)| at(turn) * phase).sum::<f64>() / square;
+    let count = turns.len() as f64;
+    let middle = turns.iter().map(|(turn, _)| turn).sum::<f64>() / count;
+    let at = || turns.iter().map(|(turn, _)| turn - middle);
+    let square: f64 = at().map(|at| at * at).sum();
+    let slope = at().zip(&phases).map(|(at, phase)| at * phase).sum::<f64>() / square;
     let mean = phases.iter().sum::<f64>() / count;
-    let residuals: Vec<f64> = phases.iter().enumerate().map(|(turn, phase)| phase - mean - slope * at(turn)).collect();
+    let residuals: Vec<f64> = at().zip(&phases).map(|(at, phase)| phase - mean - slope * at).collect();
     let power: f64 = residuals.iter().map(|residual| residual * residual).sum();
     // Other motions beat with the turns: the residuals are autocorrelated.
     let correlation = (residuals.windows(2).map(|pair| pair[0] * pair[1]).sum::<f64>() / power).max(0.0);
     let variance = power / (count - 2.0) / square * (1.0 + correlation) / (1.0 - correlation);
     let off = slope / TAU.copysign(last - first);
-    (phases.len() >= 4).then(|| [off, variance.sqrt() / TAU, off * (last - first).abs()])
+    (turns.len() >= 4).then(|| [off, variance.sqrt() / TAU, off * (last - first).abs()])
 }
 
 /// Whether a speed that differs by this part is not clearly refuted. A path with a speed of its own may look like a drift, but without a notable unbalance
@@ -426,7 +436,9 @@ pub(super) fn proposals(trial: &Trial) -> Proposals {
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
         }
-        Some((found.log_likelihood, *proposal, words, judge(&found, own, other.machine, parts)))
+        // Parts of a sample are approximated: their residuals are not white.
+        let why_not = judge(&found, own, other.machine, parts).filter(|_| *proposal != TOGETHER);
+        Some((found.log_likelihood, *proposal, words, why_not))
     };
     let tried = in_order_shown("trying alternatives", alternatives.len(), &words);
     let mut fits: Vec<(f64, &str, String, Option<String>)> = tried.into_iter().flatten().collect();

@@ -291,4 +291,13 @@ fn an_unknown_or_wrong_speed_is_reported() {
     is_refused(&slower, "turns 0.46 % slower than the stated speed");
     assert!(!slower.findings.join(" ").contains("; left out"), "{:?}", slower.findings);
     is_refused(&at_speed(Some(99.75 * std::f64::consts::PI)), "turns 0.19 % faster than the stated speed");
+    // A gap of 2.5 turns.
+    let rows = blind.lines().enumerate().filter(|(line, _)| !(1500..2000).contains(line));
+    let gap = rows.map(|(_, row)| row.to_owned() + "\n").collect::<String>();
+    let reading = Reading { omega_rad_s: Some(100.4 * std::f64::consts::PI), ..Reading::default() };
+    let samples = Samples::read(gap.as_bytes(), &reading).expect("usable");
+    is_refused(&ask(&[samples], &[]), "% slower than the stated speed");
+    let misspelt = text.replace("plant.theta", "Theta");
+    let samples = Samples::read(misspelt.as_bytes(), &Reading::default()).expect("usable");
+    assert_contains(&samples.notes.join(" "), &["theta: no column of this name; the nearest name is Theta"]);
 }

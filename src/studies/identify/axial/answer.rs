@@ -10,7 +10,7 @@ use super::{
     POSITION_NOISE, Point, SLOW, UNKNOWNS, find, is_logarithm, mean,
 };
 use crate::bearing::array;
-use crate::estimation::STD_LIMIT;
+use crate::estimation::{Hold, STD_LIMIT};
 use crate::simulation::{Column, Recording};
 use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
 use crate::studies::identify::answer::{constant_currents, dynamics_remark};
@@ -30,6 +30,12 @@ const MAX_SHIFT_STD: f64 = 3.0;
 /// Common mistakes with their corrections. Exchanged magnets are a reversed axis: without a known load, the two are the same.
 const MIRRORED: &str = "x is mirrored: reverse the sign of the sensor";
 const EXCHANGED: &str = "the magnets are exchanged: exchange their columns (--column), or magnets.used";
+
+const HOLDS: [(Hold, &str); 3] = [
+    (Hold::HeldBefore, "the currents are those before the sample: --hold heldBefore"),
+    (Hold::HeldAfter, "the currents are commands, held after the sample: --hold heldAfter"),
+    (Hold::Linear, "the currents are continuous: --hold linear"),
+];
 
 /// Result for one axis.
 #[derive(Clone, Debug)]
@@ -86,15 +92,22 @@ pub fn answer(axis: &Axis, recording: &Samples) -> Result<Answer, String> {
 
 /// The mistakes with which a recording is valid and more likely.
 fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
-    let mistakes = match axis.is_known(LOAD) {
-        true => vec![(1.0, MIRRORED.to_owned()), (-1.0, EXCHANGED.to_owned())],
-        false => vec![(1.0, format!("{MIRRORED}; or if {EXCHANGED}"))],
-    };
-    let proposal = |(sign, words): (f64, String)| {
+    let mirrored = |sign: f64, words: String| {
         let (mut axis, mut recording) = (axis.clone(), recording.clone());
         recording.position_m[0].iter_mut().for_each(|x_m| *x_m = -*x_m);
         axis.at_m = axis.at_m.map(|at_m| sign * at_m);
         axis.known[LOAD] = axis.known[LOAD].map(|load_n| sign * load_n);
+        (axis, recording, words)
+    };
+    let mut mistakes = match axis.is_known(LOAD) {
+        true => vec![mirrored(1.0, MIRRORED.to_owned()), mirrored(-1.0, EXCHANGED.to_owned())],
+        false => vec![mirrored(1.0, format!("{MIRRORED}; or if {EXCHANGED}"))],
+    };
+    let read_as =
+        |(hold, words): (Hold, &str)| (Axis { hold: Some(hold), ..axis.clone() }, recording.clone(), words.into());
+    let others = HOLDS.into_iter().filter(|(hold, _)| *hold != axis.hold.unwrap_or(Hold::Linear));
+    mistakes.extend(others.map(read_as));
+    let proposal = |(axis, recording, words): (Axis, Samples, String)| {
         let other = identified(&axis, &recording).ok().filter(|other| other.valid)?;
         let is_better = other.found.fit.log_likelihood > stated.found.fit.log_likelihood;
         is_better.then(|| format!("the data fit better if {words}"))

@@ -93,7 +93,7 @@ const PARAMETERS: [Row; 33] = [
     (Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
     (Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
     (Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
-    (Bearing, "gap.iron", "m", 5e-6, false, "length of the iron path as a gap"),
+    (Bearing, IRON, "m", 5e-6, false, "length of the iron path as a gap"),
     (Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
     (Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
     (Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
@@ -108,6 +108,9 @@ const PARAMETERS: [Row; 33] = [
 
 /// Name of half the difference between the gains of a pair of position sensors.
 pub(super) const GAIN_DIFFERENCE: &str = "sensor.gainDifference";
+
+/// Name of the length of the iron path.
+pub(super) const IRON: &str = "gap.iron";
 
 /// Name of the delay of the positions.
 pub(in crate::studies::identify) const DELAY: &str = "delay";
@@ -216,8 +219,7 @@ impl Places {
                 runout: array::from_fn(|part| at(&runout[part / 4][part % 4])),
             }
         };
-        let of_bearing =
-            ["s", "gap.iron", "position", "sensorPosition", "alpha[1]", "alpha[2]", "alpha[3]", "alpha[4]"];
+        let of_bearing = ["s", IRON, "position", "sensorPosition", "alpha[1]", "alpha[2]", "alpha[3]", "alpha[4]"];
         Self {
             pairs: body.bearings.iter().filter(|_| !is_axis).map(pair).collect(),
             single: is_axis.then(|| ["sensor.offset", "sensor.gain"].map(first)),

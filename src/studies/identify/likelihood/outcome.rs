@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::bench::{GAIN_DIFFERENCE, Sensors};
+use super::bench::{GAIN_DIFFERENCE, IRON, Sensors};
 use super::case::Case;
 use super::data::Input;
 use super::filter::{Columns, HARMONICS};
@@ -18,9 +18,8 @@ use crate::studies::identify::{mean, plain};
 
 /// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
 const SUSPECT: f64 = 20.0;
-/// Part of the information on a parameter below which instruments do not test it. With 0.25 the bias due to noise refused a good recording (test
-/// `deviations_are_not_too_small_under_misleading_noise`); of wrong benches both refuse the same.
-const INFORMED: f64 = 0.05;
+/// Part of the information on a parameter below which instruments alone do not test it.
+const INFORMED: f64 = 0.5;
 
 pub(super) fn report(
     finished: &Finished<'_>,
@@ -162,7 +161,7 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
 }
 
 /// Lagrange multiplier tests of the bench parameters that are not estimated, and of the gain of each position sensor of a pair. Measured sensitivities
-/// count for the gains of a pair, which they tell apart best if all currents were recorded (with dropouts a good recording was refused), and where
+/// count as well for the gains of a pair, which they tell apart best if all currents were recorded (with dropouts a good recording was refused), and where
 /// instruments have less than [`INFORMED`] of their information (that of a motion that does not repeat with the turns, for instance); elsewhere they
 /// would be biased by noise.
 fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
@@ -184,17 +183,22 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
             let names = direction.iter().map(|(j, _)| plain(&parameters[*j].name));
             let [is_of_pair, is_delay] = [GAIN_DIFFERENCE, DELAY].map(|name| names.clone().any(|of| of == name));
             // The delay, which is biased most, has a test of its own (`answer::with_delay`).
-            if is_of_pair && is_complete || test[1] < INFORMED * measured[1] && !is_delay {
+            let counts = is_of_pair && is_complete || test[1] < INFORMED * measured[1] && !is_delay;
+            let square = |[score, own]: [f64; 2]| if own > 0.0 { score * score / own } else { 0.0 };
+            if counts && square(*test) < weight * square(measured) {
                 *test = measured.map(|sum| weight * sum);
             }
         }
     }
     let suspect = |(direction, [score, own]): (Direction, [f64; 2])| {
-        let is_known = |(j, _): &(usize, f64)| finished.at(search.model.layout.own + j).is_none();
         let (value, chi_square) = (score / own, score * score / own / nis);
         let parameters = direction.iter().map(|(j, part)| (*j, part * value)).collect();
         let suspect = Suspect { parameters, std: (nis / own).sqrt(), chi_square };
-        (direction.iter().all(is_known) && chi_square > SUSPECT).then_some(suspect)
+        let is_open = |(j, _): &(usize, f64)| {
+            let is_negative_path = value < 0.0 && plain(&search.model.part.parameters[*j].name) == IRON;
+            finished.at(search.model.layout.own + j).is_none() && !is_negative_path
+        };
+        (direction.iter().all(is_open) && chi_square > SUSPECT).then_some(suspect)
     };
     let mut suspects: Vec<Suspect> = directions.into_iter().zip(all).filter_map(suspect).collect();
     suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));

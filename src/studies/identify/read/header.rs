@@ -268,6 +268,10 @@ pub(super) fn places(
                 continue;
             }
             [] if given.or(stated).is_none() && (at >= signals.theta || at == TIME_AT && reading.rate_s.is_some()) => {
+                let nearest = nearest(signal);
+                if !nearest.is_empty() {
+                    notes.push(format!("{name}: no column of this name{nearest} (--column {name}=…)."));
+                }
                 continue;
             }
             [] => {

@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::iter::Peekable;
 
-use csv::StringRecord;
+use csv::{StringRecord, Terminator};
 
 use super::header::{self, CALIBRATED, Column, Place, Signals, TIME_AT};
 use super::pace::{Times, listed};
@@ -12,6 +12,9 @@ use super::{Reading, Unusable, text};
 
 const NO_HEADER: &str =
     "no header was found: expected a line with the names of the columns, separated by comma, semicolon or tab";
+
+/// What every cell may be.
+const EXPECTED: &str = "; expected digits without separators of thousands; leave it empty if it is missing";
 
 /// Reading stops after this many findings.
 const SHOWN: usize = 5;
@@ -48,6 +51,8 @@ impl Table {
         let (start, line, separator) = header::find(&text, &signals, reading).ok_or_else(|| NO_HEADER.to_owned())?;
         let mut builder = csv::ReaderBuilder::new();
         builder.delimiter(separator as u8).flexible(true).has_headers(false).comment(Some(b'#'));
+        // With \r\n for an end the reader counts lines one too low; cells are trimmed of \r.
+        builder.terminator(if text.contains('\n') { Terminator::Any(b'\n') } else { Terminator::CRLF });
         // Text in memory with rows of any length has no errors.
         let rows = builder.from_reader(text[start..].as_bytes()).into_records().map_while(Result::ok);
         let mut rows = rows.filter(|row| row.iter().any(|cell| !cell.trim().is_empty())).peekable();
@@ -167,7 +172,8 @@ impl Table {
                 }
             };
             if value.is_none() {
-                findings.push(format!("line {line}, {}: {cell:?} is no {wanted}", self.signals.list[at].name));
+                let (name, hint) = (&self.signals.list[at].name, if findings.is_empty() { EXPECTED } else { "" });
+                findings.push(format!("line {line}, {name}: {cell:?} is no {wanted}{hint}"));
             }
             self.columns[at].push(value.unwrap_or(f64::NAN));
         }

@@ -40,9 +40,14 @@ pub(super) fn separator(header: &str) -> Option<char> {
     [',', '\t', ';'].into_iter().max_by_key(count).filter(|separator| count(separator) > 0)
 }
 
+/// Instruments write this number for an overflow, and a greater one for a value that is missing (SCPI).
+const OVERFLOW: f64 = 9.9e37;
+
 /// Whether a cell stands for a missing value.
 pub(super) fn missing(cell: &str) -> bool {
-    ["", "-", "---", "nan", "na", "n/a", "#n/a", "null"].iter().any(|word| cell.eq_ignore_ascii_case(word))
+    const WORDS: [&str; 13] =
+        ["", "-", "--", "---", "nan", "na", "n/a", "#n/a", "#nv", "#div/0!", "1.#qnan", "-1.#ind", "null"];
+    WORDS.iter().any(|word| cell.eq_ignore_ascii_case(word))
 }
 
 /// A cell as a number; `None` if it is not one, NaN if it is missing. Decimal commas are accepted unless commas separate the
@@ -53,5 +58,5 @@ pub(super) fn number(cell: &str, separator: char) -> Option<f64> {
         Err(_) if separator != ',' && cell.contains(',') => cell.replacen(',', ".", 1).parse().ok()?,
         parsed => parsed.ok()?,
     };
-    Some(if value.is_finite() { value } else { f64::NAN })
+    Some(if value.abs() < OVERFLOW { value } else { f64::NAN })
 }
