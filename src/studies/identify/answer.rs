@@ -172,11 +172,12 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     let evidence = |(delay, typical): (Estimate, f64)| {
         0.5 * ((delay.value / delay.total_std).powi(2) - (delay.value / typical).powi(2))
     };
-    let gain = (now.log_likelihood - found.log_likelihood).min(delays.iter().map(delay_of).map(evidence).sum());
+    let by_likelihood = now.log_likelihood - found.log_likelihood;
+    let gain = by_likelihood.min(delays.iter().map(delay_of).map(evidence).sum());
     // An error that explains more is no delay: 1 % of z in the readings of y, called one of −23 µs, gave λ 4.9 standard deviations off.
     let first_suspect = found.suspects.first().filter(|suspect| !delays.contains(&suspect.parameters[0].0));
     let explained = first_suspect.map_or(0.0, |suspect| 0.5 * suspect.chi_square);
-    if gain < VERY_STRONG || gain < explained {
+    if gain < VERY_STRONG || by_likelihood < explained {
         return None;
     }
     // Of two refused answers, the simpler is given.
