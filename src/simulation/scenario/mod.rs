@@ -45,7 +45,11 @@ pub fn text_of(name: &Path) -> Result<String, ScenarioError> {
         None => std::fs::read_to_string(name),
     };
     text.map_err(|error| {
-        let finding = format!("cannot be read ({error}): expected a file, or one of {}", built_in_names());
+        let wanted = match error.kind() {
+            std::io::ErrorKind::InvalidData => "a text file (importers run FMUs and SSPs)",
+            _ => "a file",
+        };
+        let finding = format!("cannot be read ({error}): expected {wanted}, or one of {}", built_in_names());
         ScenarioError { origin: name.display().to_string(), findings: vec![finding] }
     })
 }
