@@ -9,8 +9,8 @@ use crate::estimation::chi_square;
 /// Normal deviate of the χ² that chance exceeds with a probability of 10⁻⁴.
 const LIMIT: f64 = 3.719;
 
-/// Predictions over [`AHEAD_S`] that are worse than those of a fit of its own by this factor have another cause than λ. Good recordings have 0.99 to 1.25
-/// (docs/bench.md), one with twice the unbalance 44.
+/// Predictions over [`AHEAD_S`] that are worse than those of a fit of its own by this factor show that something differs. Good recordings of one bench
+/// stay below 1.25 (test `another_recording_is_checked_with_the_estimate`), a fifth more unbalance exceeds it (`another_unbalance_does_not_agree`).
 const WORSE: f64 = 2.0;
 
 /// Horizon of predictions beyond the next sample, s.

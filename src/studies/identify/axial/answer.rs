@@ -31,6 +31,7 @@ const MAX_SHIFT_STD: f64 = 3.0;
 const MIRRORED: &str = "x is mirrored: reverse the sign of the sensor";
 const EXCHANGED: &str = "the magnets are exchanged: exchange their columns (--column), or magnets.used";
 
+/// Meanings of the currents.
 const HOLDS: [(Hold, &str); 3] = [
     (Hold::HeldBefore, "the currents are those before the sample: --hold heldBefore"),
     (Hold::HeldAfter, "the currents are commands, held after the sample: --hold heldAfter"),

@@ -8,9 +8,10 @@
 //! (Y, Z)_read = diag(1 + g_c + g_d, 1 + g_c − g_d) R ((Y, Z)(t − delay) + run-out(θ)) + offset
 //! ```
 //!
-//! with `R = [cos φ_Y, −sin φ_Y; sin φ_Z, cos φ_Z]`, φ_Y = `sensor.rotation` − `sensor.skew` and φ_Z = `sensor.rotation` + `sensor.skew`,
-//! g_c = `sensor.gain` and g_d = `sensor.gainDifference`. Positive `delay`: positions are read late relative to the currents. Each bearing of a shaft has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values
-//! scaled with the mass, and the axial motion has its own parameters.
+//! with `R = [cos φ_Y, −sin φ_Y; sin φ_Z, cos φ_Z]`, φ_Y = `sensor.rotation` − `sensor.skew`, φ_Z = `sensor.rotation` + `sensor.skew`,
+//! g_c = `sensor.gain` and g_d = `sensor.gainDifference`. Positive `delay`: positions are read late relative to the currents. Each bearing of a shaft
+//! has its own parameters, with its prefix; `Jt` and `Jp` are relative to the stated values scaled with the mass, and the axial motion has its own
+//! parameters.
 
 use std::f64::consts::PI;
 
