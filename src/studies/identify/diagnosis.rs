@@ -154,6 +154,7 @@ const ROW: &str = "shift the currents by one row";
 const ROW_OR_DELAY: &str = "shift the currents by one row, or --estimate delay";
 const TOGETHER: &str = "read all sensors at the same instant, or correct its positions for the delay";
 const REVERSE: &str = "reverse the signs of theta and omega, or that of --speed";
+const LOADS: &str = "leave out the loads of --set, or correct them";
 const SPEED: &str = "--speed, or a column of the angle";
 
 const ALTERNATIVES: &[Alternative] = &[
@@ -203,6 +204,7 @@ const ALTERNATIVES: &[Alternative] = &[
     (All, "the speed was recorded in rpm", |t| rotate(t, PI / 30.0), "--unit omega=rpm"),
     (All, "the speed was recorded in Hz", |t| rotate(t, TAU), "--unit omega=Hz"),
     (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
+    (All, "the loads differ", |t| t.options.parts.iter_mut().for_each(|part| part.settings.load_n.clear()), LOADS),
     (All, "the gap differs", |t| free(t, &["s"]), "--estimate s"),
     (All, "the gains of the position sensors differ", |t| free(t, &["sensor.gain", "sensor.gainDifference"]), GAINS),
 ];

@@ -17,6 +17,7 @@ const WRONG: &[Wrong] = &[
     (|samples, _| samples.current_a.iter_mut().for_each(|i| i.rotate_left(1)), "--hold heldAfter"),
     (|_, question| question.stated.hold = Hold::HeldAfter, "--hold heldBefore"),
     (|_, question| question.stated.parts[0].body.rotor.bearings[0].gap_m = 6e-4, "--estimate s"),
+    (|_, question| question.stated.set_load("pZ", 40.0), "the loads differ: leave out the loads of --set"),
 ];
 
 /// A gain that is off by as much as gaps are: both have about the same effect, so it is no part of the pairs below.
