@@ -7,7 +7,7 @@ use super::filter::Readings;
 use super::search::{Fit, follow};
 use super::{
     Axis, BENCH_ERRORS, CURRENT_NOISE, DELAY, DYNAMICS, EXPONENT, Effect, Found, GAP, KAPPA, LOAD, PARAMETERS,
-    POSITION_NOISE, Point, SLOW, UNKNOWNS, find, is_logarithm, mean,
+    POSITION_NOISE, Point, SLOW, UNKNOWNS, find, is_logarithm, mean, values,
 };
 use crate::bearing::array;
 use crate::estimation::{Hold, STD_LIMIT};
@@ -278,15 +278,19 @@ impl Answer {
             ));
         }
         let moved = delayed.as_ref().map(|delayed| {
-            let moved = self.found.operating(&delayed.point);
-            let far = |at: usize| (moved[at] - self.operating[at].value).abs() / self.operating[at].total_std;
-            (delayed, far(1).max(far(2)))
+            let (moved, lambda) = (self.found.operating(&delayed.point), values(&delayed.point));
+            let stiffness = self.operating.iter().zip(moved).skip(1).take(2);
+            let all = stiffness.chain(self.lambda.iter().map(|(k, estimate)| (estimate, lambda[*k])));
+            let far = all.map(|(estimate, moved)| (moved - estimate.value).abs() / estimate.total_std);
+            (delayed, far.fold(0.0, f64::max))
         });
         if let Some((delayed, furthest)) = moved.filter(|(_, furthest)| *furthest > MAX_SHIFT_STD) {
             let gain = significant(delayed.log_likelihood - fit.log_likelihood, 3);
-            let (delay, far) = (time(delayed.point[DELAY]), significant(furthest, 2));
+            let delay_s = delayed.point[DELAY];
+            let (delay, far) = (time(delay_s.abs()), significant(furthest, 2));
+            let later = if delay_s > 0.0 { "later" } else { "earlier" };
             return Some(format!(
-                "positions {delay} later than currents are more likely by {gain}, and with them ki or ks moves by {far} deviations \
+                "positions {delay} {later} than currents are more likely by {gain}, and with them ki, ks or λ moves by {far} deviations \
                  (--estimate delay)"
             ));
         }
