@@ -166,7 +166,7 @@ fn figures_are_over_valid_samples() {
 fn errors_of_a_bench_are_estimated_with_lambda() {
     let mut studies = montecarlo::studies(1);
     studies.retain(|study| study.title.starts_with("identify: bench error"));
-    assert_eq!(studies.len(), 13);
+    assert_eq!(studies.len(), 14);
     for mut study in studies {
         (study.first_seed, study.instants_s) = (62_150, vec![0.5]);
         let outcome = study.run().expect("a good scenario");
