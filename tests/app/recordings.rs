@@ -282,35 +282,23 @@ const WITHOUT_SPEED: &[usize] = &[0, 1, 2, 3, 4, 5, 6];
 /// Every unit by every name, in the header or stated.
 #[test]
 fn units_have_many_names() {
-    use std::f64::consts::{PI, TAU};
-    let cases: [(usize, f64, &[&str]); 23] = [
-        (0, 1.0, &["s", "sec", "Second"]),
-        (0, 1e-3, &["ms"]),
-        (0, 1e-6, &["µs", "us", "μs"]),
-        (0, 1e-9, &["ns"]),
-        (1, 1.0, &["m"]),
-        (1, 1e-3, &["mm"]),
-        (1, 1e-6, &["µm", "um", "Micron", "micrometer"]),
-        (1, 1e-9, &["nm"]),
-        (1, 25.4e-6, &["mil", "Mil"]),
-        (1, 25e-6, &["25um/V", "0.025 mm/V", "25 µm"]),
-        (1, -25e-9, &["-25nm/mV", "-25nm"]),
-        (1, 1e-3 / 7.87, &["7.87V/mm", "7.87 V / mm"]),
-        (3, 1e-2, &["100mV/A"]),
-        (3, 1.0, &["A", "Amps", "Ampere"]),
-        (3, 1e-3, &["mA"]),
-        (6, 1.0, &["rad"]),
-        (6, PI / 180.0, &["deg", "°", "Deg", "º", "Grad"]),
-        (6, TAU, &["rev"]),
-        (7, 1.0, &["rad/s", "rad / s", "rad/sec"]),
-        (7, PI / 30.0, &["rpm", "RPM", "1/min", "U/min", "min-1", "min^-1", "min⁻¹", "min−1", "u/min", "Upm"]),
-        (7, TAU, &["Hz", "rev/s", "rps"]),
-        (7, PI / 180.0, &["deg/s", "°/s"]),
-        (7, 5.0, &["5rad/s/V", "0.2V/rad/s"]),
+    // Signal, and units by their size in SI.
+    let cases: [(usize, &str); 7] = [
+        (0, "1: s, sec, Second; 1e-3: ms; 1e-6: µs, us, μs; 1e-9: ns"),
+        (1, "1: m; 1e-3: mm; 1e-6: µm, um, Micron, micrometer; 1e-9: nm; 25.4e-6: mil, Mil"),
+        (1, "25e-6: 25um/V, 0.025 mm/V, 25 µm; -25e-9: -25nm/mV, -25nm; 1.2706480e-4: 7.87V/mm, 7.87 V / mm"),
+        (3, "1e-2: 100mV/A; 1: A, Amps, Ampere; 1e-3: mA"),
+        (6, "1: rad; 0.017453293: deg, °, Deg, º, Grad; 6.2831853: rev"),
+        (7, "1: rad/s, rad / s, rad/sec; 6.2831853: Hz, rev/s, rps; 0.017453293: deg/s, °/s; 5: 5rad/s/V, 0.2V/rad/s"),
+        (7, "0.10471976: rpm, RPM, 1/min, U/min, min-1, min^-1, min⁻¹, min−1, u/min, Upm"),
     ];
+    let named = |(at, units): (usize, &'static str)| {
+        let each = units.split("; ").filter_map(|of| of.split_once(": "));
+        each.flat_map(move |(size, names)| names.split(", ").map(move |unit| (at, unit, size.parse().expect("a size"))))
+    };
     let values = Bench { rows: 400, ..BENCH }.values();
-    let cases = cases.into_iter().flat_map(|(at, factor, names)| names.iter().map(move |unit| (at, *unit, factor)));
-    for ((at, unit, factor), stated) in cases.flat_map(|case| [(case, false), (case, true)]) {
+    for ((at, unit, factor), stated) in cases.into_iter().flat_map(named).flat_map(|case| [(case, false), (case, true)])
+    {
         let (mut header, mut factors) = (SI, [1.0; 8]);
         (header[at], factors[at]) = (if stated { "kg" } else { unit }, factor);
         let units = if stated { pairs(&[(NAMES[at], unit)]) } else { Vec::new() };

@@ -10,7 +10,7 @@ use crate::estimation::chi_square;
 const LIMIT: f64 = 3.719;
 
 /// Predictions over [`AHEAD_S`] that are worse than those of a fit of its own by this factor show that something differs. Good recordings of one bench
-/// stay below 1.25 (test `another_recording_is_checked_with_the_estimate`), a fifth more unbalance exceeds it (`another_unbalance_does_not_agree`).
+/// stay below 1.25, one with a fifth more unbalance exceeds it (test `another_recording_is_checked_with_the_estimate`).
 const WORSE: f64 = 2.0;
 
 /// Horizon of predictions beyond the next sample, s.

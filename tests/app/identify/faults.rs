@@ -35,6 +35,12 @@ const EARLY: Wrong = (
     "the currents come a sample early, or the positions late: shift the currents by one row, or --estimate delay",
 );
 
+/// A mistake that a usual one explains in part only, so that the verdict does not name that one.
+const LATE: Wrong = (
+    |samples, _| samples.position_m.iter_mut().for_each(|readings| readings.rotate_right(5)),
+    "No usual mistake explains the data. They fit best if ",
+);
+
 fn rotation(samples: &mut Samples) -> impl Iterator<Item = &mut f64> {
     samples.theta_rad.iter_mut().chain(&mut samples.omega_rad_s)
 }
@@ -42,13 +48,14 @@ fn rotation(samples: &mut Samples) -> impl Iterator<Item = &mut f64> {
 #[test]
 fn what_is_wrong_is_told_in_words() {
     let good = samples_of(&run(montecarlo::NOISE, 0.12).1);
-    for (spoil, proposal) in WRONG.iter().chain([&GAIN, &EARLY]) {
+    for (spoil, proposal) in WRONG.iter().chain([&GAIN, &EARLY, &LATE]) {
         let mut samples = good.clone();
         let mut question = question(&good, &[]);
         spoil(&mut samples, &mut question);
         let answer = identify::answer(&[samples], question);
         let first = answer.findings.first().cloned().unwrap_or_default();
         assert!(!answer.valid && first.contains(proposal), "{proposal}: {} {:?}", answer.verdict, answer.findings);
+        assert!(*proposal != LATE.1 || !answer.verdict.contains("fit better"), "{}", answer.verdict);
         // The verdict names the same description, in place of advice that holds if the stated one is right.
         if let Some(best) = first.strip_prefix("The data fit better if ") {
             let best = best.split("; or if ").next().unwrap_or(best).trim_end_matches('.');
@@ -60,17 +67,6 @@ fn what_is_wrong_is_told_in_words() {
         let json = answer.statement().json;
         assert!(json["valid"] == false && json["lambdaHat"].is_null() && json["findings"].is_array(), "{json}");
     }
-}
-
-/// Another mistake, which a usual one explains in part only: the verdict does not name that one.
-#[test]
-fn other_mistakes_are_not_called_usual_ones() {
-    let mut samples = samples_of(&run(montecarlo::NOISE, 0.12).1);
-    let question = question(&samples, &[]);
-    samples.position_m.iter_mut().for_each(|readings| readings.rotate_right(5));
-    let identify::Answer { valid, verdict, findings, .. } = identify::answer(&[samples], question);
-    assert!(!valid && !verdict.contains("fit better"), "{verdict}");
-    assert!(findings[0].starts_with("No usual mistake explains the data. They fit best if "), "{findings:?}");
 }
 
 /// Two mistakes may cancel (axes exchanged and angle reversed is the bearing seen from behind, with its magnets rotated), but then λ is
@@ -279,10 +275,10 @@ fn recordings_that_differ_are_reported() {
 fn an_unknown_or_wrong_speed_is_reported() {
     let text = csv(&run(montecarlo::NOISE, 0.4).1);
     let blind = text.replace("plant.theta", "plant.unused").replace("plant.omegam", "plant.unusedToo");
-    let at_speed = |omega_rad_s: Option<f64>| {
-        let samples = Samples::read(blind.as_bytes(), &Reading { omega_rad_s, ..Reading::default() }).expect("usable");
-        ask(&[samples], &[])
+    let read = |text: &str, omega_rad_s: Option<f64>| {
+        Samples::read(text.as_bytes(), &Reading { omega_rad_s, ..Reading::default() }).expect("usable")
     };
+    let at_speed = |omega_rad_s: Option<f64>| ask(&[read(&blind, omega_rad_s)], &[]);
     let answer = at_speed(None);
     is_refused(&answer, "neither angle nor speed");
     // No estimate assumes standstill.
@@ -295,10 +291,8 @@ fn an_unknown_or_wrong_speed_is_reported() {
     // A gap of 2.5 turns.
     let rows = blind.lines().enumerate().filter(|(line, _)| !(1500..2000).contains(line));
     let gap = rows.map(|(_, row)| row.to_owned() + "\n").collect::<String>();
-    let reading = Reading { omega_rad_s: Some(100.4 * std::f64::consts::PI), ..Reading::default() };
-    let samples = Samples::read(gap.as_bytes(), &reading).expect("usable");
+    let samples = read(&gap, Some(100.4 * std::f64::consts::PI));
     is_refused(&ask(&[samples], &[]), "% slower than the stated speed");
-    let misspelt = text.replace("plant.theta", "Theta");
-    let samples = Samples::read(misspelt.as_bytes(), &Reading::default()).expect("usable");
-    assert_contains(&samples.notes.join(" "), &["theta: no column of this name; the nearest name is Theta"]);
+    let notes = read(&text.replace("plant.theta", "Theta"), None).notes.join(" ");
+    assert_contains(&notes, &["theta: no column of this name; the nearest name is Theta"]);
 }
