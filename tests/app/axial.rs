@@ -233,13 +233,6 @@ fn mistakes_are_named() {
         assert!(!answer.valid && first.contains(words), "{words}: {} {:?}", answer.verdict, answer.findings);
         assert!(answer.verdict.contains(words) || words.contains("throughout"), "{words}: {}", answer.verdict);
     }
-    // A sensor 0.3 ms late moves λ of the magnets in opposite directions, so that ki hardly changes.
-    let mut late = rows.clone();
-    late.iter_mut().skip(1).zip(&rows).for_each(|(row, before)| row[1] += 0.3 * (before[1] - row[1]));
-    assert_contains(
-        &TWO.answer(&late).0.verdict,
-        &["Not valid: positions", "later than currents", "ki, ks or λ moves"],
-    );
     let fast = Levitation { lag_s: 1e-4, ..TWO };
     let words = "Not valid: the data fit better if the currents are those before the sample";
     assert_contains(&fast.answer(&fast.record(3000)).0.verdict, &[words]);
