@@ -149,18 +149,23 @@ fn invalid_arguments_exit_with_2() {
     let bad = "title = \"Bad\"\nduration = -1\nstep = 1e-4\n[plant]\nlamda = 1\nY0 = \"1 inch\"\n";
     write(&folder, "bad.toml", bad);
     write(&folder, "zero.toml", format!("{SHORT}[all]\nm = 0\n"));
+    for arguments in "--nonsense; nonsense; simulate; simulate paper --csv; package --nonsense".split("; ") {
+        refuses(&folder, &words(arguments), &["error: ", "--help"]);
+    }
     for (arguments, words) in [
-        ("nonsense", &["error: ", "--help"][..]),
-        ("simulate", &["error: ", "--help"]),
-        ("simulate paper --csv", &["error: ", "--help"]),
-        ("simulate paper --print --csv x.csv", &["error: ", "--help"]),
+        ("simulate paper --print --csv x.csv", &["error: ", "--help"][..]),
         ("simulate unbalanced --set m=-1", &["m = -1 kg is refused"]),
         ("simulate unbalanced --set m", &["NAME=VALUE"]),
-        ("simulate unbalanced --set Ts=50us", &["step = 0.0001 s: expected at most Ts = 0.00005 s", "sensor.Ts = 0.0"]),
+        (
+            "simulate unbalanced --set Ts=50us",
+            &[
+                "step = 0.0001 s: expected at most Ts = 0.00005 s, or controller, estimator",
+                "plant.sensor.Ts = 0.0001 s",
+            ],
+        ),
         ("simulate unbalanced --set alpha[5]=1", &["alpha has no such element"]),
         ("simulate unbalanced --csv - --json -", &["--csv - and --json -"]),
         ("simulate unbalanced --set duration=1e9", &["duration = 1e9 s", "1e13 samples", "the limit is 8 GB"]),
-        ("package --nonsense", &["error: ", "--help"]),
         ("package paper", &["invalid value 'paper' for '[MACHINE]", "possible values: planar, "]),
         ("montecarlo --only mixed --current-noise 5", &["--current-noise", "cannot be used with"]),
         ("simulate paper --csv a --json ./a", &["--csv and --json ./a: expected different files"]),
@@ -169,6 +174,7 @@ fn invalid_arguments_exit_with_2() {
         ("montecarlo --only nosuch", &["--only \"nosuch\"", "no study has this", "Drawn bearings, noise known"]),
         ("montecarlo slow.toml --runs 1", &["plant.sensor.Ts = 0.0001 s: expected at most Ts = 0.00005 s"]),
         ("montecarlo lift-off --runs 1", &["the rotor touches down before 0.035 s", "--at", "in all runs"]),
+        ("montecarlo --runs 0", &["--runs", "'0'", "expected a whole number above 0"]),
         ("montecarlo --runs many", &["--runs", "'many'", "expected a whole number above 0"]),
         ("identify none.csv", &["none.csv"]),
         ("identify bench.csv --csv ./bench.csv", &["this is the recording"]),
@@ -187,44 +193,56 @@ fn invalid_arguments_exit_with_2() {
         ("montecarlo paper --seed 4294967295", &["--seed", "2147483647"]),
         ("sweep none.csv --out rows.csv", &["none.csv"]),
         ("sweep bench.csv --out rows.csv --jobs 0", &["--jobs", "1..=1024"]),
+        ("sweep bench.csv --out rows.csv --jobs 20000", &["--jobs", "1..=1024"]),
         ("sensitivity axial --set plant.m=-1", &["m = -1 kg is refused"]),
-        ("simulate paper --set foo=3", &["[--set] foo: there is no variable of this name; the nearest are F0.m"]),
+        (
+            "simulate paper --set foo=3",
+            &["[--set] foo: there is no variable of this name; the nearest are F0.modulationFrequency, "],
+        ),
         ("simulate paper --set machine=spindle", &["[--set] machine: it is a key of the file"]),
         ("simulate paper --set Plant.m=7", &["did you mean plant.m?"]),
         ("simulate bench.toml", &["[tolerance]: foo is not a parameter of a bench"]),
-        ("simulate bad.toml --csv out.csv", &["bad.toml:", "duration = -1", "did you mean lambda?", "Y0", "1 inch"]),
+        (
+            "simulate bad.toml --csv out.csv",
+            &["error: bad.toml:", "duration = -1", "lamda", "did you mean lambda?", "Y0", "1 inch"],
+        ),
         ("simulate zero.toml --csv out.csv", &["[plant, controller, estimator] m = 0 kg"]),
         ("simulate none.toml --csv out.csv", &["none.toml", "cannot be read", "paper,", "unbalanced", "turned"]),
         ("simulate --print nothing", &["nothing", "paper,", "unbalanced", "turned"]),
         ("sweep design.csv --scenario nosuch --out rows.csv", &["nosuch:", "expected a file, or one of paper, "]),
         ("sweep design.csv --out rows.csv", &["plant.pZ = 1 lbf is refused: the unit lbf is not one of N"]),
-        ("simulate planar4 --set method=paper", &["[--set] method: there is no variable", "of the machine planar"]),
-        ("simulate axial --set plant.unbalance.phase=1", &["plant.unbalance.phase", "the machine planar or planar4"]),
-        ("identify bench.csv --set foo=3", &["--set foo: ", "no variable of this name; the nearest are filter."]),
+        (
+            "simulate planar4 --set method=paper",
+            &["[--set] method: there is no variable", "it is one of the machine planar"],
+        ),
+        (
+            "simulate axial --set plant.unbalance.phase=1",
+            &["[--set] plant.unbalance.phase", "the machine planar or planar4"],
+        ),
+        (
+            "identify bench.csv --set foo=3",
+            &["--set foo: ", "no variable of this name; the nearest are filter.omega, "],
+        ),
         ("design --at 1e-5", &["--at 0.00001 is refused: expected at least one sample, 0.0001 s"]),
         ("whirl --to -5", &["a speed in rpm"]),
         ("whirl --stiffness -5", &["-5", "a stiffness in N/m above 0"]),
         ("whirl --damping=-1", &["a damping in N·s/m, 0 or above"]),
         ("whirl --stiffness 1e300", &["the natural frequencies at 0 rpm cannot be computed", "1e300 N/m"]),
+        ("whirl --to 1e300", &["the natural frequencies at", "cannot be computed"]),
         ("whirl axial", &["machine = axial is refused: its rotor does not tilt", "inertia, as in spindle, spindle4"]),
     ] {
         refuses(&folder, &self::words(arguments), words);
     }
     assert!(!folder.join("out.csv").exists(), "nothing was computed");
     // A negative number is a value, not an option.
-    for [command, option, value] in [
-        ["identify bench.csv", "--position-noise", "-1"],
-        ["identify bench.csv", "--current-noise", "nan"],
-        ["identify bench.csv", "--window", "-1"],
-        ["montecarlo paper", "--position-noise", "-1e-7"],
-        ["design --scenario=paper", "--position-noise", "-1"],
-        ["design", "--position-noise", "0"],
-        ["design", "--speed", "-1"],
-        ["design", "--at", "0"],
-        ["design --scenario=paper", "--sample-time", "-1"],
-    ] {
-        let arguments = format!("{command} {option} {value}");
-        refuses(&folder, &words(&arguments), &[&format!("invalid value '{value}' for '{option}"), "expected"]);
+    let values = "identify bench.csv --position-noise -1; identify bench.csv --current-noise nan; \
+                  identify bench.csv --window -1; montecarlo paper --position-noise -1e-7; montecarlo paper --at -1; \
+                  design --scenario=paper --position-noise -1; design --position-noise 0; design --current-noise inf; \
+                  design --speed -1; design --speed nan; design --at 0; design --scenario=paper --sample-time -1";
+    for arguments in values.split("; ") {
+        let [.., option, value] = words(arguments)[..] else { panic!("{arguments}") };
+        let invalid = format!("invalid value '{value}' for '{option}");
+        refuses(&folder, &words(arguments), &[&invalid, "expected"]);
     }
 }
 

@@ -8,7 +8,7 @@ use nalgebra::Complex;
 use self::Concerns::{All, Axial, Each, Opposite, Radial, Shaft};
 use super::answer::{implausible, judge, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
-use super::likelihood::{Change, Contradiction, Estimate, Identification, Knowledge, LAG, Options, Recording};
+use super::likelihood::{Change, Contradiction, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -141,6 +141,15 @@ fn advance(trial: &mut Trial, fraction: f64) {
     }
 }
 
+/// A meaning of the currents: description, and advice.
+type Meaning = (Hold, &'static str, &'static str);
+
+const BEFORE: Meaning = (HeldBefore, "the currents are those before the sample (measured)", "--hold heldBefore");
+const AFTER: Meaning = (HeldAfter, "the currents are commands, held after the sample", "--hold heldAfter");
+const CONTINUOUS: Meaning = (Linear, "the currents are continuous", "--hold linear");
+/// All of them.
+pub(super) const MEANINGS: [Meaning; 3] = [BEFORE, AFTER, CONTINUOUS];
+
 /// The magnets of a radial bearing.
 const EACH: [usize; 4] = [0, 1, 2, 3];
 const SWAP: &str = "exchange Ym and Zm (--column)";
@@ -148,8 +157,6 @@ const MIRROR: &str = "reverse the sign of the sensor";
 const GAINS: &str = "--estimate sensor.gain --estimate sensor.gainDifference";
 const COLUMNS: &str = "exchange their columns (--column)";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
-const BEFORE: &str = "--hold heldBefore";
-const AFTER: &str = "--hold heldAfter";
 const ROW: &str = "shift the currents by one row";
 const ROW_OR_DELAY: &str = "shift the currents by one row, or --estimate delay";
 const TOGETHER: &str = "read all sensors at the same instant, or correct its positions for the delay";
@@ -193,9 +200,9 @@ const ALTERNATIVES: &[Alternative] = &[
     (Each, "the positions come three quarters of a sample early", |t| advance(t, -0.75), TOGETHER),
     (Each, "the positions come a sample late", |t| shift_positions(t, false), "shift its positions by one row"),
     (Each, "the positions come a sample early", |t| shift_positions(t, true), "shift its positions by one row"),
-    (All, "the currents are those before the sample (measured)", |t| t.recording.hold = HeldBefore, BEFORE),
-    (All, "the currents are commands, held after the sample", |t| t.recording.hold = HeldAfter, AFTER),
-    (All, "the currents are continuous", |t| t.recording.hold = Linear, "--hold linear"),
+    (All, BEFORE.1, |t| t.recording.hold = BEFORE.0, BEFORE.2),
+    (All, AFTER.1, |t| t.recording.hold = AFTER.0, AFTER.2),
+    (All, CONTINUOUS.1, |t| t.recording.hold = CONTINUOUS.0, CONTINUOUS.2),
     (All, "the currents come a sample late, or the positions early", |t| shift_currents(t, false), ROW),
     (All, "the currents come a sample early, or the positions late", |t| shift_currents(t, true), ROW_OR_DELAY),
     (All, "the angle counts against the rotation", |t| rotate(t, -1.0), REVERSE),

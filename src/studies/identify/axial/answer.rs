@@ -14,6 +14,7 @@ use crate::estimation::{Hold, STD_LIMIT};
 use crate::simulation::{Column, Recording};
 use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
 use crate::studies::identify::answer::{constant_currents, dynamics_remark};
+use crate::studies::identify::diagnosis::MEANINGS;
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::{Samples, Statement, significant, time};
 use crate::table::Table;
@@ -30,13 +31,6 @@ const MAX_SHIFT_STD: f64 = 3.0;
 /// Common mistakes with their corrections. Exchanged magnets are a reversed axis: without a known load, the two are the same.
 const MIRRORED: &str = "x is mirrored: reverse the sign of the sensor";
 const EXCHANGED: &str = "the magnets are exchanged: exchange their columns (--column), or magnets.used";
-
-/// Meanings of the currents.
-const HOLDS: [(Hold, &str); 3] = [
-    (Hold::HeldBefore, "the currents are those before the sample: --hold heldBefore"),
-    (Hold::HeldAfter, "the currents are commands, held after the sample: --hold heldAfter"),
-    (Hold::Linear, "the currents are continuous: --hold linear"),
-];
 
 /// Result for one axis.
 #[derive(Clone, Debug)]
@@ -104,10 +98,10 @@ fn proposals(axis: &Axis, recording: &Samples, stated: &Answer) -> Vec<String> {
         true => vec![mirrored(1.0, MIRRORED.to_owned()), mirrored(-1.0, EXCHANGED.to_owned())],
         false => vec![mirrored(1.0, format!("{MIRRORED}; or if {EXCHANGED}"))],
     };
-    let read_as =
-        |(hold, words): (Hold, &str)| (Axis { hold: Some(hold), ..axis.clone() }, recording.clone(), words.into());
-    let others = HOLDS.into_iter().filter(|(hold, _)| *hold != axis.hold.unwrap_or(Hold::Linear));
-    mistakes.extend(others.map(read_as));
+    let others = MEANINGS.into_iter().filter(|(hold, ..)| *hold != axis.hold.unwrap_or(Hold::Linear));
+    mistakes.extend(others.map(|(hold, meaning, advice)| {
+        (Axis { hold: Some(hold), ..axis.clone() }, recording.clone(), format!("{meaning}: {advice}"))
+    }));
     let proposal = |(axis, recording, words): (Axis, Samples, String)| {
         let other = identified(&axis, &recording).ok().filter(|other| other.valid)?;
         let is_better = other.found.fit.log_likelihood > stated.found.fit.log_likelihood;

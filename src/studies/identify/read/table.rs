@@ -13,7 +13,7 @@ use super::{Reading, Unusable, text};
 const NO_HEADER: &str =
     "no header was found: expected a line with the names of the columns, separated by comma, semicolon or tab";
 
-/// What every cell may be.
+/// The form of a cell, for messages.
 const EXPECTED: &str = "; expected digits without separators of thousands; leave it empty if it is missing";
 
 /// Reading stops after this many findings.
