@@ -205,6 +205,8 @@ pub struct Innovation<const N: usize, const K: usize, const U: usize, const T: u
     pub error: SVector<f64, N>,
     /// The same, not whitened.
     pub error_m: SVector<f64, N>,
+    /// Predicted position, m, and what the predicted velocity adds to it per sample, m.
+    pub predicted_m: [SVector<f64, N>; 2],
     /// Derivative of the innovation with respect to `ln (σ_i²/σ_z²)`, m.
     pub by_noise_ratio: SVector<f64, N>,
     /// Derivative of S with respect to `ln (σ_i²/σ_z²)`.
@@ -525,11 +527,13 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> WhiteningFi
             }
             product(&tolerances, &whitening)
         });
+        let velocity = state.unknowns.rate.tr_mul(&parameters.unknowns) - state.motion.rate.transpose();
         let error_m = state.last.position_m + state.motion.position.transpose()
             - state.unknowns.position.tr_mul(&parameters.unknowns);
         Innovation {
             error: whitening * error_m,
             error_m,
+            predicted_m: [state.last.position_m - error_m, velocity * self.step_s],
             motion,
             unknowns,
             instruments: product(&state.instruments.position, &whitening),

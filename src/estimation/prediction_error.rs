@@ -348,7 +348,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         state.uncounted = 0;
         state.present.add(&innovation, sample.rotation.variance, instrumented);
         let per_revolution = state.per_revolution();
-        state.validation.add(&innovation, sample.cos_sin);
+        state.validation.add(&innovation, sample.cos_sin, per_revolution);
         let square = sample.current_a.norm_squared() / K as f64;
         state.mean_square_a2 += (square - state.mean_square_a2) / per_revolution.min(state.samples as f64);
         if settled && let Some(noise) = &mut state.noise {

@@ -3,7 +3,7 @@
 //! Each test statistic has a known distribution if model and noise are correct. A correct model fails about once in a million tests; tolerances widen the
 //! limits by the errors that they can explain.
 
-use std::f64::consts::{FRAC_PI_2, PI};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use libm::{exp, sqrt};
 use nalgebra::{SMatrix, SVector};
@@ -54,10 +54,14 @@ pub struct Validation<const N: usize, const U: usize, const T: usize> {
     quarters: [usize; 2],
     harmonics: [Line<N, U, T>; HARMONICS],
     orders: [Line<N, U, T>; ORDERS],
+    /// Sums with velocity and position of each coordinate, and the mean position, m: forces that lag behind the motion or damp it are seen at the
+    /// frequencies of the motion, whatever these are.
+    motion: SVector<Line<N, U, T>, N>,
+    mean_m: SVector<f64, N>,
     /// Revolutions since the start, modulo four, and revolutions of the rotor per such revolution, 0 at rest.
     revolutions: f64,
     rotor_ratio: f64,
-    /// The greatest χ² of a harmonic, and of an order.
+    /// The greatest χ² of a harmonic or of the motion, and of an order.
     greatest: [f64; 2],
     /// Number of innovations in the means; means of the product of successive ones and of the square; the last one.
     averaged: f64,
@@ -146,6 +150,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             quarters: [0; 2],
             harmonics: [Line::zeros(); HARMONICS],
             orders: [Line::zeros(); ORDERS],
+            motion: SVector::from_element(Line::zeros()),
+            mean_m: SVector::zeros(),
             revolutions: 0.0,
             rotor_ratio: 0.0,
             greatest: [0.0; 2],
@@ -161,13 +167,14 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// matter, and over minutes any approximation is detected (one of three runs of 150 s with known noise ended `Unexplained`).
     pub fn discount(&mut self, weight: f64, time_s: f64) {
         let weight = weight * exp(-time_s / 10.0);
-        self.harmonics.iter_mut().for_each(|line| line.scale(weight));
+        self.harmonics.iter_mut().chain(&mut self.motion).for_each(|line| line.scale(weight));
     }
 
     /// Discards the sums of the lines; their last test results hold until new ones are available.
     pub fn forget(&mut self) {
         self.quarters[1] = 0;
         (self.harmonics, self.orders) = ([Line::zeros(); HARMONICS], [Line::zeros(); ORDERS]);
+        self.motion = SVector::from_element(Line::zeros());
     }
 
     /// Counts a quarter of a revolution.
@@ -197,9 +204,9 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.rotor_ratio = rotor_ratio;
     }
 
-    /// Adds the signals of an innovation at the rotor angle (cos θ, sin θ).
+    /// Adds the signals of an innovation at the rotor angle (cos θ, sin θ), with the number of samples per revolution.
     #[inline(always)]
-    pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, cos_sin: [f64; 2]) {
+    pub fn add<const K: usize>(&mut self, innovation: &Innovation<N, K, U, T>, cos_sin: [f64; 2], per_revolution: f64) {
         let add = |lines: &mut [Line<N, U, T>], [mut a, mut b]: [f64; 2], [c, s]: [f64; 2]| {
             for line in lines {
                 line.add(innovation, [a, b]);
@@ -216,6 +223,12 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
             if !lines.is_empty() {
                 add(lines, angle::cos_sin(first * quarter), step);
             }
+        }
+        let [position_m, per_sample_m] = innovation.predicted_m;
+        let deviation_m = position_m - self.mean_m;
+        self.mean_m += deviation_m / per_revolution.max(1.0);
+        for (n, line) in self.motion.iter_mut().enumerate() {
+            line.add(innovation, [per_sample_m[n] * per_revolution / TAU, deviation_m[n]]);
         }
     }
 
@@ -256,7 +269,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let greatest =
             |lines: &[Line<N, U, T>]| lines.iter().map(|line| line.chi_square(found, changing)).fold(0.0, f64::max);
         let harmonics = if self.rotor_ratio > 0.0 { greatest(&self.harmonics) } else { 0.0 };
-        self.greatest = [harmonics, greatest(&self.orders[..orders])];
+        self.greatest = [harmonics.max(greatest(self.motion.as_slice())), greatest(&self.orders[..orders])];
     }
 
     /// The verdict on an estimate that was valid so far, or not.
