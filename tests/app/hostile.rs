@@ -174,6 +174,6 @@ fn alterations_of_readings() {
     assert_eq!(no_numbers.iter().filter(|readings| readings.current_a[0].is_nan()).count(), same + 1);
 
     // Late currents: those of the previous sample, up to the instant.
-    let late = readings(&altered::late_currents(0.05), 600);
+    let late = readings(&altered::late_currents(1.0, 0.05), 600);
     assert_eq!([late[499].current_a[0], late[500].current_a[0], late[499].position_m[0]], [498.0, 500.0, 499.0]);
 }

@@ -3,8 +3,10 @@
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
 
+use super::likelihood::{Identification, Recording, Unbalance};
 use super::units::{significant, time};
 use crate::estimation::chi_square;
+use crate::studies::statistics::mean;
 
 /// Normal deviate of the χ² that chance exceeds with a probability of 10⁻⁴.
 const LIMIT: f64 = 3.719;
@@ -60,6 +62,34 @@ impl Check {
             |[ahead_s, foreign_m, own_m]: [f64; 3]| json!({"ahead": ahead_s, "rms": foreign_m, "rmsOwn": own_m});
         json!({"agrees": self.agrees, "verdict": self.verdict, "predictions": self.errors.map(horizon)})
     }
+}
+
+/// Unbalances that differ by more, relative, and by this many standard deviations are not those of one rotor; less may come from errors of the bench.
+const OTHER_UNBALANCE: f64 = 0.05;
+const OTHER_STD: f64 = 5.0;
+
+/// Recordings at speeds that differ by less, relative, have the same run-out in their unbalance.
+const SAME_SPEED: f64 = 0.01;
+
+/// How the unbalance of a recording differs from that of the first at the same speed, if it does.
+pub(super) fn other_unbalance(recordings: &[Recording], own: &[&Identification]) -> Option<String> {
+    let speed = |of: &Recording| mean(of.omega_rad_s.iter().copied());
+    let (first, others) = (recordings.first()?, recordings.iter().enumerate().skip(1));
+    let is_same = |of: &Recording| of.has_mark && (speed(of) / speed(first) - 1.0).abs() < SAME_SPEED;
+    let alike = others.filter(|(_, other)| first.has_mark && is_same(other)).map(|(at, _)| at);
+    let pairs = alike.flat_map(|at| own[at].unbalance.iter().zip(&own[0].unbalance).map(move |both| (at, both)));
+    let std = |of: &Unbalance| of.magnitude.total_std.hypot(of.magnitude.value * of.phase.total_std);
+    let differs = |other: &Unbalance, first: &Unbalance| {
+        let [[c, s], [d, t]] = [other, first].map(Unbalance::components);
+        let distance = (c - d).hypot(s - t);
+        distance > OTHER_UNBALANCE * first.magnitude.value && distance > OTHER_STD * std(other).hypot(std(first))
+    };
+    let (at, (other, first)) = pairs.into_iter().find(|(_, (other, first))| differs(other, first))?;
+    let words = |of: &Unbalance| {
+        format!("{} g·mm at {} rad", significant(1e6 * of.magnitude.value, 3), significant(of.phase.value, 3))
+    };
+    let (other, first) = (words(other), words(first));
+    Some(format!("the recordings differ: the unbalance of recording {} is {other}, that of the first {first}", at + 1))
 }
 
 /// Estimates of one recording: values with their covariance.

@@ -12,7 +12,7 @@ pub(super) use self::judge::{implausible, judge};
 use self::judge::{moved, uncertain};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::words::{constant_currents, dynamics_remark};
-use super::agreement::{Check, Own, disagreement, sentence};
+use super::agreement::{Check, Own, disagreement, other_unbalance, sentence};
 use super::diagnosis::{self, Proposals, Trial};
 use super::likelihood::{
     self, Change, DELAY, Estimate, Failed, Hold, Identification, Identified, Knowledge, Options, Recording,
@@ -364,14 +364,16 @@ impl Answer {
         let left_out = own.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
         left_out.for_each(|of| other.usable[of.rows.clone()].fill(false));
         other.has_mark &= first.rotation.has_mark();
-        let foreign = likelihood::identify(&[other], &options).map_err(|failed| failed.to_string())?;
+        let both = [recording(first, stated, stated.hold), other];
+        let foreign = likelihood::identify(&both[1..], &options).map_err(|failed| failed.to_string())?;
         let rms = |of: &Identification| {
             let parts = || of.parts().zip(&stated.parts).map(|(of, part)| (of, part.body.coordinates() as f64));
             let all: f64 = parts().map(|(_, coordinates)| coordinates).sum();
             let square = |at: usize| parts().map(|(of, count)| count * of.prediction_rms_m[at].powi(2)).sum::<f64>();
             [0, 1].map(|at| (square(at) / all).sqrt())
         };
-        let differ = disagreement(&[estimates(found), estimates(&own)], &stated.machine.symbols("λ"));
+        let differ = disagreement(&[estimates(found), estimates(&own)], &stated.machine.symbols("λ"))
+            .or_else(|| other_unbalance(&both, &[found, &own]));
         Ok(Check::new(differ.as_deref().map(sentence), samples.step_s, rms(&foreign), rms(&own)))
     }
 }
@@ -390,5 +392,6 @@ fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Opti
     if own.iter().any(|own| !own.converged) {
         return None;
     }
-    disagreement(&own.iter().map(estimates).collect::<Vec<_>>(), names)
+    let estimated: Vec<Own> = own.iter().map(estimates).collect();
+    disagreement(&estimated, names).or_else(|| other_unbalance(recordings, &own.iter().collect::<Vec<_>>()))
 }

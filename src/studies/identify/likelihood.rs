@@ -390,7 +390,7 @@ pub struct Unbalance {
 
 impl Unbalance {
     /// U cos φ and U sin φ, kg·m.
-    fn components(&self) -> [f64; 2] {
+    pub(super) fn components(&self) -> [f64; 2] {
         let (sin, cos) = libm::sincos(self.phase.value);
         [cos, sin].map(|of| self.magnitude.value * of)
     }

@@ -62,7 +62,7 @@ pub(super) fn straight(known: &Known, count: usize, bridges: bool) -> Vec<f64> {
     (0..count).map(|sample| at(sample).unwrap_or(f64::NAN)).collect()
 }
 
-/// Rounding error of places, in samples: they come from decimal fractions.
+/// Rounding error of places, in samples, and of angles, in rad: they come from decimal fractions.
 pub(super) const ROUNDING: f64 = 1e-6;
 
 /// The currents at the samples from currents at other instants: rms over the interval that a sample stands for, or linear interpolation.
@@ -175,7 +175,8 @@ pub(super) fn leave_out_dropouts(speed: &mut Known) -> Vec<[f64; 2]> {
     leave_out(speed, &is_wrong)
 }
 
-/// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count; returns their places.
+/// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count, and with rounding; returns
+/// their places.
 pub(super) fn leave_out_jumps(angle: &mut Known) -> Vec<f64> {
     let distance =
         |of: &[(f64, f64)]| angle_difference(of[0].1 + 0.5 * angle_difference(of[0].1, of[2].1), of[1].1).abs();
@@ -183,7 +184,7 @@ pub(super) fn leave_out_jumps(angle: &mut Known) -> Vec<f64> {
     if off.is_empty() {
         return Vec::new();
     }
-    let limit = 4.0 * quantile(off.clone(), 0.99);
+    let limit = (4.0 * quantile(off.clone(), 0.99)).max(ROUNDING);
     // A reading that is off by e makes its neighbours off by half of it, a step both of its sides alike.
     let is_jump = |at: &usize| {
         let beside = [at.wrapping_sub(1), at + 1].map(|beside| off.get(beside).copied().unwrap_or(0.0));

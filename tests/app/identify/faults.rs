@@ -259,15 +259,19 @@ fn angles_follow_from_the_speed() {
     is_right("two starts", &ask(&[first, second], &[]));
 }
 
-/// Recordings with different λ are not of one bearing: the answer names the difference.
+/// Recordings with different λ are not of one bearing, those with different unbalances not of one rotor: the answer names the difference.
 #[test]
 fn recordings_that_differ_are_reported() {
-    let (mut other, recording) = run(montecarlo::NOISE, 0.3);
+    let (other, recording) = run(montecarlo::NOISE, 0.3);
     let first = samples_of(&recording);
-    other.set("plant", "lambda[2]", 1.05 * TRUTH[1]);
-    other.set("plant", "sensor.seed", 12);
-    let second = simulated(&other);
-    is_refused(&ask(&[first, second], &[]), "the recordings differ: λ2");
+    let unbalance = 1.1 * other.number("plant", "unbalance.magnitude");
+    let differences = [("lambda[2]", 1.05 * TRUTH[1], "λ2"), ("unbalance.magnitude", unbalance, "the unbalance")];
+    for (name, value, differs) in differences {
+        let mut other = other.clone();
+        other.set("plant", name, value);
+        other.set("plant", "sensor.seed", 12);
+        is_refused(&ask(&[first.clone(), simulated(&other)], &[]), &format!("the recordings differ: {differs}"));
+    }
 }
 
 /// Without angle and speed the rotor is not assumed to be at rest; a speed that is off by 0.4 % is found.

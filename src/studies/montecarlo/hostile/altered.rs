@@ -156,14 +156,15 @@ pub fn coloured(std: f64, cut_off_hz: f64, of: fn(&mut Readings) -> &mut Vec<f64
     })
 }
 
-/// Currents are one sample late until this instant in s.
-pub fn late_currents(until_s: f64) -> Alter {
+/// Currents are late by this fraction of a sample until an instant in s: interpolated between this sample and the last.
+pub fn late_currents(samples: f64, until_s: f64) -> Alter {
     Box::new(move |_, _| {
         let mut last: Option<Vec<f64>> = None;
         Box::new(move |readings| {
             let now = readings.current_a.clone();
             if let (Some(last), true) = (last.take(), readings.time_s < until_s) {
-                readings.current_a = last;
+                let mixed = now.iter().zip(&last).map(|(now, last)| (1.0 - samples) * now + samples * last);
+                readings.current_a = mixed.collect();
             }
             last = Some(now);
         })

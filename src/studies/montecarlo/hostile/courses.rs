@@ -1,6 +1,6 @@
 //! The list of hostile courses.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::Requirement::{self, NotValid, NotWrong, Nothing, Valid};
 use super::altered::{self, Alter, Missing};
@@ -266,6 +266,17 @@ fn angles() -> Vec<Course> {
     ]
 }
 
+/// A circle with a radius of 30 µm that does not turn with the rotor.
+fn path_of_43_hz(scenario: &mut Scenario, _: u64) {
+    cases::trajectory(scenario, [0.0; 2], (3, 0.0), 3000.0 * RPM);
+    scenario.set("controller", "reference.shape", 3);
+    let time_s: Vec<f64> = (0..(1.0 / scenario.step_s) as usize).map(|step| step as f64 * scenario.step_s).collect();
+    for (name, phase) in [("Yref", 0.0), ("Zref", -FRAC_PI_2)] {
+        let at = |time_s: &f64| 30e-6 * (time_s / 0.1).min(1.0) * libm::cos(TAU * 43.0 * time_s + phase);
+        scenario.follow(&[&format!("controller.{name}")], &time_s, time_s.iter().map(at), false);
+    }
+}
+
 /// Errors of the position and current readings that the estimator does not model.
 fn readings() -> Vec<Course> {
     let misstated = |name: &str, variable: &'static str, factor: f64| Course {
@@ -288,7 +299,12 @@ fn readings() -> Vec<Course> {
         coloured("positions coloured at 1000 Hz", "sensor.positionNoise", positions),
         misstated("current noise stated as a third", "estimator.sensor.currentNoise", 1.0 / 3.0),
         misstated("position noise stated 30 % too low", "estimator.sensor.positionNoise", 0.7),
-        Course::misread("currents one sample late for 50 ms", NotWrong, altered::late_currents(0.05)),
+        Course::misread("currents one sample late for 50 ms", NotWrong, altered::late_currents(1.0, 0.05)),
+        Course::new("path of 43 Hz", Valid, 1.0, path_of_43_hz),
+        Course {
+            alter: Some(altered::late_currents(0.2, 1.0)),
+            ..Course::new("path of 43 Hz, currents 20 µs late", NotWrong, 1.0, path_of_43_hz)
+        },
         missing("1 % of the samples repeated", Valid, Missing::Repeated, hundredth),
         missing("1 % of the samples not a number", Valid, Missing::NotANumber, hundredth),
         missing("10 % of the samples not a number", Valid, Missing::NotANumber, |_, draw| draw.chance(0.1)),
