@@ -309,9 +309,8 @@ fn the_answer_covers_the_whole_recording() {
     let alone = ask(std::slice::from_ref(&samples), &[]);
     let wide = ask(std::slice::from_ref(&samples), &[("s", "2%"), ("alpha", "1deg")]);
     let twice = ask(&[samples.clone(), samples.clone()], &[]);
-    for (answer, note) in
-        [(&alone, "mind the budget"), (&wide, "the stated tolerances of the bench"), (&twice, "budget")]
-    {
+    let cases = [(&alone, "mind the budget"), (&wide, "the stated tolerances of the bench"), (&twice, "budget")];
+    for (answer, note) in cases {
         assert!(answer.verdict.contains(note) && answer.findings.is_empty(), "{}", answer.verdict);
         let found = is_right(note, answer);
         let (recordings, statements, answer) = (vec![samples.clone()], vec![answer.statement()], Some(answer.clone()));
@@ -386,9 +385,9 @@ fn a_scenario_may_state_tolerances() {
     let alpha_rad = 0.5_f64.to_radians();
     has_stated(&[], &[("s", Some(0.02)), ("alpha[3]", Some(alpha_rad)), ("sensor.offset[z]", Some(5e-6)), ("m", None)]);
     has_stated(&["--tolerance", "s=1%"], &[("s", Some(0.01))]);
-    for (table, words) in
-        [("gap = \"1 %\"\n", "gap is not a parameter of a bench"), ("s = \"wide\"\n", "expected a number above 0")]
-    {
+    let cases =
+        [("gap = \"1 %\"\n", "gap is not a parameter of a bench"), ("s = \"wide\"\n", "expected a number above 0")];
+    for (table, words) in cases {
         state(table);
         refuses(&folder, &["identify", "--scenario", "mine.toml", "good.csv"], &[words]);
     }

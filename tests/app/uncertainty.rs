@@ -151,9 +151,8 @@ fn errors_over_many_seeds() {
     const AT_100_MS: [f64; 3] = [0.25, 0.25, 0.32];
     // Unknown noise is not yet estimated at 35 ms, and its estimate is 15 % too large at 100 ms. At 1 µm a backward force that cannot be
     // excluded leaves some runs too uncertain.
-    for (factor, known, runs, least_valid, least_normalised) in
-        [(1.0, true, 60, 60, 0.8), (1.0, false, 60, 60, 0.65), (10.0, true, 200, 190, 0.8)]
-    {
+    let cases = [(1.0, true, 60, 60, 0.8), (1.0, false, 60, 60, 0.65), (10.0, true, 200, 190, 0.8)];
+    for (factor, known, runs, least_valid, least_normalised) in cases {
         let noise = [factor * NOISE[0], NOISE[1]];
         let study = montecarlo::study("", &open("unbalanced", &[]), noise, known, runs);
         let [early, late] = study.run().expect("a good scenario").figures.try_into().expect("two instants");

@@ -198,9 +198,8 @@ fn a_step_of_lambda_is_detected_and_followed() {
     const FROM_S: f64 = 0.3;
     const FOUND: usize = 3400;
     const AFTERWARDS: f64 = 4.0;
-    for (noise, stated, seeds) in
-        [(NOISE, NOISE, 1..=23), (NOISE, (0.0, 0.0), 1..=23), ((0.0, 0.0), (0.0, 0.0), 21..=23)]
-    {
+    let cases = [(NOISE, NOISE, 1..=23), (NOISE, (0.0, 0.0), 1..=23), ((0.0, 0.0), (0.0, 0.0), 21..=23)];
+    for (noise, stated, seeds) in cases {
         let (mut all_valid, runs) = (0, seeds.clone().count());
         for seed in seeds {
             let what = format!("noise {noise:?}, known {stated:?}, seed {seed}");

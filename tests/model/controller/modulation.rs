@@ -9,9 +9,8 @@ fn smallest_n<const N: usize, const K: usize, const B: usize>(
     lambda: [f64; K],
 ) -> [f64; B] {
     let mut smallest_n = [f64::INFINITY; B];
-    for ((least, bearing), (_, magnets)) in
-        smallest_n.iter_mut().zip(&rotor.bearings).zip(Rotor::<N, K, B>::MACHINE.magnets_of_bearings())
-    {
+    let cases = smallest_n.iter_mut().zip(&rotor.bearings).zip(Rotor::<N, K, B>::MACHINE.magnets_of_bearings());
+    for ((least, bearing), (_, magnets)) in cases {
         let force = |k: usize| lambda[k] * (current_a[k] / bearing.gap_m) * (current_a[k] / bearing.gap_m);
         *least = magnets.map(force).fold(f64::INFINITY, f64::min);
     }

@@ -183,9 +183,8 @@ fn lambda_is_updated_once_at_its_time_and_only_if_usable() {
     assert_eq!(found, [first, first, good, good], "not before its time, and once");
     let found = used(AtTime, 0.0, &[(good, false), (good, true), (other, true)]);
     assert_eq!(found, [first, good, good], "as soon as it is valid");
-    for (mode, bad) in
-        [f64::NAN, f64::INFINITY, 0.0, -2e-6].into_iter().flat_map(|bad| [(AtTime, bad), (WhenValid, bad)])
-    {
+    let cases = [f64::NAN, f64::INFINITY, 0.0, -2e-6].into_iter().flat_map(|bad| [(AtTime, bad), (WhenValid, bad)]);
+    for (mode, bad) in cases {
         let found = used(mode, 0.0, &[([2e-6, bad, 2e-6], true), ([2e-6, 2e-6, bad], true)]);
         assert_eq!(found, [first; 2], "{mode:?}: never an unusable one, {bad}");
     }

@@ -254,7 +254,7 @@ impl Times {
             }
         }
         if !surplus.is_empty() {
-            return Err(format!("{}, or --resample", self.out_of_order(&surplus)));
+            return Err(self.out_of_order(&surplus));
         }
         let mut notes = Vec::new();
         if !corrected.is_empty() {
