@@ -223,13 +223,17 @@ fn two_speeds_of_a_shaft_are_identified_together() {
     }
 }
 
-/// A position sensor that reads 2 % too much moves λ by as much, which only its own gain explains.
+/// A position sensor that reads 2 % too much moves λ by as much, which only its own gain explains; moments of inertia explain their own errors.
 #[test]
-fn a_position_sensor_with_a_wrong_gain_is_named() {
-    let folder = folder("machines-identified/gain");
-    record_with(&folder, &PLANAR4, &[("sensor.gainErrorY", 0.02)]);
-    let (_, err) = exits(3, &folder, &words("identify run.csv --machine planar4"));
-    assert_contains(&err, &["sensor.gain and sensor.gainDifference (gain of the position sensor y)"]);
+fn wrong_values_of_the_bench_are_named() {
+    let folder = folder("machines-identified/named");
+    let gain = "sensor.gain and sensor.gainDifference (gain of the position sensor y)";
+    let cases = [(&PLANAR4, "sensor.gainErrorY", 0.02, gain), (&SPINDLE, "Jt", 0.176, "the moments of inertia differ")];
+    for (machine, name, value, wrong) in cases {
+        record_with(&folder, machine, &[(name, value)]);
+        let (_, err) = exits(3, &folder, &words(&format!("identify run.csv --machine {}", machine.name)));
+        assert_contains(&err, &[wrong]);
+    }
 }
 
 /// A strong push is left out, and neither the rows before it nor those whose residuals are large because of it.

@@ -11,6 +11,7 @@ use nalgebra::DVector;
 pub(super) use self::judge::{implausible, judge};
 use self::judge::{moved, uncertain};
 pub(super) use self::recorded::{read_as, recording};
+pub(super) use self::shown::shown;
 pub(super) use self::words::{constant_currents, dynamics_remark};
 use super::agreement::{Check, Own, disagreement, other_unbalance, sentence};
 use super::diagnosis::{self, Proposals, Trial};

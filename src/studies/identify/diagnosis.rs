@@ -6,9 +6,11 @@ use std::ops::Range;
 use nalgebra::Complex;
 
 use self::Concerns::{All, Axial, Each, Opposite, Radial, Shaft};
-use super::answer::{implausible, judge, with_slow_force};
+use super::answer::{implausible, judge, shown, with_slow_force};
 use super::likelihood::Hold::{HeldAfter, HeldBefore, Linear};
-use super::likelihood::{Change, Contradiction, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording};
+use super::likelihood::{
+    BenchParameter, Change, Contradiction, Estimate, Hold, Identification, Knowledge, LAG, Options, Recording,
+};
 use super::mean;
 use super::tolerance::plain;
 use super::units::significant;
@@ -28,8 +30,6 @@ const HOLD_STRETCHES: usize = 4;
 const BESIDE: usize = 8;
 /// Greatest part of a turn that a gap may hide.
 const LARGEST_GAP: f64 = 0.1;
-/// A gap, or a gain of a position sensor, that differs from the stated one by less, relative, is the same: a careful assembly is that accurate.
-const SAME: f64 = 0.01;
 /// Probability of a proposal for data that are as stated.
 const CHANCE: f64 = 1e-3;
 /// Alternatives whose log-likelihood is within this of the best are proposed as well: the model errors that they share call for more than very
@@ -213,6 +213,9 @@ const ALTERNATIVES: &[Alternative] = &[
     (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
     (All, "the loads differ", |t| t.options.parts.iter_mut().for_each(|part| part.settings.load_n.clear()), LOADS),
     (All, "the gap differs", |t| free(t, &["s"]), "--estimate s"),
+    (Shaft, "the moments of inertia differ", |t| free(t, &["Jt", "Jp"]), "--estimate Jt --estimate Jp"),
+    (Shaft, "the magnets are elsewhere along the shaft", |t| free(t, &["position"]), "--estimate position"),
+    (Shaft, "the sensors are elsewhere along the shaft", |t| free(t, &["sensorPosition"]), "--estimate sensorPosition"),
     (All, "the gains of the position sensors differ", |t| free(t, &["sensor.gain", "sensor.gainDifference"]), GAINS),
 ];
 
@@ -431,16 +434,18 @@ pub(super) fn proposals(trial: &Trial) -> Proposals {
         // Parameters that the alternative frees.
         let stated = trial.options.parts.iter().flat_map(|part| &part.parameters);
         let freed = found.bench.iter().zip(stated).filter(|(of, stated)| of.parameter.knowledge != stated.knowledge);
-        let off: Vec<(&str, f64)> = freed.map(|(of, _)| (&*of.parameter.name, of.estimate.value)).collect();
-        let is_stated = !off.is_empty() && off.iter().all(|(_, off)| off.abs() < SAME);
+        let off: Vec<(&BenchParameter, f64)> = freed.map(|(of, _)| (&of.parameter, of.estimate.value)).collect();
+        // A careful assembly is that accurate.
+        let is_stated = !off.is_empty() && off.iter().all(|(of, off)| off.abs() < of.typical);
         if !found.converged || !is_plausible || found.log_likelihood <= least || is_stated {
             return None;
         }
         let is_local = matches!(concerns, Radial(_) | Axial | Each) && is_shaft;
         let of = if is_local { format!(" at {bearing}") } else { String::new() };
         let mut words = format!("{name}{of}: {proposal}");
-        for (name, off) in off.into_iter().filter(|(_, off)| off.abs() > 0.1 * SAME) {
-            words += &format!("; {name} by about {} %", significant(100.0 * off, 2));
+        for (of, off) in off.into_iter().filter(|(of, off)| off.abs() > 0.1 * of.typical) {
+            let (size, unit) = shown(of);
+            words += &format!("; {} by about {} {unit}", of.name, significant(off / size, 2));
         }
         if let (SPEED, Some([off, ..])) = (*proposal, drift(&trial.recording)) {
             words += &format!("; by about {} %", significant(100.0 * off, 2));
