@@ -388,7 +388,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
         // that no λ explains would stay in the sums for ever.
         (state.filter, state.solution) = (None, None);
         (state.detects_outliers, state.outliers) = (false, 0);
-        *state.validation = Validation::start();
+        state.validation.restart();
     }
 
     /// Solves the normal equations of all samples.
@@ -484,7 +484,7 @@ impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionE
                 Comparison::Renewed => state.validation.forget(),
                 Comparison::Changed => {
                     state.restore_noise();
-                    *state.validation = Validation::start();
+                    state.validation.restart();
                 }
             }
             state.models.mix(&prior, variances, time_s);
@@ -615,9 +615,9 @@ impl<const K: usize, const U: usize, const T: usize> Revolution<K, U, T> {
 }
 
 impl<const N: usize, const K: usize, const U: usize, const T: usize> PredictionErrorState<N, K, U, T> {
-    /// Whether all indices are within their lists.
+    /// Whether all lists have their lengths, and all indices are within them.
     pub fn has_shape(&self) -> bool {
-        self.models.has_shape() && self.pending.has_shape()
+        self.models.has_shape() && self.pending.has_shape() && self.validation.has_shape()
     }
 
     /// Adds the rotation during a sample and those missing before it.

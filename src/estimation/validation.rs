@@ -4,6 +4,7 @@
 //! limits by the errors that they can explain.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::mem::take;
 
 use libm::{exp, sqrt};
 use nalgebra::{SMatrix, SVector};
@@ -52,11 +53,11 @@ const MEAN_REVOLUTIONS: f64 = 3.0;
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
     /// Completed quarters since the start, and since the sums of the lines began.
     quarters: [usize; 2],
-    harmonics: [Line<N, U, T>; HARMONICS],
-    orders: [Line<N, U, T>; ORDERS],
+    harmonics: Vec<Line<N, U, T>>,
+    orders: Vec<Line<N, U, T>>,
     /// Sums with velocity and position of each coordinate, and the mean position, m: forces that lag behind the motion or damp it are seen at the
     /// frequencies of the motion, whatever these are.
-    motion: SVector<Line<N, U, T>, N>,
+    motion: Vec<Line<N, U, T>>,
     mean_m: SVector<f64, N>,
     /// Revolutions since the start, modulo four, and revolutions of the rotor per such revolution, 0 at rest.
     revolutions: f64,
@@ -146,11 +147,17 @@ impl<const N: usize, const U: usize, const T: usize> Line<N, U, T> {
 
 impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     pub fn start() -> Self {
+        let [harmonics, orders, motion] = [HARMONICS, ORDERS, N].map(|count| vec![Line::zeros(); count]);
+        Self::of(harmonics, orders, motion)
+    }
+
+    /// The start with these lines.
+    fn of(harmonics: Vec<Line<N, U, T>>, orders: Vec<Line<N, U, T>>, motion: Vec<Line<N, U, T>>) -> Self {
         Self {
             quarters: [0; 2],
-            harmonics: [Line::zeros(); HARMONICS],
-            orders: [Line::zeros(); ORDERS],
-            motion: SVector::from_element(Line::zeros()),
+            harmonics,
+            orders,
+            motion,
             mean_m: SVector::zeros(),
             revolutions: 0.0,
             rotor_ratio: 0.0,
@@ -163,6 +170,18 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         }
     }
 
+    /// Starts again, without allocation.
+    pub fn restart(&mut self) {
+        self.forget();
+        let Self { harmonics, orders, motion, .. } = self;
+        *self = Self::of(take(harmonics), take(orders), take(motion));
+    }
+
+    /// Whether all lines are there.
+    pub fn has_shape(&self) -> bool {
+        [&self.harmonics, &self.orders, &self.motion].map(Vec::len) == [HARMONICS, ORDERS, N]
+    }
+
     /// Multiplies the sums of the harmonics by a weight, and forgets over a time in s. The memory is 10 s: lines not detected within that time do not
     /// matter, and over minutes any approximation is detected (one of three runs of 150 s with known noise ended `Unexplained`).
     pub fn discount(&mut self, weight: f64, time_s: f64) {
@@ -173,8 +192,8 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Discards the sums of the lines; their last test results hold until new ones are available.
     pub fn forget(&mut self) {
         self.quarters[1] = 0;
-        (self.harmonics, self.orders) = ([Line::zeros(); HARMONICS], [Line::zeros(); ORDERS]);
-        self.motion = SVector::from_element(Line::zeros());
+        let lines = self.harmonics.iter_mut().chain(&mut self.orders).chain(&mut self.motion);
+        lines.for_each(|line| *line = Line::zeros());
     }
 
     /// Counts a quarter of a revolution.
@@ -269,7 +288,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let greatest =
             |lines: &[Line<N, U, T>]| lines.iter().map(|line| line.chi_square(found, changing)).fold(0.0, f64::max);
         let harmonics = if self.rotor_ratio > 0.0 { greatest(&self.harmonics) } else { 0.0 };
-        self.greatest = [harmonics.max(greatest(self.motion.as_slice())), greatest(&self.orders[..orders])];
+        self.greatest = [harmonics.max(greatest(&self.motion)), greatest(&self.orders[..orders])];
     }
 
     /// The verdict on an estimate that was valid so far, or not.
