@@ -240,9 +240,9 @@ fn a_long_run_stays_valid() {
 }
 
 /// On a trajectory of 40 Hz, whatever the speed, a force of 42 Hz beats with the motion, and λ seems to oscillate by percents twice a second. After one
-/// beat period the stated deviation covers it.
+/// beat period the estimate is refused.
 #[test]
-fn a_force_that_beats_with_the_motion_is_covered() {
+fn a_force_that_beats_with_the_motion_is_refused() {
     let settings = [
         ("controller.F0.modulation", "0.5"),
         ("controller.F0.modulationFrequency", "110 Hz"),
@@ -256,10 +256,8 @@ fn a_force_that_beats_with_the_motion_is_covered() {
         scenario.set("plant", "sensor.seed", seed);
         let mut outputs = outputs(&scenario, 1.5);
         outputs.retain(|output| output.time_s > 0.5);
-        let [_, worst] = deviations(&outputs, &truth(&scenario));
         let valid = outputs.iter().filter(|output| output.valid).count();
-        assert!(worst < CONFIDENT, "seed {seed}, known {known}: {worst:.1} standard deviations");
-        assert!(valid > 1000, "seed {seed}, known {known}: {valid} samples valid");
+        assert_eq!(valid, 0, "seed {seed}, known {known}: samples valid");
     }
 }
 
