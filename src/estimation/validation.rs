@@ -53,11 +53,10 @@ const MEAN_REVOLUTIONS: f64 = 3.0;
 pub struct Validation<const N: usize, const U: usize, const T: usize> {
     /// Completed quarters since the start, and since the sums of the lines began.
     quarters: [usize; 2],
-    harmonics: Vec<Line<N, U, T>>,
-    orders: Vec<Line<N, U, T>>,
-    /// Sums with velocity and position of each coordinate, and the mean position, m: forces that lag behind the motion or damp it are seen at the
-    /// frequencies of the motion, whatever these are.
-    motion: Vec<Line<N, U, T>>,
+    /// Of the harmonics; with velocity and position of each coordinate in place of sine and cosine, because forces that lag behind the motion or damp it
+    /// have its frequencies, whatever these are; then of the other orders. On the heap: the threads of importers have small stacks.
+    lines: Vec<Line<N, U, T>>,
+    /// Mean position, m.
     mean_m: SVector<f64, N>,
     /// Revolutions since the start, modulo four, and revolutions of the rotor per such revolution, 0 at rest.
     revolutions: f64,
@@ -146,18 +145,19 @@ impl<const N: usize, const U: usize, const T: usize> Line<N, U, T> {
 }
 
 impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
+    /// Index of the first of the other orders among the lines, and the number of lines.
+    const FIRST_ORDER: usize = HARMONICS + N;
+    const LINES: usize = Self::FIRST_ORDER + ORDERS;
+
     pub fn start() -> Self {
-        let [harmonics, orders, motion] = [HARMONICS, ORDERS, N].map(|count| vec![Line::zeros(); count]);
-        Self::of(harmonics, orders, motion)
+        Self::of(vec![Line::zeros(); Self::LINES])
     }
 
     /// The start with these lines.
-    fn of(harmonics: Vec<Line<N, U, T>>, orders: Vec<Line<N, U, T>>, motion: Vec<Line<N, U, T>>) -> Self {
+    fn of(lines: Vec<Line<N, U, T>>) -> Self {
         Self {
             quarters: [0; 2],
-            harmonics,
-            orders,
-            motion,
+            lines,
             mean_m: SVector::zeros(),
             revolutions: 0.0,
             rotor_ratio: 0.0,
@@ -173,27 +173,25 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
     /// Starts again, without allocation.
     pub fn restart(&mut self) {
         self.forget();
-        let Self { harmonics, orders, motion, .. } = self;
-        *self = Self::of(take(harmonics), take(orders), take(motion));
+        *self = Self::of(take(&mut self.lines));
     }
 
     /// Whether all lines are there.
     pub fn has_shape(&self) -> bool {
-        [&self.harmonics, &self.orders, &self.motion].map(Vec::len) == [HARMONICS, ORDERS, N]
+        self.lines.len() == Self::LINES
     }
 
     /// Multiplies the sums of the harmonics by a weight, and forgets over a time in s. The memory is 10 s: lines not detected within that time do not
     /// matter, and over minutes any approximation is detected (one of three runs of 150 s with known noise ended `Unexplained`).
     pub fn discount(&mut self, weight: f64, time_s: f64) {
         let weight = weight * exp(-time_s / 10.0);
-        self.harmonics.iter_mut().chain(&mut self.motion).for_each(|line| line.scale(weight));
+        self.lines[..Self::FIRST_ORDER].iter_mut().for_each(|line| line.scale(weight));
     }
 
     /// Discards the sums of the lines; their last test results hold until new ones are available.
     pub fn forget(&mut self) {
         self.quarters[1] = 0;
-        let lines = self.harmonics.iter_mut().chain(&mut self.orders).chain(&mut self.motion);
-        lines.for_each(|line| *line = Line::zeros());
+        self.lines.fill(Line::zeros());
     }
 
     /// Counts a quarter of a revolution.
@@ -201,7 +199,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         self.quarters = self.quarters.map(|quarters| quarters + 1);
         // A memory of 4/π revolutions minimises the loss of a line between two orders: `M/(1 + (π M/4)²)` is greatest there.
         let forgetting = exp(-0.25 / (4.0 / PI));
-        self.orders.iter_mut().for_each(|line| line.scale(forgetting));
+        self.lines[Self::FIRST_ORDER..].iter_mut().for_each(|line| line.scale(forgetting));
     }
 
     /// Quarters since the last start.
@@ -232,12 +230,15 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
                 (a, b) = (a * c - b * s, b * c + a * s);
             }
         };
+        let left_out = self.left_out();
+        let (harmonics, others) = self.lines.split_at_mut(HARMONICS);
+        let (motion, orders) = others.split_at_mut(N);
         if self.rotor_ratio > 0.0 {
-            add(&mut self.harmonics, cos_sin, cos_sin);
+            add(harmonics, cos_sin, cos_sin);
         }
         let quarter = FRAC_PI_2 * self.revolutions;
-        let ([from, to], step) = (self.left_out(), angle::cos_sin(quarter));
-        let (below, above) = self.orders.split_at_mut(((from - APART) as usize).min(ORDERS));
+        let ([from, to], step) = (left_out, angle::cos_sin(quarter));
+        let (below, above) = orders.split_at_mut(((from - APART) as usize).min(ORDERS));
         for (first, lines) in [(APART, below), (to, above)] {
             if !lines.is_empty() {
                 add(lines, angle::cos_sin(first * quarter), step);
@@ -246,7 +247,7 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let [position_m, per_sample_m] = innovation.predicted_m;
         let deviation_m = position_m - self.mean_m;
         self.mean_m += deviation_m / per_revolution.max(1.0);
-        for (n, line) in self.motion.iter_mut().enumerate() {
+        for (n, line) in motion.iter_mut().enumerate() {
             line.add(innovation, [per_sample_m[n] * per_revolution / TAU, deviation_m[n]]);
         }
     }
@@ -287,8 +288,9 @@ impl<const N: usize, const U: usize, const T: usize> Validation<N, U, T> {
         let orders = (1.6 * per_revolution - APART - (to - from)).clamp(0.0, ORDERS as f64) as usize;
         let greatest =
             |lines: &[Line<N, U, T>]| lines.iter().map(|line| line.chi_square(found, changing)).fold(0.0, f64::max);
-        let harmonics = if self.rotor_ratio > 0.0 { greatest(&self.harmonics) } else { 0.0 };
-        self.greatest = [harmonics.max(greatest(&self.motion)), greatest(&self.orders[..orders])];
+        let first = if self.rotor_ratio > 0.0 { 0 } else { HARMONICS };
+        let (lines, others) = self.lines.split_at(Self::FIRST_ORDER);
+        self.greatest = [greatest(&lines[first..]), greatest(&others[..orders])];
     }
 
     /// The verdict on an estimate that was valid so far, or not.

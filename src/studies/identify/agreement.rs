@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use serde_json::{Value as Json, json};
 
-use super::likelihood::{Identification, Recording, Unbalance};
+use super::likelihood::{Identification, Unbalance};
 use super::units::{significant, time};
 use crate::estimation::chi_square;
 use crate::studies::statistics::mean;
@@ -71,13 +71,16 @@ const OTHER_STD: f64 = 5.0;
 /// Recordings at speeds that differ by less, relative, have the same run-out in their unbalance.
 const SAME_SPEED: f64 = 0.01;
 
-/// How the unbalance of a recording differs from that of the first at the same speed, if it does.
-pub(super) fn other_unbalance(recordings: &[Recording], own: &[&Identification]) -> Option<String> {
-    let speed = |of: &Recording| mean(of.omega_rad_s.iter().copied());
-    let (first, others) = (recordings.first()?, recordings.iter().enumerate().skip(1));
-    let is_same = |of: &Recording| of.has_mark && (speed(of) / speed(first) - 1.0).abs() < SAME_SPEED;
-    let alike = others.filter(|(_, other)| first.has_mark && is_same(other)).map(|(at, _)| at);
-    let pairs = alike.flat_map(|at| own[at].unbalance.iter().zip(&own[0].unbalance).map(move |both| (at, both)));
+/// Mean speed, rad/s, if the angle counts from a mark of the shaft; otherwise unbalances cannot be compared.
+pub(super) fn marked_speed(has_mark: bool, omega_rad_s: &[f64]) -> f64 {
+    if has_mark { mean(omega_rad_s) } else { f64::NAN }
+}
+
+/// How the unbalance of a recording differs from that of the first at the same speed, if it does; from their [speeds](marked_speed) and own estimates.
+pub(super) fn other_unbalance(own: &[(f64, &Identification)]) -> Option<String> {
+    let [(first_rad_s, first), others @ ..] = own else { return None };
+    let alike = (1..).zip(others).filter(|(_, (speed, _))| (speed / first_rad_s - 1.0).abs() < SAME_SPEED);
+    let pairs = alike.flat_map(|(at, (_, own))| own.unbalance.iter().zip(&first.unbalance).map(move |both| (at, both)));
     let std = |of: &Unbalance| of.magnitude.total_std.hypot(of.magnitude.value * of.phase.total_std);
     let differs = |other: &Unbalance, first: &Unbalance| {
         let [[c, s], [d, t]] = [other, first].map(Unbalance::components);

@@ -13,7 +13,7 @@ use self::judge::{moved, uncertain};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::shown::shown;
 pub(super) use self::words::{constant_currents, dynamics_remark};
-use super::agreement::{Check, Own, disagreement, other_unbalance, sentence};
+use super::agreement::{Check, Own, disagreement, marked_speed, other_unbalance, sentence};
 use super::diagnosis::{self, Proposals, Trial};
 use super::likelihood::{
     self, Change, DELAY, Estimate, Failed, Hold, Identification, Identified, Knowledge, Options, Recording,
@@ -365,8 +365,9 @@ impl Answer {
         let left_out = own.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
         left_out.for_each(|of| other.usable[of.rows.clone()].fill(false));
         other.has_mark &= first.rotation.has_mark();
-        let both = [recording(first, stated, stated.hold), other];
-        let foreign = likelihood::identify(&both[1..], &options).map_err(|failed| failed.to_string())?;
+        let [before, after] = [(first.rotation.has_mark(), &first.omega_rad_s), (other.has_mark, &other.omega_rad_s)]
+            .map(|(has_mark, omega_rad_s)| marked_speed(has_mark, omega_rad_s));
+        let foreign = likelihood::identify(&[other], &options).map_err(|failed| failed.to_string())?;
         let rms = |of: &Identification| {
             let parts = || of.parts().zip(&stated.parts).map(|(of, part)| (of, part.body.coordinates() as f64));
             let all: f64 = parts().map(|(_, coordinates)| coordinates).sum();
@@ -374,7 +375,7 @@ impl Answer {
             [0, 1].map(|at| (square(at) / all).sqrt())
         };
         let differ = disagreement(&[estimates(found), estimates(&own)], &stated.machine.symbols("λ"))
-            .or_else(|| other_unbalance(&both, &[found, &own]));
+            .or_else(|| other_unbalance(&[(before, found), (after, &own)]));
         Ok(Check::new(differ.as_deref().map(sentence), samples.step_s, rms(&foreign), rms(&own)))
     }
 }
@@ -394,5 +395,6 @@ fn differ(recordings: &[Recording], options: &Options, names: &[String]) -> Opti
         return None;
     }
     let estimated: Vec<Own> = own.iter().map(estimates).collect();
-    disagreement(&estimated, names).or_else(|| other_unbalance(recordings, &own.iter().collect::<Vec<_>>()))
+    let speeds = recordings.iter().map(|recording| marked_speed(recording.has_mark, &recording.omega_rad_s));
+    disagreement(&estimated, names).or_else(|| other_unbalance(&speeds.zip(&own).collect::<Vec<_>>()))
 }

@@ -175,8 +175,8 @@ pub(super) fn leave_out_dropouts(speed: &mut Known) -> Vec<[f64; 2]> {
     leave_out(speed, &is_wrong)
 }
 
-/// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count, and with rounding; returns
-/// their places.
+/// Leaves out single angles far from the middle of their neighbours, compared with the usual distance, which an encoder makes a count, and with
+/// rounding; returns their places.
 pub(super) fn leave_out_jumps(angle: &mut Known) -> Vec<f64> {
     let distance =
         |of: &[(f64, f64)]| angle_difference(of[0].1 + 0.5 * angle_difference(of[0].1, of[2].1), of[1].1).abs();

@@ -1,6 +1,6 @@
 //! The list of hostile courses.
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{PI, TAU};
 
 use super::Requirement::{self, NotValid, NotWrong, Nothing, Valid};
 use super::altered::{self, Alter, Missing};
@@ -268,13 +268,8 @@ fn angles() -> Vec<Course> {
 
 /// A circle with a radius of 30 µm that does not turn with the rotor.
 fn path_of_43_hz(scenario: &mut Scenario, _: u64) {
-    cases::trajectory(scenario, [0.0; 2], (3, 0.0), 3000.0 * RPM);
-    scenario.set("controller", "reference.shape", 3);
-    let time_s: Vec<f64> = (0..(1.0 / scenario.step_s) as usize).map(|step| step as f64 * scenario.step_s).collect();
-    for (name, phase) in [("Yref", 0.0), ("Zref", -FRAC_PI_2)] {
-        let at = |time_s: &f64| 30e-6 * (time_s / 0.1).min(1.0) * libm::cos(TAU * 43.0 * time_s + phase);
-        scenario.follow(&[&format!("controller.{name}")], &time_s, time_s.iter().map(at), false);
-    }
+    cases::trajectory(scenario, [30e-6; 2], (3, 0.0), TAU * 43.0);
+    scenario.set("plant", "omega", 3000.0 * RPM);
 }
 
 /// Errors of the position and current readings that the estimator does not model.
