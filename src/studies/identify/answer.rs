@@ -109,12 +109,15 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     }
     let stated = question.stated.clone();
     let all: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &stated, stated.hold)).collect();
+    if let Some(verdict) = wrong_noise(&all, &question) {
+        return Answer { valid: false, verdict, findings: Vec::new(), found: None, question };
+    }
     let other = |hold: Hold| -> Vec<Recording> {
         all.iter().zip(recordings).map(|(of, samples)| read_as(of, samples, &stated, hold)).collect()
     };
     let equally_likely: Vec<_> = question.equally_likely.iter().map(|hold| (other(*hold), true)).collect();
-    let judged = identify_and_judge(&all, &equally_likely, question);
-    let judged = with_delay(other, &all, &judged).unwrap_or(judged);
+    let mut judged = identify_and_judge(&all, &equally_likely, question);
+    let judged = with_delay(other, &all, &mut judged).unwrap_or(judged);
     let mut of_each = recordings.iter().zip(&all).rev();
     let wrong_speed = of_each.find_map(|(samples, recording)| wrong_speed(samples, recording, &judged));
     let answer = worded(judged, &all, wrong_speed.is_some());
@@ -143,13 +146,57 @@ fn wrong_speed(samples: &Samples, recording: &Recording, judged: &Judged) -> Opt
     ))
 }
 
+/// Options that state the noise of positions and of currents, and the units of their values in sentences.
+const NOISES: [(&str, f64, &str); 2] = [("--position-noise", 1e6, "µm"), ("--current-noise", 1e3, "mA")];
+
+/// A stated noise that differs from that of the data by this factor is wrong. With twice the noise of the positions, two circles were valid, one with an
+/// error of 5.4 standard deviations, and with four times that of the currents six of nine good recordings, three with errors of 5 to 7.
+const WRONG_NOISE: f64 = 1.5;
+
+/// The verdict on a stated noise that is wrong, with very strong evidence. If it is too small the model may be wrong instead, unless all is well with the
+/// noise of the data.
+fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
+    let stated = question.stated.noise;
+    if stated == [0.0; 2] {
+        return None;
+    }
+    let mut free = all.to_vec();
+    free.iter_mut().for_each(|of| (of.position_noise_m, of.current_noise_a) = (None, None));
+    let Judged { found, refusal, options, .. } = identify_and_judge(&free, &[], question.clone());
+    let found = found.filter(|found| found.converged)?;
+    let other = found.parts().find_map(|part| {
+        let of_data = [part.position_noise_m, part.current_noise_a];
+        let is_other = |at: &usize| {
+            let ratio = of_data[*at] / stated[*at];
+            stated[*at] > 0.0 && (ratio < 1.0 / WRONG_NOISE || ratio > WRONG_NOISE && refusal.is_none())
+        };
+        (0..2).find(is_other).map(|at| (NOISES[at], [of_data[at], stated[at]]))
+    });
+    let ((option, factor, unit), values) = other?;
+    // Compared on the same rows.
+    let mut given = all.to_vec();
+    let left_out = found.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
+    left_out.for_each(|of| given[of.recording].usable[of.rows.clone()].fill(false));
+    let given = likelihood::identify(&given, &Options { excludes_rows: false, ..options });
+    if given.is_ok_and(|given| found.log_likelihood - given.log_likelihood < VERY_STRONG) {
+        return None;
+    }
+    let [of_data, stated] = values.map(|value| significant(factor * value, 2));
+    Some(format!(
+        "Not valid: {option} is {stated} {unit}, but the noise of the data is {of_data} {unit}: leave the option out."
+    ))
+}
+
+/// Advice where a delay that may be there makes λ uncertain.
+const DELAY_ADVICE: &str = "positions and currents may be of different times: state by how much (--tolerance delay=…)";
+
 /// Longest delay that is accepted without being requested, relative to that of a typical bench.
 const LONGEST_DELAY: f64 = 3.0;
 
 /// The same with a free delay of the positions, where none is stated and the data determine one: neither the residuals nor the meaning of the samples
 /// shows it for certain. The current between two samples is not known then: the difference of λ with the next likely meaning of the samples widens its
 /// standard deviation.
-fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &Judged) -> Option<Judged> {
+fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before: &mut Judged) -> Option<Judged> {
     let is_certain = before.refusal.is_none() && before.question.equally_likely.is_empty();
     let rows: usize = all.iter().map(|recording| recording.used().count()).sum();
     // The likelihood of more rows is weighted if a bench parameter is searched, and cannot be compared.
@@ -179,6 +226,18 @@ fn with_delay(other: impl Fn(Hold) -> Vec<Recording>, all: &[Recording], before:
     let first_suspect = found.suspects.first().filter(|suspect| !delays.contains(&suspect.parameters[0].0));
     let explained = first_suspect.map_or(0.0, |suspect| 0.5 * suspect.chi_square);
     if gain < VERY_STRONG || by_likelihood < explained {
+        // Both descriptions, with and without a delay that has its typical prior, are equally likely beforehand: λ also varies by its difference between
+        // them, weighted with their probabilities (Bayesian model averaging, Hoeting et al. 1999).
+        let kept = |(delay, typical): (Estimate, f64)| 1.0 / (1.0 + (delay.total_std / typical).powi(2));
+        let kept = delays.iter().map(delay_of).map(kept).fold(0.0, f64::max);
+        let log_odds = kept * gain + 0.5 * libm::log(1.0 - kept);
+        let found = before.found.as_mut()?;
+        found.widen(&now, kept * kept / (1.0 + libm::exp(-log_odds)));
+        if before.refusal.is_none() {
+            let uncertain = uncertain(found, all, &before.question.stated);
+            before.refusal =
+                uncertain.map(|[why, _]| Refusal { why, advice: DELAY_ADVICE.into(), details: Details::Proposals });
+        }
         return None;
     }
     // Of two refused answers, the simpler is given.
@@ -221,7 +280,7 @@ fn identify_and_judge(all: &[Recording], alternatives: &[(Vec<Recording>, bool)]
         for (other, may_be_late) in alternatives {
             let own = if *may_be_late { options.clone().late() } else { options.clone() };
             match likelihood::identify(other, &own) {
-                Ok(other) if other.converged => found.widen(&other),
+                Ok(other) if other.converged => found.widen(&other, 1.0),
                 _ => notes.push(NOT_COMPARED.into()),
             }
         }

@@ -469,8 +469,9 @@ impl Identification {
     }
 
     /// Inflates the standard deviations of λ by its difference to another identification.
-    pub(super) fn widen(&mut self, other: &Self) {
-        let moved = DVector::from_fn(self.lambda.len(), |k, _| other.lambda[k].value - self.lambda[k].value);
+    pub(super) fn widen(&mut self, other: &Self, weight: f64) {
+        let moved = |k: usize| weight.sqrt() * (other.lambda[k].value - self.lambda[k].value);
+        let moved = DVector::from_fn(self.lambda.len(), |k, _| moved(k));
         self.lambda_covariance += &moved * moved.transpose();
         for (k, moved) in moved.iter().enumerate() {
             let relative = moved / self.lambda[k].value;
