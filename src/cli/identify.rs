@@ -265,29 +265,31 @@ impl Arguments {
         simulate::check(bearing)?;
         let mut stated = Stated::of(bearing.machine, bearing.estimator());
         stated.noise = [self.position_noise, self.current_noise].map(Option::unwrap_or_default);
+        let mut wrong = Vec::new();
         for (name, value) in self.loads(bearing.machine).0 {
-            let load = identify::quantity(&name, &value, "N").map_err(|why| refused(format!("--set {why}")))?;
-            stated.set_load(&name, load);
+            let load = identify::quantity(&name, &value, "N").map_err(|why| format!("--set {why}"));
+            noted(load, &mut wrong).into_iter().for_each(|load| stated.set_load(&name, load));
         }
         let mut estimates = self.estimates.iter().filter(|name| *name != SLOW_FORCE).collect::<Vec<_>>();
         let tolerances = || bearing.tolerance.iter().chain(&self.tolerances);
         for name in tolerances().map(|(name, _)| name).chain(estimates.iter().copied()) {
-            stated.ask(name).map_err(refused)?;
+            noted(stated.ask(name), &mut wrong);
         }
         estimates.retain(|name| !name.ends_with(identify::NOISE_EXPONENT));
         for (at, std) in identify::of_estimator(&stated, bearing.estimator()) {
             stated.know(at, Knowledge::Tolerance(std));
         }
         for (name, value) in tolerances() {
-            for (at, std) in identify::tolerance(name, value, &stated).map_err(refused)? {
+            for (at, std) in noted(identify::tolerance(name, value, &stated), &mut wrong).into_iter().flatten() {
                 stated.know(at, Knowledge::Tolerance(std));
             }
         }
         for name in estimates {
-            for at in identify::named(&stated.parameters(), name).map_err(refused)? {
+            for at in noted(identify::named(&stated.parameters(), name), &mut wrong).into_iter().flatten() {
                 stated.know(at, Knowledge::Free);
             }
         }
+        report_errors(&wrong)?;
         Ok(stated)
     }
 
@@ -420,6 +422,16 @@ impl Arguments {
             estimator.set(name, Value::Real(value));
         }
     }
+}
+
+/// Takes note of an error.
+fn noted<T>(result: Result<T, String>, wrong: &mut Vec<String>) -> Option<T> {
+    result.map_err(|why| wrong.push(why)).ok()
+}
+
+/// Fails with all errors, if there are any.
+fn report_errors(wrong: &[String]) -> Result<()> {
+    if wrong.is_empty() { Ok(()) } else { Err(refused(wrong.join("\n  "))) }
 }
 
 fn rpm(text: &str) -> Result<f64, String> {

@@ -337,6 +337,8 @@ fn wrong_columns_and_options_are_named() {
         ("run.csv --machine spindle --set s=1mm", &["--set s: the estimator of the machine"]),
         ("run.csv --machine spindle --set A.s=-1mm --set Jp=-1", &["A.s = -0.001 m", "Jp = -1 kg.m2"]),
         ("run.csv --machine spindle --tolerance s=2% --tolerance foo=1", &["foo is not a", "nearest are A.sensor"]),
+        ("run.csv --set pZ=3kg --tolerance s=1kg --estimate bar", &["pZ=3kg", "tolerance s=1kg", "bar is not a"]),
+        ("run.csv --set pQ=3 --set hold=1 --set m=", &["--set pQ", "from --hold", "--set m=: expected a value"]),
     ] {
         refuses(&folder, &self::words(&format!("identify {arguments}")), words);
     }

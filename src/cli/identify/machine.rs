@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_FORCE, refused};
+use super::{Arguments, LIKELIHOOD, PREDICTION_ERROR, Pairs, Result, SLOW_FORCE, refused, report_errors};
 use crate::fmu::find;
 use crate::machine::{self, AXIAL, Machine, PLANAR};
 use crate::simulation::scenario::{Scenario, knows, names, suggestion};
@@ -60,34 +60,30 @@ impl Arguments {
 
     /// The scenario of the machine, with its changes.
     pub(super) fn bearing(&self, machine: &Machine) -> Result<Scenario> {
-        let unused = self.unused(machine);
-        if !unused.is_empty() {
-            return Err(refused(unused.join("\n  ")));
-        }
+        let mut wrong = self.unused(machine);
         let (_, changes) = self.loads(machine);
         let (slow, changes): (Vec<_>, Vec<_>) = changes.into_iter().partition(|(path, _)| path == SLOW_FORCE);
         if let Some((_, value)) = slow.iter().find(|(_, value)| value != "0") {
-            return Err(refused(format!("--set {SLOW_FORCE}={value}: expected 0, or --estimate force.slow")));
+            wrong.push(format!("--set {SLOW_FORCE}={value}: expected 0, or --estimate force.slow"));
         }
         if !slow.is_empty() && self.estimates.iter().any(|name| name == SLOW_FORCE) {
-            return Err(refused(format!("{SLOW_FORCE} is both set and estimated")));
+            wrong.push(format!("{SLOW_FORCE} is both set and estimated"));
         }
         let estimator = find(machine.models[2].0).expect("a model of this project");
-        for (path, _) in &changes {
+        for (path, value) in &changes {
             let name = without_element(path);
             if let Some((_, option)) = OPTIONS.iter().find(|(variable, _)| *variable == name) {
-                return Err(refused(format!("--set {path}: identify takes it from {option}")));
-            }
-            if !knows(&estimator, name) {
+                wrong.push(format!("--set {path}: identify takes it from {option}"));
+            } else if !knows(&estimator, name) {
                 let suggestion = suggestion(name, &names(&[&estimator]));
-                return Err(refused(format!(
+                wrong.push(format!(
                     "--set {path}: the estimator of the machine has no variable of this name; {suggestion}"
-                )));
+                ));
+            } else if value.is_empty() {
+                wrong.push(format!("--set {path}=: expected a value"));
             }
         }
-        if let Some((path, _)) = changes.iter().find(|(_, value)| value.is_empty()) {
-            return Err(refused(format!("--set {path}=: expected a value")));
-        }
+        report_errors(&wrong)?;
         let built_in = if *machine == PLANAR { "unbalanced" } else { machine.name };
         let path = self.scenario.as_deref().unwrap_or(Path::new(built_in));
         let scenario = Scenario::open_parameters(path, &changes)?;
