@@ -12,7 +12,7 @@ pub(super) use self::judge::{implausible, judge};
 use self::judge::{moved, uncertain};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::shown::shown;
-pub(super) use self::words::{constant_currents, dynamics_remark};
+pub(super) use self::words::{constant_currents, dynamics_remark, noise_differs};
 use super::agreement::{Check, Own, disagreement, marked_speed, other_unbalance, sentence};
 use super::diagnosis::{self, Proposals, Trial};
 use super::likelihood::{
@@ -146,12 +146,9 @@ fn wrong_speed(samples: &Samples, recording: &Recording, judged: &Judged) -> Opt
     ))
 }
 
-/// Options that state the noise of positions and of currents, and the units of their values in sentences.
-const NOISES: [(&str, f64, &str); 2] = [("--position-noise", 1e6, "µm"), ("--current-noise", 1e3, "mA")];
-
 /// A stated noise that differs from that of the data by this factor is wrong. With twice the noise of the positions, two circles were valid, one with an
 /// error of 5.4 standard deviations, and with four times that of the currents six of nine good recordings, three with errors of 5 to 7.
-const WRONG_NOISE: f64 = 1.5;
+pub(super) const WRONG_NOISE: f64 = 1.5;
 
 /// The verdict on a stated noise that is wrong, with very strong evidence. If it is too small the model may be wrong instead, unless all is well with the
 /// noise of the data.
@@ -170,9 +167,9 @@ fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
             let ratio = of_data[*at] / stated[*at];
             stated[*at] > 0.0 && (ratio < 1.0 / WRONG_NOISE || ratio > WRONG_NOISE && refusal.is_none())
         };
-        (0..2).find(is_other).map(|at| (NOISES[at], [of_data[at], stated[at]]))
+        (0..2).find(is_other).map(|at| words::noise_differs(at, of_data[at], stated[at]))
     });
-    let ((option, factor, unit), values) = other?;
+    let why = other?;
     // Compared on the same rows.
     let mut given = all.to_vec();
     let left_out = found.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
@@ -181,10 +178,7 @@ fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
     if given.is_ok_and(|given| found.log_likelihood - given.log_likelihood < VERY_STRONG) {
         return None;
     }
-    let [of_data, stated] = values.map(|value| significant(factor * value, 2));
-    Some(format!(
-        "Not valid: {option} is {stated} {unit}, but the noise of the data is {of_data} {unit}: leave the option out."
-    ))
+    Some(format!("Not valid: {why}."))
 }
 
 /// Advice where a delay that may be there makes λ uncertain.

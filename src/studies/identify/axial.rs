@@ -15,6 +15,7 @@ pub use self::answer::{Answer, agreement, answer};
 use self::feedback::feedback;
 use self::filter::{Readings, in_row};
 use self::search::{Fit, fit, follow, log_likelihood};
+use super::answer::{WRONG_NOISE, noise_differs};
 use super::samples::Samples;
 use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
@@ -305,6 +306,15 @@ struct Found {
 /// A sentence with the reason if nothing can be identified.
 fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
+    if let Some(stated_m) = axis.known[POSITION_NOISE].take()
+        && let Ok(found) = find(&axis, recording)
+    {
+        let of_data_m = libm::exp(found.fit.point[POSITION_NOISE]);
+        if !(1.0 / WRONG_NOISE..WRONG_NOISE).contains(&(of_data_m / stated_m)) {
+            return Err(noise_differs(0, of_data_m, stated_m));
+        }
+        axis.known[POSITION_NOISE] = Some(stated_m);
+    }
     let mut columns = recording.unfilled(axis.hold.unwrap_or(Hold::Linear)).into_iter();
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
