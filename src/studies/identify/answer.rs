@@ -150,7 +150,7 @@ fn wrong_speed(samples: &Samples, recording: &Recording, judged: &Judged) -> Opt
 /// error of 5.4 standard deviations, and with four times that of the currents six of nine good recordings, three with errors of 5 to 7.
 pub(super) const WRONG_NOISE: f64 = 1.5;
 
-/// The verdict on a stated noise that is wrong, with very strong evidence. If it is too small the model may be wrong instead, unless all is well with the
+/// The verdict on a stated noise that the data contradict. If it is too small the model may be wrong instead, unless all is well with the
 /// noise of the data.
 fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
     let stated = question.stated.noise;
@@ -170,15 +170,20 @@ fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
         (0..2).find(is_other).map(|at| words::noise_differs(at, of_data[at], stated[at]))
     });
     let why = other?;
-    // Compared on the same rows.
-    let mut given = all.to_vec();
-    let left_out = found.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
-    left_out.for_each(|of| given[of.recording].usable[of.rows.clone()].fill(false));
-    let given = likelihood::identify(&given, &Options { excludes_rows: false, ..options });
-    if given.is_ok_and(|given| found.log_likelihood - given.log_likelihood < VERY_STRONG) {
-        return None;
-    }
-    Some(format!("Not valid: {why}."))
+    // Compared on the same rows, at their maxima: instruments lead away from these.
+    let left_out = || found.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
+    let options = Options { excludes_rows: false, corrects_bias: false, ..options };
+    let log_likelihood = |recordings: &[Recording]| {
+        let mut own = recordings.to_vec();
+        left_out().for_each(|of| own[of.recording].usable[of.rows.clone()].fill(false));
+        likelihood::identify(&own, &options).map_or(f64::NEG_INFINITY, |found| found.log_likelihood)
+    };
+    let gain = log_likelihood(&free) - log_likelihood(all);
+    // Half of ln N for each noise (Schwarz 1978).
+    let count = found.parts().count() * stated.iter().filter(|noise| **noise > 0.0).count();
+    let rows: usize = all.iter().map(|recording| recording.used().count()).sum();
+    let needed = 0.5 * count as f64 * libm::log(rows as f64);
+    (gain >= needed).then(|| format!("Not valid: {why}."))
 }
 
 /// Advice where a delay that may be there makes λ uncertain.
