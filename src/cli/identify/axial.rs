@@ -5,7 +5,7 @@ use std::path::Path;
 use serde_json::json;
 
 use super::machine::without_element;
-use super::{Arguments, Result, refused};
+use super::{Arguments, Result, report_errors};
 use crate::bearing::Used;
 use crate::machine::AXIAL;
 use crate::report::identification::Results;
@@ -66,9 +66,7 @@ pub(super) fn identify(arguments: &Arguments) -> Result<(Results, Scenario)> {
         let tolerated = bench.tolerate(&scenario, name, value);
         bench.errors.extend(tolerated.err());
     }
-    if !bench.errors.is_empty() {
-        return Err(refused(bench.errors.join("\n  ")));
-    }
+    report_errors(&bench.errors)?;
     Ok((results(arguments, bench.axis, &scenario)?, scenario))
 }
 

@@ -171,19 +171,22 @@ fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
     });
     let why = other?;
     // Compared on the same rows, at their maxima: instruments lead away from these.
-    let left_out = || found.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
     let options = Options { excludes_rows: false, corrects_bias: false, ..options };
     let log_likelihood = |recordings: &[Recording]| {
         let mut own = recordings.to_vec();
-        left_out().for_each(|of| own[of.recording].usable[of.rows.clone()].fill(false));
+        leave_out(&mut own, &found);
         likelihood::identify(&own, &options).map_or(f64::NEG_INFINITY, |found| found.log_likelihood)
     };
     let gain = log_likelihood(&free) - log_likelihood(all);
-    // Half of ln N for each noise (Schwarz 1978).
-    let count = found.parts().count() * stated.iter().filter(|noise| **noise > 0.0).count();
-    let rows: usize = all.iter().map(|recording| recording.used().count()).sum();
-    let needed = 0.5 * count as f64 * libm::log(rows as f64);
-    (gain >= needed).then(|| format!("Not valid: {why}."))
+    let freed = found.parts().count() * stated.iter().filter(|noise| **noise > 0.0).count();
+    let rows = all.iter().map(|recording| recording.used().count()).sum();
+    (gain >= diagnosis::gain_by_chance(freed, rows)).then(|| format!("Not valid: {why}."))
+}
+
+/// Leaves out the rows that are inconsistent with the others.
+fn leave_out(recordings: &mut [Recording], found: &Identification) {
+    let left_out = found.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
+    left_out.for_each(|of| recordings[of.recording].usable[of.rows.clone()].fill(false));
 }
 
 /// Advice where a delay that may be there makes λ uncertain.
@@ -373,12 +376,12 @@ fn worded(judged: Judged, all: &[Recording], is_known: bool) -> Answer {
     Answer { valid: refusal.is_none(), verdict, findings, found, question }
 }
 
-/// Identifies, and again with a slow force if the likelihood calls for it; that counts if the force is slow and worth a parameter (Schwarz 1978).
+/// Identifies, and again with a slow force if the likelihood calls for it; that counts if the force is slow and worth a parameter.
 pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -> Identified {
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let used: usize = recordings.iter().map(|recording| recording.used().count()).sum();
-    let is_worth_it = |gain: f64, rows: usize| gain > 0.5 * libm::log(2.0 * rows as f64);
+    let is_worth_it = |gain: f64, rows: usize| gain > diagnosis::gain_by_chance(1, rows);
     let gains = |of: &Identification| is_worth_it(of.gain_by_slow_force, rows(of));
     // A slow force looks like changes of the load. In a comparison of descriptions, magnets that push decide.
     let is_needed = match &plain {
@@ -420,8 +423,7 @@ impl Answer {
         let Some(own) = own.found.filter(|own| own.converged) else {
             return Err(format!("no fit of its own: {}", own.refusal.map_or_else(String::new, |refusal| refusal.why)));
         };
-        let left_out = own.contradictions.iter().filter(|of| !matches!(of.what, Change::Drift(_)));
-        left_out.for_each(|of| other.usable[of.rows.clone()].fill(false));
+        leave_out(std::slice::from_mut(&mut other), &own);
         other.has_mark &= first.rotation.has_mark();
         let [before, after] = [(first.rotation.has_mark(), &first.omega_rad_s), (other.has_mark, &other.omega_rad_s)]
             .map(|(has_mark, omega_rad_s)| marked_speed(has_mark, omega_rad_s));

@@ -306,14 +306,14 @@ struct Found {
 /// A sentence with the reason if nothing can be identified.
 fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
-    if let Some(stated_m) = axis.known[POSITION_NOISE].take()
-        && let Ok(found) = find(&axis, recording)
-    {
-        let of_data_m = libm::exp(found.fit.point[POSITION_NOISE]);
+    if let Some(stated_m) = axis.known[POSITION_NOISE] {
+        let mut unstated = axis.clone();
+        unstated.known[POSITION_NOISE] = None;
+        let found = find(&unstated, recording).ok();
+        let of_data_m = found.map_or(stated_m, |found| libm::exp(found.fit.point[POSITION_NOISE]));
         if !(1.0 / WRONG_NOISE..WRONG_NOISE).contains(&(of_data_m / stated_m)) {
             return Err(noise_differs(0, of_data_m, stated_m));
         }
-        axis.known[POSITION_NOISE] = Some(stated_m);
     }
     let mut columns = recording.unfilled(axis.hold.unwrap_or(Hold::Linear)).into_iter();
     let x_m = columns.next().unwrap_or_default();

@@ -39,9 +39,14 @@ const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 /// Gain in log-likelihood that an alternative needs over the stated values, for these numbers of alternatives and rows.
 ///
 /// If the statements are true, the likelihood ratio of a fixed alternative has the expectation 1, so that it exceeds 1/p with a probability of at
-/// most p (Markov). A parameter fitted to N values raises its logarithm by ½ ln N (Schwarz 1978); one of the alternatives has one more parameter.
+/// most p (Markov). One of the alternatives has one more parameter.
 fn needed_gain(alternatives: usize, rows: usize) -> f64 {
-    libm::log(alternatives as f64 / CHANCE) + 0.5 * libm::log(2.0 * rows as f64)
+    libm::log(alternatives as f64 / CHANCE) + gain_by_chance(1, rows)
+}
+
+/// Gain in log-likelihood by parameters fitted to two coordinates in this number of rows: ½ ln N for each (Schwarz 1978).
+pub(super) fn gain_by_chance(parameters: usize, rows: usize) -> f64 {
+    0.5 * parameters as f64 * libm::log(2.0 * rows as f64)
 }
 
 /// A recording with the statements about it.

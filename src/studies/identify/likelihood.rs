@@ -468,10 +468,10 @@ impl Identification {
         self.conditions.iter().flat_map(|conditions| &conditions.parts)
     }
 
-    /// Inflates the standard deviations of λ by its difference to another identification.
+    /// Inflates the variances of λ by the square of its difference to another identification, with a weight from 0 to 1.
     pub(super) fn widen(&mut self, other: &Self, weight: f64) {
-        let moved = |k: usize| weight.sqrt() * (other.lambda[k].value - self.lambda[k].value);
-        let moved = DVector::from_fn(self.lambda.len(), |k, _| moved(k));
+        let moved = DVector::from_fn(self.lambda.len(), |k, _| other.lambda[k].value - self.lambda[k].value);
+        let moved = moved * weight.sqrt();
         self.lambda_covariance += &moved * moved.transpose();
         for (k, moved) in moved.iter().enumerate() {
             let relative = moved / self.lambda[k].value;
