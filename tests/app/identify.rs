@@ -302,7 +302,7 @@ fn one_noise_level_may_be_stated() {
     for (wrong, name) in [([8e-6, 0.0], "position"), ([0.0, 0.12], "current"), ([2e-6, 3e-3], "current")] {
         is_refused(&answer(wrong), &format!("--{name}-noise is "));
     }
-    for stated in [[2e-6, 0.0], [0.0, 3e-2]] {
+    for stated in [[2e-6, 0.0], [0.0, 3e-2], [1.4e-6, 4e-2]] {
         let answer = answer(stated);
         let noise_m = is_right(&format!("{stated:?}"), &answer).conditions[0].parts[0].position_noise_m;
         between(&format!("{stated:?}: position noise"), noise_m, 0.9 * 2e-6, 1.1 * 2e-6);

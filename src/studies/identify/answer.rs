@@ -8,8 +8,8 @@ mod words;
 
 use nalgebra::DVector;
 
-pub(super) use self::judge::{implausible, judge};
-use self::judge::{moved, uncertain};
+pub(super) use self::judge::{implausible, is_wrong_noise, judge};
+use self::judge::{moved, uncertain, wrong_noise};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::shown::shown;
 pub(super) use self::words::{constant_currents, dynamics_remark, noise_differs};
@@ -109,9 +109,6 @@ pub fn answer(recordings: &[Samples], question: Question) -> Answer {
     }
     let stated = question.stated.clone();
     let all: Vec<Recording> = recordings.iter().map(|samples| recording(samples, &stated, stated.hold)).collect();
-    if let Some(verdict) = wrong_noise(&all, &question) {
-        return Answer { valid: false, verdict, findings: Vec::new(), found: None, question };
-    }
     let other = |hold: Hold| -> Vec<Recording> {
         all.iter().zip(recordings).map(|(of, samples)| read_as(of, samples, &stated, hold)).collect()
     };
@@ -144,43 +141,6 @@ fn wrong_speed(samples: &Samples, recording: &Recording, judged: &Judged) -> Opt
     Some(format!(
         "Not valid: the motion turns {percent} % {by} than the {speed} speed: --speed, or a column of the angle."
     ))
-}
-
-/// A stated noise that differs from that of the data by this factor is wrong. With twice the noise of the positions, two circles were valid, one with an
-/// error of 5.4 standard deviations, and with four times that of the currents six of nine good recordings, three with errors of 5 to 7.
-pub(super) const WRONG_NOISE: f64 = 1.5;
-
-/// The verdict on a stated noise that the data contradict. If it is too small the model may be wrong instead, unless all is well with the
-/// noise of the data.
-fn wrong_noise(all: &[Recording], question: &Question) -> Option<String> {
-    let stated = question.stated.noise;
-    if stated == [0.0; 2] {
-        return None;
-    }
-    let mut free = all.to_vec();
-    free.iter_mut().for_each(|of| (of.position_noise_m, of.current_noise_a) = (None, None));
-    let Judged { found, refusal, options, .. } = identify_and_judge(&free, &[], question.clone());
-    let found = found.filter(|found| found.converged)?;
-    let other = found.parts().find_map(|part| {
-        let of_data = [part.position_noise_m, part.current_noise_a];
-        let is_other = |at: &usize| {
-            let ratio = of_data[*at] / stated[*at];
-            stated[*at] > 0.0 && (ratio < 1.0 / WRONG_NOISE || ratio > WRONG_NOISE && refusal.is_none())
-        };
-        (0..2).find(is_other).map(|at| words::noise_differs(at, of_data[at], stated[at]))
-    });
-    let why = other?;
-    // Compared on the same rows, at their maxima: instruments lead away from these.
-    let options = Options { excludes_rows: false, corrects_bias: false, ..options };
-    let log_likelihood = |recordings: &[Recording]| {
-        let mut own = recordings.to_vec();
-        leave_out(&mut own, &found);
-        likelihood::identify(&own, &options).map_or(f64::NEG_INFINITY, |found| found.log_likelihood)
-    };
-    let gain = log_likelihood(&free) - log_likelihood(all);
-    let freed = found.parts().count() * stated.iter().filter(|noise| **noise > 0.0).count();
-    let rows = all.iter().map(|recording| recording.used().count()).sum();
-    (gain >= diagnosis::gain_by_chance(freed, rows)).then(|| format!("Not valid: {why}."))
 }
 
 /// Leaves out the rows that are inconsistent with the others.
@@ -302,31 +262,37 @@ fn refusal(identified: &Identified, all: &[Recording], options: &Options, questi
     if let Some(why) = found.ok().and_then(|_| differ(all, options, &stated.machine.symbols("λ"))) {
         return Some(Refusal { why, advice: String::new(), details: Details::Nothing });
     }
+    let wrong_noise = found.ok().and_then(|found| wrong_noise(found, stated));
+    let refused = |why: String| Some(Refusal { why, advice: String::new(), details: Details::Findings });
+    if let Some((why, true)) = wrong_noise {
+        return refused(why);
+    }
     let is_at_rest = all.iter().all(Recording::at_rest);
     let least = TURNS[usize::from(stated.noise.iter().any(|noise| *noise <= 0.0))];
     let turns: f64 = all.iter().map(Recording::turns).sum();
     if !is_at_rest && turns < least {
         let turns = significant(turns, 2);
         let why = format!("the recording is too short: {turns} turns of the rotor, expected at least {least}");
-        return Some(Refusal { why, advice: String::new(), details: Details::Findings });
+        return refused(why);
     }
-    let [why, advice] = match found {
-        Err(Failed::Diverged(advice)) => ["the search does not converge".into(), advice.clone()],
-        Err(failed) => [failed.to_string(), String::new()],
+    let reason = match found {
+        Err(Failed::Diverged(advice)) => Some(["the search does not converge".into(), advice.clone()]),
+        Err(failed) => Some([failed.to_string(), String::new()]),
         Ok(found) => {
             let against = question.holds.and_then(|holds| holds.against(stated.currents()));
             let plain =
                 || judge(found, all, stated.machine, &stated.parts).or_else(|| moved(found, all, options, stated));
-            against.or_else(|| uncertain(found, all, stated)).or_else(|| Some([plain()?, String::new()]))?
+            against.or_else(|| uncertain(found, all, stated)).or_else(|| Some([plain()?, String::new()]))
         }
     };
+    let Some([why, advice]) = reason else { return wrong_noise.and_then(|(why, _)| refused(why)) };
     let weak = found.is_ok_and(|found| {
         found.converged && found.lambda.iter().any(|lambda| lambda.noise_std >= STD_LIMIT * lambda.value.abs())
     });
     if is_at_rest && (weak || all.iter().all(|recording| recording.still(&options.parts))) {
         let why = "the rotor is at rest and nothing excites it, or not enough. Move it along a path, or modulate the smallest \
                    force (F0.modulation)";
-        return Some(Refusal { why: why.into(), advice: String::new(), details: Details::Findings });
+        return refused(why.into());
     }
     Some(Refusal { why, advice, details: Details::Proposals })
 }

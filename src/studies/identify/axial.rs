@@ -15,7 +15,7 @@ pub use self::answer::{Answer, agreement, answer};
 use self::feedback::feedback;
 use self::filter::{Readings, in_row};
 use self::search::{Fit, fit, follow, log_likelihood};
-use super::answer::{WRONG_NOISE, noise_differs};
+use super::answer::{is_wrong_noise, noise_differs};
 use super::samples::Samples;
 use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
@@ -306,15 +306,8 @@ struct Found {
 /// A sentence with the reason if nothing can be identified.
 fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
-    if let Some(stated_m) = axis.known[POSITION_NOISE] {
-        let mut unstated = axis.clone();
-        unstated.known[POSITION_NOISE] = None;
-        let found = find(&unstated, recording).ok();
-        let of_data_m = found.map_or(stated_m, |found| libm::exp(found.fit.point[POSITION_NOISE]));
-        if !(1.0 / WRONG_NOISE..WRONG_NOISE).contains(&(of_data_m / stated_m)) {
-            return Err(noise_differs(0, of_data_m, stated_m));
-        }
-    }
+    // The data tell the noise better.
+    let stated_m = axis.known[POSITION_NOISE].take();
     let mut columns = recording.unfilled(axis.hold.unwrap_or(Hold::Linear)).into_iter();
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
@@ -363,6 +356,10 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
             _ => {}
         }
         effects.push(Effect { at, gain, is_significant, is_taken });
+    }
+    let of_data_m = libm::exp(best.point[POSITION_NOISE]);
+    if let Some(stated_m) = stated_m.filter(|stated_m| is_wrong_noise(of_data_m, *stated_m)) {
+        return Err(noise_differs(0, of_data_m, stated_m));
     }
     if let Some(point) = without_feedback {
         best.widen(&point);

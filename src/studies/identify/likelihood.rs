@@ -92,9 +92,9 @@ pub struct Recording {
     pub square_error_a2: Vec<Vec<f32>>,
     /// Meaning of a current sample.
     pub hold: Hold,
-    /// Standard deviation of the position noise, m, if known.
+    /// Standard deviation of the position noise, m, if stated.
     pub position_noise_m: Option<f64>,
-    /// Standard deviation of the current noise, A, if known.
+    /// Standard deviation of the current noise, A, if stated.
     pub current_noise_a: Option<f64>,
 }
 

@@ -1,10 +1,11 @@
 //! Why estimates are not valid.
 
-use super::words::{PARTS, called};
+use super::words::{PARTS, called, noise_differs};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    self, Change, Conditions, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
+    self, Change, Conditions, HARMONICS, Identification, Knowledge, Options, Part, PartResults, Recording, SILENT_A,
+    SILENT_M,
 };
 use crate::studies::identify::{Stated, significant};
 use crate::studies::statistics::range;
@@ -27,6 +28,8 @@ const HARMONIC: f64 = 0.3;
 const HARMONIC_CHI: f64 = 30.0;
 /// Greatest plausible noise of the currents, relative to their rms.
 const CURRENT_NOISE: f64 = 0.15;
+/// A stated noise that differs from that of the data by this factor is wrong. The data correct smaller errors.
+const WRONG_NOISE: f64 = 2.0;
 /// Greatest plausible ratio of force constants of one bearing.
 const RATIO: f64 = 10.0;
 
@@ -64,6 +67,23 @@ pub fn implausible(found: &Identification, all: &[Recording], machine: &Machine,
         }
     }
     None
+}
+
+/// Whether the data contradict a stated noise.
+pub fn is_wrong_noise(of_data: f64, stated: f64) -> bool {
+    !(1.0 / WRONG_NOISE..=WRONG_NOISE).contains(&(of_data / stated))
+}
+
+/// A stated noise that the data contradict, and whether theirs is smaller. With a noise stated four times too large, six of nine good recordings were valid,
+/// three with errors of 5 to 7 standard deviations; if it is stated too small, the model may be wrong instead.
+pub(super) fn wrong_noise(found: &Identification, stated: &Stated) -> Option<(String, bool)> {
+    let of_part = |part: &PartResults| {
+        let of_data = [part.position_noise_m, part.current_noise_a];
+        let is_wrong = |at: &usize| stated.noise[*at] > 0.0 && is_wrong_noise(of_data[*at], stated.noise[*at]);
+        let at = (0..2).find(is_wrong)?;
+        Some((noise_differs(at, of_data[at], stated.noise[at]), of_data[at] < stated.noise[at]))
+    };
+    found.parts().find_map(of_part)
 }
 
 /// Why the search or a force constant is too uncertain, and advice that holds if the description of the bench is right.

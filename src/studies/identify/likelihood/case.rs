@@ -5,6 +5,7 @@ use std::ops::Range;
 use super::data::Piece;
 use super::filter::Likelihoods;
 use super::{Part, Recording, SHORTEST, resolution};
+use crate::bearing::array;
 use crate::estimation::START_CURRENT_NOISE_A;
 use crate::studies::identify::mean;
 
@@ -25,6 +26,9 @@ pub(super) const NOISE_STEP: f64 = 0.25;
 /// Prior standard deviation of the logarithm of the current noise: half of ln(50/5), as the first guess is the middle of 5 and 50 mA. It matters
 /// only where positions are too noisy to determine the current noise.
 const CURRENT_NOISE_LOG_STD: f64 = 0.5 * std::f64::consts::LN_10;
+/// Scale of the Cauchy prior of the logarithm of a stated noise, 2 % as on line. Its tails let the data correct a wrong statement: with a fixed noise,
+/// positions × 0.75 and currents × 1.3, half of good recordings of 1 s were refused for a backward force.
+const STATED_NOISE: f64 = 0.02;
 
 /// One recording with its rows cut into pieces.
 pub(super) struct Case<'a> {
@@ -47,7 +51,9 @@ pub(super) struct Case<'a> {
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
     pub current_noise: f64,
-    /// Variance of the logarithm of the current noise; 0 if the noise is known.
+    /// Medians of both before the data.
+    noise_median: [f64; 2],
+    /// Variance of the logarithm of the current noise.
     pub noise_variance: f64,
     /// Level of the slow force, N after one second; 0 unless estimated.
     pub slow_force: f64,
@@ -83,9 +89,15 @@ impl Case<'_> {
         mean(self.current.iter().copied().flatten().map(|i| i * i)).sqrt()
     }
 
-    /// Whether both noise levels are known.
-    pub fn has_known_noise(&self) -> bool {
-        self.recording.position_noise_m.is_some() && self.recording.current_noise_a.is_some()
+    /// Inverse variances of the logarithms of both noises before the data, at these deviations from the prior median. A Cauchy prior is a Gaussian one whose
+    /// variance grows with the deviation: noises that start from the data stay with them where they contradict the statement.
+    fn noise_precision(&self, deviations: [f64; 2]) -> [f64; 2] {
+        let cauchy = |deviation: f64| 2.0 / (STATED_NOISE * STATED_NOISE + deviation * deviation);
+        let [position, current] = deviations;
+        [
+            self.recording.position_noise_m.map_or(0.0, |_| cauchy(position)),
+            self.recording.current_noise_a.map_or(CURRENT_NOISE_LOG_STD.powi(-2), |_| cauchy(current)),
+        ]
     }
 
     /// Rows of a block.
@@ -169,7 +181,7 @@ pub(super) fn prepare<'a>(r: usize, recording: &'a Recording, part: &Part, usabl
             }
         }
     }
-    let noise = recording.position_noise_m.unwrap_or_else(|| position_noise(&position, &segments));
+    let noise = position_noise(&position, &segments);
     let is_read = |row: &usize| !position_error.iter().any(|error_m| error_m[*row] > 0.0);
     let read: Vec<usize> = segments.iter().flat_map(Clone::clone).filter(is_read).collect();
     let resolution_m: Vec<f64> = position.iter().map(|of| resolution::step(read.iter().map(|row| of[*row]))).collect();
@@ -186,8 +198,12 @@ pub(super) fn prepare<'a>(r: usize, recording: &'a Recording, part: &Part, usabl
         square_error,
         pieces: pieces(r, &segments, h),
         segments,
-        position_noise: noise.max(1e-10),
-        current_noise: recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A).max(1e-7),
+        position_noise: noise,
+        current_noise: START_CURRENT_NOISE_A,
+        noise_median: [
+            recording.position_noise_m.unwrap_or(noise),
+            recording.current_noise_a.unwrap_or(START_CURRENT_NOISE_A),
+        ],
         noise_variance: 0.0,
         slow_force: 0.0,
         exponent: 0.0,
@@ -216,49 +232,48 @@ fn posterior_peak(sums: &Likelihoods, middle: f64, prior_std: f64) -> (f64, f64)
     }))
 }
 
+/// Iterations for the common scale of the noises.
+const NEWTON: usize = 20;
+
 /// Updates the noise levels of one recording from the likelihood at three levels of the current noise; returns the largest change of a logarithm.
 pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
-    let is_current_known = case.recording.current_noise_a.is_some();
     let count = case.position.len() as f64 * sums[1][2];
-    if count < 8.0 || case.has_known_noise() {
+    if count < 8.0 {
         return 0.0;
     }
-    let logs = |i: usize| libm::log(sums[i][1] / count);
-    // If neither level is known, their common scale has a closed form.
-    let scale_is_free = case.recording.position_noise_m.is_none() && !is_current_known;
-    let value = |i: usize| {
-        let fit = if scale_is_free { count * logs(i) } else { sums[i][1] };
-        let level = libm::log(case.current_noise / START_CURRENT_NOISE_A)
-            + (i as f64 - 1.0) * NOISE_STEP
-            + if scale_is_free { 0.5 * logs(i) } else { 0.0 };
-        let deviation = level / CURRENT_NOISE_LOG_STD;
-        -0.5 * (sums[i][0] + fit + deviation * deviation)
+    let before = [case.position_noise, case.current_noise];
+    let deviations: [f64; 2] = array::from_fn(|at| libm::log(before[at] / case.noise_median[at]));
+    let weights = case.noise_precision(deviations);
+    // Each ratio of the noises has a most likely common scale (logarithm), and with it a posterior.
+    let at_ratio = |i: usize| {
+        let ratio = (i as f64 - 1.0) * NOISE_STEP;
+        let [log_det, chi, _] = sums[i];
+        let [position, current] = [deviations[0], deviations[1] + ratio];
+        let (weight, moment) = (weights[0] + weights[1], weights[0] * position + weights[1] * current);
+        // From below, Newton's method converges monotonically: the slope is convex.
+        let mut scale = (0.5 * libm::log(chi / count)).min(if weight > 0.0 { -moment / weight } else { f64::INFINITY });
+        for _ in 0..NEWTON {
+            let fit = chi * libm::exp(-2.0 * scale);
+            scale += (fit - count - moment - weight * scale) / (2.0 * fit + weight);
+        }
+        let [position, current] = [position, current].map(|of| (of + scale) * (of + scale));
+        let fit = chi * libm::exp(-2.0 * scale) + 2.0 * count * scale;
+        (scale, -0.5 * (log_det + fit + weights[0] * position + weights[1] * current))
     };
-    let (ratio, curvature) = peak([0, 1, 2].map(value));
-    if !is_current_known {
-        let prior = CURRENT_NOISE_LOG_STD * CURRENT_NOISE_LOG_STD;
-        case.noise_variance = if curvature < 0.0 { (-1.0 / curvature).min(prior) } else { prior };
-    }
+    let best = [0, 1, 2].map(at_ratio);
+    let (ratio, curvature) = peak(best.map(|(_, value)| value));
+    case.noise_variance = 1.0 / weights[1].max(-curvature);
     let scale = {
-        let t = ratio / NOISE_STEP;
-        let (l, m, h) = (logs(0), logs(1), logs(2));
-        let inside = t.clamp(-1.0, 1.0);
-        0.5 * (m + 0.5 * inside * (h - l) + 0.5 * inside * inside * (h - 2.0 * m + l))
+        let inside = (ratio / NOISE_STEP).clamp(-1.0, 1.0);
+        let [l, m, h] = best.map(|(scale, _)| scale);
+        m + 0.5 * inside * (h - l) + 0.5 * inside * inside * (h - 2.0 * m + l)
     };
-    let (before_position, before_current) = (case.position_noise, case.current_noise);
-    if scale_is_free {
-        case.position_noise *= libm::exp(scale);
-        case.current_noise *= libm::exp(ratio + scale);
-    } else if !is_current_known {
-        case.current_noise *= libm::exp(ratio);
-    } else {
-        // Position noise alone: the common scale, applied iteratively.
-        case.position_noise *= libm::exp(0.5 * logs(1).clamp(-1.0, 1.0));
-    }
+    case.position_noise *= libm::exp(scale);
+    case.current_noise *= libm::exp(ratio + scale);
     case.position_noise = case.position_noise.max(1e-10);
     // Above this the square of a current would be all noise.
     case.current_noise = case.current_noise.clamp(1e-6, 0.39 * case.rms_current_a().max(1e-5));
-    let changes = [case.position_noise / before_position, case.current_noise / before_current];
+    let changes = [case.position_noise / before[0], case.current_noise / before[1]];
     let [position, current] = changes.map(|change| libm::log(change).abs());
     position.max(current * weight(curvature))
 }

@@ -276,14 +276,11 @@ impl Search<'_> {
         self.cases.iter_mut().zip(&totals).map(|(case, sums)| step(case, sums)).fold(0.0, f64::max)
     }
 
-    /// One update of the unknown noise levels; returns the largest change of a logarithm.
+    /// One update of the noise levels; returns the largest change of a logarithm.
     fn noise(&mut self) -> f64 {
         let steps = [libm::exp(-NOISE_STEP), 1.0, libm::exp(NOISE_STEP)];
-        let mut change = 0.0_f64;
-        if !self.cases.iter().all(Case::has_known_noise) {
-            let levels = steps.map(|factor| Levels { currents: [factor; 8], ..UNCHANGED });
-            change = self.step_level(levels, noise_step);
-        }
+        let levels = steps.map(|factor| Levels { currents: [factor; 8], ..UNCHANGED });
+        let mut change = self.step_level(levels, noise_step);
         if self.model.part.settings.exponent {
             let levels = [-NOISE_STEP, 0.0, NOISE_STEP].map(|exponent| Levels { exponent, ..UNCHANGED });
             change = change.max(self.step_level(levels, exponent_step));

@@ -5,7 +5,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::super::case::{Case, NOISE_STEP};
+use super::super::case::NOISE_STEP;
 use super::super::filter::{Block, Columns, Likelihoods, UNCHANGED};
 use super::super::solve::{self, Normal, submatrix};
 use super::super::{Estimate, Failed};
@@ -102,9 +102,7 @@ pub fn finish(mut search: Search<'_>) -> Result<Finished<'_>, Failed> {
     let information = submatrix(&normal.j, &columns, &columns);
     let mut noise = &response * &information * &response;
     let mut covariance_from_scores = false;
-    if !search.cases.iter().all(Case::has_known_noise)
-        && let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.model.layout, search.cases.len()))
-    {
+    if let Some(scores) = scores(&blocks, &columns, &step, &Normal::new(search.model.layout, search.cases.len())) {
         // A factor `weight` on the information is `weight²` on the variance of the scores.
         let scattered = &response * (scores / search.weight) * &response;
         covariance_from_scores =
