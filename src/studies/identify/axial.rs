@@ -15,7 +15,6 @@ pub use self::answer::{Answer, agreement, answer};
 use self::feedback::feedback;
 use self::filter::{Readings, in_row};
 use self::search::{Fit, fit, follow, log_likelihood};
-use super::answer::{is_wrong_noise, noise_differs};
 use super::samples::Samples;
 use super::units::significant;
 use super::{GRAVITY_M_S2, NOISE_EXPONENT, likelihood};
@@ -292,6 +291,8 @@ struct Effect {
 #[derive(Clone, Debug)]
 struct Found {
     axis: Axis,
+    /// Noise of the positions as stated. The data tell it better.
+    stated_noise_m: Option<f64>,
     fit: Fit,
     /// NaN where there is none; only rows that follow the law count.
     readings: Readings,
@@ -306,8 +307,7 @@ struct Found {
 /// A sentence with the reason if nothing can be identified.
 fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
     let mut axis = axis.clone();
-    // The data tell the noise better.
-    let stated_m = axis.known[POSITION_NOISE].take();
+    let stated_noise_m = axis.known[POSITION_NOISE].take();
     let mut columns = recording.unfilled(axis.hold.unwrap_or(Hold::Linear)).into_iter();
     let x_m = columns.next().unwrap_or_default();
     let current_a: Vec<Vec<f64>> = columns.filter(|column| !column.is_empty()).collect();
@@ -357,10 +357,6 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         }
         effects.push(Effect { at, gain, is_significant, is_taken });
     }
-    let of_data_m = libm::exp(best.point[POSITION_NOISE]);
-    if let Some(stated_m) = stated_m.filter(|stated_m| is_wrong_noise(of_data_m, *stated_m)) {
-        return Err(noise_differs(0, of_data_m, stated_m));
-    }
     if let Some(point) = without_feedback {
         best.widen(&point);
     }
@@ -369,7 +365,7 @@ fn find(axis: &Axis, recording: &Samples) -> Result<Found, String> {
         fit(&axis, &readings, &best.point, &more, usize::MAX)
     });
     let delayed = delayed.flatten().filter(|of| of.log_likelihood - best.log_likelihood > needed);
-    Ok(Found { axis, fit: best, readings, effects, delayed })
+    Ok(Found { axis, stated_noise_m, fit: best, readings, effects, delayed })
 }
 
 impl Found {

@@ -13,7 +13,7 @@ use crate::bearing::array;
 use crate::estimation::{Hold, STD_LIMIT};
 use crate::simulation::{Column, Recording};
 use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
-use crate::studies::identify::answer::{constant_currents, dynamics_remark};
+use crate::studies::identify::answer::{constant_currents, dynamics_remark, is_wrong_noise, noise_differs};
 use crate::studies::identify::diagnosis::MEANINGS;
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::{Samples, Statement, significant, time};
@@ -255,7 +255,7 @@ impl Answer {
 
     /// First reason why the result is not valid, if any. ki or ks is known within `worst`.
     fn refusal(&self, worst: f64) -> Option<String> {
-        let Found { axis, fit, delayed, .. } = &self.found;
+        let Found { axis, stated_noise_m, fit, delayed, .. } = &self.found;
         let kappa = fit.point[DYNAMICS];
         if !axis.is_known(DYNAMICS) && KAPPA.contains(&kappa) {
             return Some(format!(
@@ -289,7 +289,11 @@ impl Answer {
             ));
         }
         let is_bad = libm::exp(fit.point[SLOW]) > MAX_SLOW_FORCE * axis.weight_n();
-        is_bad.then(|| format!("the law fits badly: slow force of {}", self.slow_force()))
+        if is_bad {
+            return Some(format!("the law fits badly: slow force of {}", self.slow_force()));
+        }
+        let noise_m = libm::exp(fit.point[POSITION_NOISE]);
+        stated_noise_m.filter(|of_m| is_wrong_noise(noise_m, *of_m)).map(|of_m| noise_differs(0, noise_m, of_m))
     }
 
     /// The result in words, numbers and JSON.

@@ -191,7 +191,8 @@ fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
         }
     }
     let suspect = |(direction, [score, own]): (Direction, [f64; 2])| {
-        let (value, chi_square) = (score / own, score * score / own / nis);
+        // A gap and an iron path are the same in the model: rounding must not decide which is named first.
+        let (value, chi_square) = (score / own, f64::from((score * score / own / nis) as f32));
         let parameters = direction.iter().map(|(j, part)| (*j, part * value)).collect();
         let suspect = Suspect { parameters, std: (nis / own).sqrt(), chi_square };
         let is_open = |(j, _): &(usize, f64)| {
