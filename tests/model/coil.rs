@@ -218,21 +218,6 @@ fn a_step_of_voltage_follows_the_closed_form_up_to_the_limit() {
     }
 }
 
-#[test]
-fn an_open_circuit_carries_no_current() {
-    let coil = voltage(CoilConfig::default());
-    let plant = Plant::new(PlantConfig { coil, ..PlantConfig::default() }).expect("plant");
-    let mut state = plant.start(0.0);
-    let input = PlantInput { voltage_v: [20.0; 3], ..PlantInput::default() };
-    plant.advance(&mut state, &InputTrajectory::held(&input), 0.0, STEP_S).expect("advance");
-    assert!(state.measured.current_a.iter().all(|i| *i > 0.1));
-    state.open[1] = true;
-    plant.advance(&mut state, &InputTrajectory::held(&input), STEP_S, STEP_S).expect("advance");
-    assert_eq!(state.measured.current_a[1], 0.0);
-    assert_eq!(plant.outputs(&state, &input, 2.0 * STEP_S).force_n[1], 0.0);
-    assert!(state.measured.current_a[0] > 0.1);
-}
-
 /// In deep saturation Newton's iteration starts at the solution: `i = i_s (φ/φ_s)⁷`, and the force is proportional to `i^(2/7)`.
 /// Fails if the iteration stops when the value has converged but its derivatives have not.
 #[test]
