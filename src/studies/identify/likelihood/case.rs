@@ -52,7 +52,7 @@ pub(super) struct Case<'a> {
     pub pieces: Vec<Piece>,
     pub position_noise: f64,
     pub current_noise: f64,
-    /// Medians of both before the data.
+    /// Medians of both before the data: as stated, if they are.
     noise_median: [f64; 2],
     /// Variance of the logarithm of the current noise.
     pub noise_variance: f64,
@@ -248,7 +248,7 @@ pub(super) fn noise_step(case: &mut Case<'_>, sums: &Likelihoods) -> f64 {
     // Each ratio of the noises has a most likely common scale (logarithm), and with it a posterior.
     let at_ratio = |i: usize| {
         let ratio = (i as f64 - 1.0) * NOISE_STEP;
-        let [log_det, chi, _] = sums[i];
+        let (log_det, chi) = (sums[i][0], sums[i][1].max(f64::MIN_POSITIVE));
         let [position, current] = [deviations[0], deviations[1] + ratio];
         let (weight, moment) = (weights[0] + weights[1], weights[0] * position + weights[1] * current);
         // From below, Newton's method converges monotonically: the slope is convex.
