@@ -292,7 +292,7 @@ fn recordings_may_differ_in_noise_and_motion() {
 
 /// One noise level may be stated and the other estimated; a wrong one is named.
 #[test]
-fn one_noise_level_may_be_stated() {
+fn a_stated_noise_is_corrected_or_refused() {
     let samples = samples_of(&run([2e-6, 3e-2], 0.8).1);
     let answer = |noise: [f64; 2]| {
         let mut question = question(&samples, &[]);
