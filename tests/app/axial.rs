@@ -52,6 +52,17 @@ fn recordings_of_a_real_bench() {
         below("ks", (answer.operating[2].value / ks - 1.0).abs(), 0.04);
         assert!((1.09..1.25).contains(&answer.dynamics.value), "{run}: κ = {}", answer.dynamics.value);
     }
+    // The data tell the noise better than a statement; one that they contradict is refused.
+    for (stated_m, valid) in [(1e-5, true), (1e-3, false)] {
+        let mut bench = bench.clone();
+        bench.known[index("noise.position")] = Some(stated_m);
+        let answer = axial::answer(&bench, &recordings[2]).expect("an answer");
+        assert!(
+            answer.valid == valid && answer.verdict.contains("--position-noise is ") != valid,
+            "{}",
+            answer.verdict
+        );
+    }
     for (name, at, least) in [("ki", 1, 0.1), ("ks", 2, 0.4), ("ki/κ", 3, 0.4), ("ks/κ", 4, 0.1)] {
         let mean = answers.iter().map(|answer| answer.operating[at].value).sum::<f64>() / 5.0;
         let estimates = answers.iter().map(|answer| answer.operating[at]);

@@ -8,11 +8,11 @@ mod words;
 
 use nalgebra::DVector;
 
-pub(super) use self::judge::{implausible, is_wrong_noise, judge};
+pub(super) use self::judge::{implausible, judge, noise_differs};
 use self::judge::{moved, uncertain, wrong_noise};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::shown::shown;
-pub(super) use self::words::{constant_currents, dynamics_remark, noise_differs};
+pub(super) use self::words::{constant_currents, dynamics_remark};
 use super::agreement::{Check, Own, disagreement, marked_speed, other_unbalance, sentence};
 use super::diagnosis::{self, Proposals, Trial};
 use super::likelihood::{
@@ -347,7 +347,7 @@ pub(super) fn with_slow_force(recordings: &[Recording], options: &mut Options) -
     let plain = likelihood::identify(recordings, options);
     let rows = |of: &Identification| of.parts().map(|part| part.rows).sum::<usize>();
     let used: usize = recordings.iter().map(|recording| recording.used().count()).sum();
-    let is_worth_it = |gain: f64, rows: usize| gain > diagnosis::gain_by_chance(1, rows);
+    let is_worth_it = |gain: f64, rows: usize| gain > diagnosis::gain_by_chance(rows);
     let gains = |of: &Identification| is_worth_it(of.gain_by_slow_force, rows(of));
     // A slow force looks like changes of the load. In a comparison of descriptions, magnets that push decide.
     let is_needed = match &plain {

@@ -41,12 +41,12 @@ const AS_GOOD: f64 = 2.0 * VERY_STRONG;
 /// If the statements are true, the likelihood ratio of a fixed alternative has the expectation 1, so that it exceeds 1/p with a probability of at
 /// most p (Markov). One of the alternatives has one more parameter.
 fn needed_gain(alternatives: usize, rows: usize) -> f64 {
-    libm::log(alternatives as f64 / CHANCE) + gain_by_chance(1, rows)
+    libm::log(alternatives as f64 / CHANCE) + gain_by_chance(rows)
 }
 
-/// Gain in log-likelihood by parameters fitted to two coordinates in this number of rows: ½ ln N for each (Schwarz 1978).
-pub(super) fn gain_by_chance(parameters: usize, rows: usize) -> f64 {
-    0.5 * parameters as f64 * libm::log(2.0 * rows as f64)
+/// Gain in log-likelihood by a parameter fitted to the N readings of two coordinates in these rows: ½ ln N (Schwarz 1978).
+pub(super) fn gain_by_chance(rows: usize) -> f64 {
+    0.5 * libm::log(2.0 * rows as f64)
 }
 
 /// A recording with the statements about it.

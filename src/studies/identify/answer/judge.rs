@@ -1,11 +1,10 @@
 //! Why estimates are not valid.
 
-use super::words::{PARTS, called, noise_differs};
+use super::words::{PARTS, called};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    self, Change, Conditions, HARMONICS, Identification, Knowledge, Options, Part, PartResults, Recording, SILENT_A,
-    SILENT_M,
+    self, Change, Conditions, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
 };
 use crate::studies::identify::{Stated, significant};
 use crate::studies::statistics::range;
@@ -69,21 +68,25 @@ pub fn implausible(found: &Identification, all: &[Recording], machine: &Machine,
     None
 }
 
-/// Whether the data contradict a stated noise.
-pub fn is_wrong_noise(of_data: f64, stated: f64) -> bool {
-    !(1.0 / WRONG_NOISE..=WRONG_NOISE).contains(&(of_data / stated))
+/// Why a stated noise of the positions (0) or the currents (1) is wrong, if the data contradict it.
+pub fn noise_differs(at: usize, of_data: f64, stated: f64) -> Option<String> {
+    let (option, factor, unit) = [("--position-noise", 1e6, "µm"), ("--current-noise", 1e3, "mA")][at];
+    let is_wrong = !(1.0 / WRONG_NOISE..=WRONG_NOISE).contains(&(of_data / stated));
+    let [of_data, stated] = [of_data, stated].map(|value| significant(factor * value, 2));
+    is_wrong.then(|| {
+        format!("{option} is {stated} {unit}, but the noise of the data is {of_data} {unit}: leave the option out")
+    })
 }
 
-/// A stated noise that the data contradict, and whether theirs is smaller. With a noise stated four times too large, six of nine good recordings were valid,
+/// Why a stated noise is wrong, and whether that of the data is smaller. With a noise stated four times too large, six of nine good recordings were valid,
 /// three with errors of 5 to 7 standard deviations; if it is stated too small, the model may be wrong instead.
 pub(super) fn wrong_noise(found: &Identification, stated: &Stated) -> Option<(String, bool)> {
-    let of_part = |part: &PartResults| {
+    found.parts().find_map(|part| {
         let of_data = [part.position_noise_m, part.current_noise_a];
-        let is_wrong = |at: &usize| stated.noise[*at] > 0.0 && is_wrong_noise(of_data[*at], stated.noise[*at]);
-        let at = (0..2).find(is_wrong)?;
-        Some((noise_differs(at, of_data[at], stated.noise[at]), of_data[at] < stated.noise[at]))
-    };
-    found.parts().find_map(of_part)
+        (0..2)
+            .filter(|at| stated.noise[*at] > 0.0)
+            .find_map(|at| Some((noise_differs(at, of_data[at], stated.noise[at])?, of_data[at] < stated.noise[at])))
+    })
 }
 
 /// Why the search or a force constant is too uncertain, and advice that holds if the description of the bench is right.

@@ -89,13 +89,6 @@ pub fn constant_currents(current_a: &[Vec<f64>], machine: &Machine) -> Vec<Strin
     machine.of_magnets("im").into_iter().zip(current_a).filter_map(words).collect()
 }
 
-/// Why a noise of the positions (0) or the currents (1) that is stated is wrong.
-pub fn noise_differs(at: usize, of_data: f64, stated: f64) -> String {
-    let (option, factor, unit) = [("--position-noise", 1e6, "µm"), ("--current-noise", 1e3, "mA")][at];
-    let [of_data, stated] = [of_data, stated].map(|value| significant(factor * value, 2));
-    format!("{option} is {stated} {unit}, but the noise of the data is {of_data} {unit}: leave the option out")
-}
-
 /// The size of a delay with its standard deviation, and its direction.
 fn later(delay: Estimate) -> [String; 2] {
     [with_std(delay.value.abs(), delay.total_std), if delay.value > 0.0 { "later" } else { "earlier" }.to_owned()]

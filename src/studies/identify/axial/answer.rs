@@ -13,7 +13,7 @@ use crate::bearing::array;
 use crate::estimation::{Hold, STD_LIMIT};
 use crate::simulation::{Column, Recording};
 use crate::studies::identify::agreement::{Check, disagreement, rows_ahead, sentence};
-use crate::studies::identify::answer::{constant_currents, dynamics_remark, is_wrong_noise, noise_differs};
+use crate::studies::identify::answer::{constant_currents, dynamics_remark, noise_differs};
 use crate::studies::identify::diagnosis::MEANINGS;
 use crate::studies::identify::likelihood::Estimate;
 use crate::studies::identify::{Samples, Statement, significant, time};
@@ -293,7 +293,7 @@ impl Answer {
             return Some(format!("the law fits badly: slow force of {}", self.slow_force()));
         }
         let noise_m = libm::exp(fit.point[POSITION_NOISE]);
-        stated_noise_m.filter(|of_m| is_wrong_noise(noise_m, *of_m)).map(|of_m| noise_differs(0, noise_m, of_m))
+        stated_noise_m.and_then(|stated_m| noise_differs(0, noise_m, stated_m))
     }
 
     /// The result in words, numbers and JSON.
