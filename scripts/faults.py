@@ -61,13 +61,13 @@ class Amplifier:
         return self.current
 
 
-def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, push_s=0.0, amplifier_s=(0.0, 0.0, 0.0), salt=0):
+def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1.0, 1.0, 1.0), slow_force=0.0, push_s=0.0, amplifier_s=(0.0, 0.0, 0.0), backward_n=0.0, salt=0):
     """A recording of each seed. All bearings are integrated together.
 
     A PID controller with feed-forward keeps the rotor on an ellipse; forces are converted to currents with the measured gap and a guess of λ.
     A command of sample k is held from k + 1 to k + 2. λ2 changes by the fraction `step_of_lambda` in the middle; the amplifiers saturate at the
     fraction `limit_a` of the largest current of the first turns, and the currents follow the commands with a delay and two lags: `amplifier_s`.
-    A force of its weight along y, half of that along z, pushes the rotor for `push_s` from 0.6 s on.
+    A force of its weight along y, half of that along z, pushes the rotor for `push_s` from 0.6 s on. `backward_n` turns against the rotor.
     """
     draws = [np.random.default_rng([seed, 1]) for seed in seeds]
     noise = [np.random.default_rng([seed, 2, salt]) for seed in seeds]
@@ -97,7 +97,8 @@ def simulate(seeds, duration_s=1.0, step_of_lambda=0.0, limit_a=np.inf, scale=(1
         force = np.einsum("nak,nk->na", e, lambdas * (current / gaps) ** 2) + load + slow
         turned = omega * time + phase + angle
         whirl = (unbalance * omega**2)[:, None] * np.stack([np.cos(turned), np.sin(turned)], axis=1)
-        return (force + whirl) / mass[:, None]
+        backward = backward_n * np.stack([np.cos(turned), -np.sin(turned)], axis=1)
+        return (force + whirl + backward) / mass[:, None]
 
     position, velocity = path(0.0)[0], (path(1e-7)[0] - path(-1e-7)[0]) / 2e-7
     integral, filtered, slow = np.zeros((count, 2)), position.copy(), np.zeros((count, 2))
@@ -281,6 +282,8 @@ FAULTS = [
     Fault("no angle and speed", valid=False, cause="neither angle nor speed", columns=BLIND),
     Fault("λ2 of another recording +5 %", valid=False, cause="recordings differ: λ2", world=(("scale", (1.0, 1.05, 1.0)),)),
     Fault("a position drifts by 5 µm", drifting, False, "sensors drift"),
+    Fault("a backward force of 0.5 N", valid=False, cause="force.backward", world=(("backward_n", 0.5),)),
+    Fault("the same, --tolerance force.backward=2N", world=(("backward_n", 0.5),), options=lambda _: ["--tolerance", "force.backward=2N"]),
 ]
 
 

@@ -141,6 +141,24 @@ fn the_hold_is_found() {
     assert!(errors.iter().all(|error| error.abs() < 4e-3), "{errors:?}");
 }
 
+/// The paper's simulation has a force that turns against the rotor. The meaning of its currents is found only together with that force.
+#[test]
+fn the_backward_force_of_the_paper_is_named_and_estimated() {
+    let exact = simulated(&open("paper", &[]));
+    let answer = |tolerances: &[(&str, &str)]| {
+        let Question { stated, .. } = question(&exact, tolerances);
+        let holds = Holds::of(&exact, &stated);
+        let question =
+            Question { stated: stated.read_as(holds.most_likely()), holds: Some(holds), ..question(&exact, &[]) };
+        identify::answer(std::slice::from_ref(&exact), question)
+    };
+    is_refused(
+        &answer(&[]),
+        "--estimate force.backward; force.backward.cos by about -1 N; force.backward.sin by about 1 N",
+    );
+    is_right("with a tolerance", &answer(&[("force.backward", "2N")]));
+}
+
 /// A lag worth only 2.7 in log-likelihood on the stretch moved λ by 20 of its deviations over the whole recording.
 #[test]
 fn a_lag_counts_only_if_it_explains_more_than_chance() {

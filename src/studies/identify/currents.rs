@@ -1,9 +1,8 @@
 //! Meaning of the current samples, decided by likelihood.
 
 use super::diagnosis::{self, Trial};
-use super::likelihood::{DELAY, DYNAMICS, Hold, Knowledge, LAG, Options};
+use super::likelihood::{Hold, Options};
 use super::samples::Samples;
-use super::tolerance::plain;
 use super::units::significant;
 use super::{Stated, answer};
 use crate::bearing::array;
@@ -52,18 +51,14 @@ const MEASURED: Currents = Currents { hold: Hold::HeldBefore, lag: false };
 pub struct Holds(pub [(Currents, f64); 5]);
 
 impl Holds {
-    /// Compares the meanings on a bench that is as stated except for the dynamics and the lag of the currents, or else the delay of the positions.
+    /// Compares the meanings with what is stated about the bench.
     pub fn of(samples: &Samples, stated: &Stated) -> Self {
         let of = answer::recording(samples, stated, stated.hold);
         let trial = |at: usize| {
             let currents = MEANINGS[at];
             let stated = stated.clone().read_as(currents);
             let recording = answer::read_as(&of, samples, &stated, currents.hold);
-            let mut options =
-                Options { parts: stated.parts, slow_force: false, excludes_rows: true, corrects_bias: true };
-            let kept = [if currents.lag { LAG } else { DELAY }, DYNAMICS];
-            let others = options.bench().filter(|of| !kept.contains(&plain(&of.name)));
-            others.for_each(|of| of.knowledge = Knowledge::Exact);
+            let options = Options { parts: stated.parts, slow_force: false, excludes_rows: true, corrects_bias: true };
             Trial { recording, options, machine: stated.machine, bearing: 0 }
         };
         let deficits: [f64; MEANINGS.len()] = diagnosis::holds(trial);
@@ -97,8 +92,9 @@ impl Holds {
         self.deficit(of).is_some_and(|deficit| deficit < most)
     }
 
-    /// The most likely one, if any fits.
+    /// The most likely one, if any without a lag fits. Where only a lag lets the search converge, something else is wrong.
     fn best(&self) -> Option<Currents> {
+        self.without_lag().next()?;
         self.ranked().first().copied()
     }
 

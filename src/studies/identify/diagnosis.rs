@@ -159,6 +159,7 @@ pub(super) const MEANINGS: [Meaning; 3] = [BEFORE, AFTER, CONTINUOUS];
 const EACH: [usize; 4] = [0, 1, 2, 3];
 const SWAP: &str = "exchange Ym and Zm (--column)";
 const MIRROR: &str = "reverse the sign of the sensor";
+const BACKWARD: &str = "--estimate force.backward";
 const GAINS: &str = "--estimate sensor.gain --estimate sensor.gainDifference";
 const COLUMNS: &str = "exchange their columns (--column)";
 const ORDER: &str = "exchange the currents (--column), or the angles alpha";
@@ -218,6 +219,7 @@ const ALTERNATIVES: &[Alternative] = &[
     (All, "the speed differs", |t| drift(&t.recording).into_iter().for_each(|[off, ..]| rotate(t, 1.0 + off)), SPEED),
     (All, "the loads differ", |t| t.options.parts.iter_mut().for_each(|part| part.settings.load_n.clear()), LOADS),
     (All, "the gap differs", |t| free(t, &["s"]), "--estimate s"),
+    (All, "a force turns against the rotor", |t| free(t, &["force.backward.cos", "force.backward.sin"]), BACKWARD),
     (Shaft, "the moments of inertia differ", |t| free(t, &["Jt", "Jp"]), "--estimate Jt --estimate Jp"),
     (Shaft, "the magnets are elsewhere along the shaft", |t| free(t, &["position"]), "--estimate position"),
     (Shaft, "the sensors are elsewhere along the shaft", |t| free(t, &["sensorPosition"]), "--estimate sensorPosition"),
