@@ -176,7 +176,7 @@ pub fn judge(found: &Identification, all: &[Recording], machine: &Machine, parts
 }
 
 /// Why the estimates are not valid: with what the residuals call for most, another identification finds other force
-/// constants. (A step from a distant stated value does not show it: commands of amplifiers with a lag of 20 µs, taken for continuous
+/// constants, or is not valid itself. (A step from a distant stated value does not show it: commands of amplifiers with a lag of 20 µs, taken for continuous
 /// currents, gave λ 20 % off, by 15 standard deviations; `scripts/faults.py`, seed 19006.)
 pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options, stated: &Stated) -> Option<String> {
     let suspect = found.suspects.first().filter(|_| !is_silent(found))?;
@@ -186,11 +186,14 @@ pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options
     }
     let other = likelihood::identify(all, &options).ok().filter(|other| other.converged)?;
     let shift = |k: usize| (other.lambda[k].value - found.lambda[k].value).abs();
-    let k = (0..found.lambda.len()).find(|k| shift(*k) > SUSPECTED * found.lambda[*k].total_std)?;
+    let moved = (0..found.lambda.len()).find(|k| shift(*k) > SUSPECTED * found.lambda[*k].total_std).map(|k| {
+        let lambda = &stated.machine.symbols("λ")[k];
+        format!("with it {lambda} differs by {} %", significant(100.0 * shift(k) / found.lambda[k].value, 2))
+    });
+    let still = || judge(&other, all, stated.machine, &options.parts).map(|why| format!("if it is estimated, {why}"));
+    let why = moved.or_else(still)?;
     let [name, description] = called(found, suspect);
-    let lambda = &stated.machine.symbols("λ")[k];
-    let percent = significant(100.0 * shift(k) / found.lambda[k].value, 2);
-    Some(format!("the residuals call most for {name} ({description}), and with it {lambda} differs by {percent} %"))
+    Some(format!("the residuals call most for {name} ({description}), and {why}"))
 }
 
 /// The harmonics of the shaft in the residuals of a recording: number, axis, and amplitude relative to the noise of one innovation.
