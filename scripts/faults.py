@@ -224,6 +224,23 @@ def drifting(recording):
     return rows
 
 
+def shifted(recording):
+    """Both position sensors have offsets of 30 µm, with either sign."""
+    rows = recording.rows.copy()
+    rows[:, POSITIONS] += recording.random.choice([-3e-5, 3e-5], 2)
+    return rows
+
+
+def typical(recording):
+    """Offsets, gains and directions of the sensors are off as on a typical bench."""
+    rows, normal = recording.rows.copy(), recording.random.standard_normal
+    turn, skew = np.radians(0.5) * normal(2)
+    across = np.array([[0.0, skew - turn], [skew + turn, 0.0]])
+    rows[:, POSITIONS] = rows[:, POSITIONS] @ (np.diag(1 + 0.007 * normal(2)) + across).T + 5e-6 * normal(2)
+    rows[:, CURRENTS] = rows[:, CURRENTS] * (1 + 0.005 * normal(3)) + 0.005 * normal(3)
+    return rows
+
+
 def plain(recording):
     return recording.rows
 
@@ -282,6 +299,9 @@ FAULTS = [
     Fault("no angle and speed", valid=False, cause="neither angle nor speed", columns=BLIND),
     Fault("λ2 of another recording +5 %", valid=False, cause="recordings differ: λ2", world=(("scale", (1.0, 1.05, 1.0)),)),
     Fault("a position drifts by 5 µm", drifting, False, "sensors drift"),
+    Fault("position offsets of 30 µm", shifted, False, r"call (most )?for"),
+    Fault("the same, --tolerance sensor.offset=30um", shifted, options=lambda _: ["--tolerance", "sensor.offset=30um"]),
+    Fault("sensors of a typical bench, --tolerance all=typical", typical, options=lambda _: ["--tolerance", "all=typical"]),
     Fault("a backward force of 0.5 N", valid=False, cause="force.backward", world=(("backward_n", 0.5),)),
     Fault("the same, --tolerance force.backward=2N", world=(("backward_n", 0.5),), options=lambda _: ["--tolerance", "force.backward=2N"]),
 ]

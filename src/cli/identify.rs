@@ -103,7 +103,8 @@ pub struct Arguments {
     method: String,
     /// Standard deviation of a parameter of the bench, with its unit: s=2%, s=10um, m=0.05kg, alpha=1deg,
     /// sensor.offset=5um, sensor.gain=0.5%, current.gain=0.5%, delay=20us (can be repeated; also as a table [tolerance] in
-    /// the scenario); of an axis also of its load: pX=5mN. The parameter is then estimated as well.
+    /// the scenario); of an axis also of its load: pX=5mN. The parameter is then estimated as well. NAME=typical is that of a typical bench, all=typical
+    /// gives every parameter its own.
     #[arg(long = "tolerance", value_name = "NAME=VALUE", value_parser = pair)]
     tolerances: Vec<Pair>,
     /// A parameter of the bench of which nothing is known, to be estimated as well (can be repeated); or force.slow, a force that wanders, whatever the

@@ -95,7 +95,7 @@ fn first(Results { recordings, answer, statements, summary, .. }: &Results) -> M
                 p.soft {
                     "Maximum likelihood over the whole recording, in 10⁻⁶ N·m²/A²; ± is one standard deviation, stated tolerances included."
                     " With a typical bench where no tolerance is stated: ± "
-                    (found.typical().iter().map(|std| format!("{:.1}", 100.0 * std)).collect::<Vec<_>>().join(", ")) " %."
+                    (found.typical_std.iter().map(|std| format!("{:.1}", 100.0 * std)).collect::<Vec<_>>().join(", ")) " %."
                 }
             }
             p { (statement.assumptions) }

@@ -9,7 +9,7 @@ mod words;
 use nalgebra::DVector;
 
 pub(super) use self::judge::{implausible, judge, noise_differs};
-use self::judge::{moved, uncertain, wrong_noise};
+use self::judge::{uncertain, wrong_noise};
 pub(super) use self::recorded::{read_as, recording};
 pub(super) use self::shown::shown;
 pub(super) use self::words::{constant_currents, dynamics_remark};
@@ -280,8 +280,7 @@ fn refusal(identified: &Identified, all: &[Recording], options: &Options, questi
         Err(failed) => Some([failed.to_string(), String::new()]),
         Ok(found) => {
             let against = question.holds.and_then(|holds| holds.against(stated.currents()));
-            let plain =
-                || judge(found, all, stated.machine, &stated.parts).or_else(|| moved(found, all, options, stated));
+            let plain = || judge(found, all, stated.machine, &stated.parts);
             against.or_else(|| uncertain(found, all, stated)).or_else(|| Some([plain()?, String::new()]))
         }
     };

@@ -327,14 +327,14 @@ pub struct BenchEstimate {
 /// Smallest contribution to ± of λ that is displayed.
 const MIN_SHOWN: f64 = 5e-5;
 
-/// A bench parameter that the residuals call for, or the two that are the gain of one position sensor.
+/// A bench parameter that the residuals call for, the two that are the gain of one position sensor, or several together.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Suspect {
     /// Indices in [`Identification::bench`], with the value after one step from the stated one, in the unit of the parameter.
     pub parameters: Vec<(usize, f64)>,
-    /// Standard deviation of each value.
+    /// Standard deviation of each value; NaN if they differ.
     pub std: f64,
-    /// Decrease of the χ² of the innovations (Lagrange multiplier test; 1 by chance).
+    /// Decrease of the χ² of the innovations (Lagrange multiplier test) with the tolerances of a typical bench.
     pub chi_square: f64,
 }
 
@@ -401,6 +401,8 @@ impl Unbalance {
 pub struct Identification {
     /// Force constants, N·m²/A².
     pub lambda: Vec<Estimate>,
+    /// Relative standard deviations of the force constants with the tolerances of a typical bench where none is stated.
+    pub typical_std: Vec<f64>,
     /// Covariance of the force constants due to noise and tolerances.
     pub lambda_covariance: DMatrix<f64>,
     /// By plane.
@@ -409,8 +411,10 @@ pub struct Identification {
     pub conditions: Vec<Conditions>,
     /// By bench parameter.
     pub bench: Vec<BenchEstimate>,
-    /// Bench parameters that the residuals call for, strongest first.
+    /// Bench parameters that the residuals call for, those first that explain most with the tolerances of a typical bench.
     pub suspects: Vec<Suspect>,
+    /// All bench parameters that are not estimated, if the residuals call for them together, with the tolerances of a typical bench.
+    pub together: Option<Suspect>,
     /// Sections inconsistent with the others.
     pub contradictions: Vec<Contradiction>,
     /// Whether the covariance comes from the scores of blocks of the recording (heteroscedasticity- and autocorrelation-consistent, Newey and West
@@ -447,9 +451,8 @@ impl Identification {
     /// Budget entries to display for the magnets of a bearing; with several bearings, the relevant ones.
     pub fn budget_of(&self, bearing: &Bearing, magnets: &Range<usize>) -> impl Iterator<Item = &BenchEstimate> {
         self.bench.iter().filter(|line| {
-            let is_usual = line.parameter.is_uncertain() || line.parameter.in_typical_bench;
-            let counts = || line.contribution[magnets.clone()].iter().any(|part| *part >= MIN_SHOWN);
-            is_usual && (bearing.prefix.is_empty() || counts())
+            line.parameter.is_uncertain() && bearing.prefix.is_empty()
+                || line.contribution[magnets.clone()].iter().any(|part| *part >= MIN_SHOWN)
         })
     }
 
@@ -475,6 +478,7 @@ impl Identification {
         self.lambda_covariance += &moved * moved.transpose();
         for (k, moved) in moved.iter().enumerate() {
             let relative = moved / self.lambda[k].value;
+            self.typical_std[k] = self.typical_std[k].hypot(relative);
             let of_recordings = self.conditions.iter_mut().flat_map(|of| [&mut of.ki_n_a[k], &mut of.ks_n_m[k]]);
             for estimate in of_recordings.chain([&mut self.lambda[k]]) {
                 let std = relative * estimate.value;
@@ -500,6 +504,7 @@ impl Identification {
         self.lambda_covariance.resize_mut(before + after, before + after, 0.0);
         self.lambda_covariance.view_mut((before, before), (after, after)).copy_from(&other.lambda_covariance);
         self.lambda.extend(other.lambda);
+        self.typical_std.extend(other.typical_std);
         self.unbalance.extend(other.unbalance);
         for (own, of) in self.conditions.iter_mut().zip(other.conditions) {
             own.load_n.extend(of.load_n);
@@ -516,6 +521,14 @@ impl Identification {
             self.suspects.push(suspect);
         }
         self.suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
+        if let Some(mut all) = other.together {
+            all.parameters.iter_mut().for_each(|(at, _)| *at += parameters);
+            if let Some(own) = self.together.take() {
+                all.parameters.extend(own.parameters);
+                all.chi_square += own.chi_square;
+            }
+            self.together = Some(all);
+        }
         let contradictions = other.contradictions.into_iter();
         self.contradictions.extend(contradictions.map(|of| Contradiction { part: of.part + parts, ..of }));
         self.covariance_from_scores |= other.covariance_from_scores;

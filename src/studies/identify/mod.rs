@@ -25,7 +25,7 @@ use serde_json::{Value as Json, json};
 pub use self::agreement::Check;
 pub use self::answer::{Answer, Question, answer};
 pub use self::currents::{Currents, Holds};
-pub use self::tolerance::{named, of_estimator, quantity, tolerance};
+pub use self::tolerance::{ALL, named, of_estimator, quantity, tolerance};
 pub use self::track::{Track, recording, statement, track};
 pub use self::twin::Twin;
 

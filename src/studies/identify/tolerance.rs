@@ -65,6 +65,11 @@ pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
     all.filter(|(_, std)| *std > 0.0).collect()
 }
 
+/// Name of all bench parameters together.
+pub const ALL: &str = "all";
+/// The tolerance of a typical bench.
+const TYPICAL: &str = "typical";
+
 /// The parameters that a tolerance applies to, with its value in their unit. Absolute tolerances of masses, gaps and moments of inertia are
 /// divided by the stated values.
 ///
@@ -72,7 +77,13 @@ pub fn of_estimator(stated: &Stated, estimator: &Element) -> Vec<(usize, f64)> {
 /// The expected form.
 pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize, f64)>, String> {
     let parameters = stated.parameters();
-    let meant = named(&parameters, name)?;
+    let meant = if name == ALL { (0..parameters.len()).collect() } else { named(&parameters, name)? };
+    if value == TYPICAL {
+        return Ok(meant.into_iter().map(|at| (at, parameters[at].typical)).collect());
+    }
+    if name == ALL {
+        return Err(format!("tolerance {name}={value}: expected {ALL}={TYPICAL}"));
+    }
     let own = parameters[meant[0]].unit;
     let absolute = match plain(&parameters[meant[0]].name) {
         "m" => "kg",

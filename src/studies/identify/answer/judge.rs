@@ -1,10 +1,10 @@
 //! Why estimates are not valid.
 
-use super::words::{PARTS, called};
+use super::words::{PARTS, called, together};
 use crate::estimation::STD_LIMIT;
 use crate::machine::Machine;
 use crate::studies::identify::likelihood::{
-    self, Change, Conditions, HARMONICS, Identification, Knowledge, Options, Part, Recording, SILENT_A, SILENT_M,
+    self, Change, Conditions, HARMONICS, Identification, Part, PartResults, Recording, SILENT_A, SILENT_M, Suspect,
 };
 use crate::studies::identify::{Stated, significant};
 use crate::studies::statistics::range;
@@ -132,18 +132,19 @@ pub fn judge(found: &Identification, all: &[Recording], machine: &Machine, parts
             ));
         }
     }
-    for suspect in found.suspects.iter().filter(|_| !silent) {
-        for (k, (name, lambda)) in names.iter().zip(&found.lambda).enumerate() {
+    let differs = |suspect: &Suspect| {
+        found.lambda.iter().enumerate().find_map(|(k, lambda)| {
             let shift = suspect.parameters.iter().map(|(j, value)| found.bench[*j].sensitivity[k] * value).sum::<f64>();
-            if shift.abs() * lambda.value > SUSPECTED * lambda.total_std {
-                let ([most, _], [this, description]) = (called(found, &found.suspects[0]), called(found, suspect));
-                let most = if most == this { String::new() } else { format!("most for {most}, then ") };
-                let percent = significant(100.0 * shift.abs(), 2);
-                return Some(format!(
-                    "the residuals call {most}for {this} ({description}), and with it {name} would differ by {percent} %"
-                ));
-            }
-        }
+            let percent = || format!("{} would differ by {} %", names[k], significant(100.0 * shift.abs(), 2));
+            (shift.abs() * lambda.value > SUSPECTED * lambda.total_std).then(percent)
+        })
+    };
+    if let Some((suspect, differs)) =
+        found.suspects.iter().filter(|_| !silent).find_map(|suspect| Some((suspect, differs(suspect)?)))
+    {
+        let ([most, _], [this, description]) = (called(found, &found.suspects[0]), called(found, suspect));
+        let most = if most == this { String::new() } else { format!("most for {most}, then ") };
+        return Some(format!("the residuals call {most}for {this} ({description}), and with it {differs}"));
     }
     let mut present = found.conditions.iter().filter(|_| !silent).flat_map(harmonics);
     if let Some((n, axis, amplitude)) = present.find(|(.., amplitude)| *amplitude > HARMONIC) {
@@ -152,18 +153,21 @@ pub fn judge(found: &Identification, all: &[Recording], machine: &Machine, parts
             "the residuals of {name} contain harmonic {n} of the rotor, {times} times the noise: the model lacks a synchronous effect"
         ));
     }
+    let is_exact = |of: &&PartResults| of.position_noise_m < SILENT_M && of.current_noise_a >= SILENT_A;
+    if let Some(part) = found.parts().find(is_exact) {
+        let noise_ma = significant(1e3 * part.current_noise_a, 2);
+        return Some(format!(
+            "the positions are exact, but the forces have errors like {noise_ma} mA of current noise: the bench is not as stated, or this is a \
+             simulation whose positions need noise of some nanometres too"
+        ));
+    }
+    if let Some(differs) = found.together.as_ref().filter(|_| !silent).and_then(differs) {
+        return Some(format!("{}, and with them {differs}: --tolerance all=typical", together(found)));
+    }
     for conditions in &found.conditions {
         for (part, Part { body, .. }) in conditions.parts.iter().zip(parts) {
             let chance = 6.0 / ((body.coordinates() * part.rows) as f64).sqrt();
-            if part.position_noise_m < SILENT_M {
-                if part.current_noise_a >= SILENT_A {
-                    let noise_ma = significant(1e3 * part.current_noise_a, 2);
-                    return Some(format!(
-                        "the positions are exact, but the forces have errors like {noise_ma} mA of current noise: the bench is not as stated, or \
-                         this is a simulation whose positions need noise of some nanometres too"
-                    ));
-                }
-            } else if part.correlation.abs() > COLOURED.max(chance) {
+            if part.position_noise_m >= SILENT_M && part.correlation.abs() > COLOURED.max(chance) {
                 let correlation = significant(part.correlation, 2);
                 return Some(format!(
                     "the residuals are autocorrelated (neighbouring samples: {correlation}): the model misses some of the motion, \
@@ -173,27 +177,6 @@ pub fn judge(found: &Identification, all: &[Recording], machine: &Machine, parts
         }
     }
     None
-}
-
-/// Why the estimates are not valid: with what the residuals call for most, another identification finds other force
-/// constants, or is not valid itself. (A step from a distant stated value does not show it: commands of amplifiers with a lag of 20 µs, taken for continuous
-/// currents, gave λ 20 % off, by 15 standard deviations; `scripts/faults.py`, seed 19006.)
-pub(super) fn moved(found: &Identification, all: &[Recording], options: &Options, stated: &Stated) -> Option<String> {
-    let suspect = found.suspects.first().filter(|_| !is_silent(found))?;
-    let mut options = options.clone();
-    for (j, _) in &suspect.parameters {
-        options.bench().nth(*j)?.knowledge = Knowledge::Free;
-    }
-    let other = likelihood::identify(all, &options).ok().filter(|other| other.converged)?;
-    let shift = |k: usize| (other.lambda[k].value - found.lambda[k].value).abs();
-    let moved = (0..found.lambda.len()).find(|k| shift(*k) > SUSPECTED * found.lambda[*k].total_std).map(|k| {
-        let lambda = &stated.machine.symbols("λ")[k];
-        format!("with it {lambda} differs by {} %", significant(100.0 * shift(k) / found.lambda[k].value, 2))
-    });
-    let still = || judge(&other, all, stated.machine, &options.parts).map(|why| format!("if it is estimated, {why}"));
-    let why = moved.or_else(still)?;
-    let [name, description] = called(found, suspect);
-    Some(format!("the residuals call most for {name} ({description}), and {why}"))
 }
 
 /// The harmonics of the shaft in the residuals of a recording: number, axis, and amplitude relative to the noise of one innovation.

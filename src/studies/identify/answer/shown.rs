@@ -29,19 +29,6 @@ pub fn shown(parameter: &BenchParameter) -> (f64, &'static str) {
     }
 }
 
-impl Identification {
-    /// Relative standard deviations of λ with a typical bench where no tolerance is stated.
-    pub fn typical(&self) -> Vec<f64> {
-        let is_hidden = |line: &&BenchEstimate| !line.parameter.is_uncertain() && line.parameter.in_typical_bench;
-        let of_magnet = |(k, lambda): (usize, &likelihood::Estimate)| {
-            let own = lambda.total_std / lambda.value.abs();
-            let unstated = self.bench.iter().filter(is_hidden).map(|line| line.contribution[k]);
-            unstated.fold(own * own, |sum, part| sum + part * part).sqrt()
-        };
-        self.lambda.iter().enumerate().map(of_magnet).collect()
-    }
-}
-
 impl Answer {
     /// The answer in words, numbers and JSON.
     pub fn statement(&self) -> Statement {
@@ -83,7 +70,6 @@ impl Answer {
     }
 
     fn estimates(&self, found: &Identification) -> Table {
-        let typical = found.typical();
         let row = |name: String, of: &likelihood::Estimate, factor: f64, unit: &str, typical: Option<f64>| {
             let [value, noise, total] = of.cells(factor);
             let typical = typical.map_or(String::new(), |std| significant(std / factor, 2));
@@ -91,7 +77,9 @@ impl Answer {
         };
         let stated = &self.question.stated;
         let mut rows = Vec::new();
-        for ((name, lambda), typical) in stated.machine.symbols("λ").into_iter().zip(&found.lambda).zip(typical) {
+        for ((name, lambda), typical) in
+            stated.machine.symbols("λ").into_iter().zip(&found.lambda).zip(&found.typical_std)
+        {
             rows.push(row(name, lambda, 1e-6, "10⁻⁶ N·m²/A²", Some(typical * lambda.value.abs())));
         }
         for (plane, unbalance) in (1..).zip(&found.unbalance) {
@@ -125,7 +113,7 @@ impl Answer {
             }
         }
         let note = "± is one standard deviation: of noise alone; in all, with the stated tolerances; and with those of a typical \
-                    bench where none is stated (s ±1 %, angles ±0.5°, offsets ±5 µm, gains ±0.5 %, mass ±1 %).";
+                    bench where none is stated (--tolerance all=typical).";
         let head = ["", "value", "± of noise", "± in all", "± typical bench", ""];
         Table::new("Maximum likelihood over the whole recording", note, head, rows)
     }
@@ -138,7 +126,6 @@ impl Answer {
         let per = |of: &[likelihood::Estimate], part: fn(&likelihood::Estimate) -> f64| -> Vec<f64> {
             of.iter().map(part).collect()
         };
-        let typical = found.typical();
         let estimated = found.bench.iter().filter(|of| of.estimated);
         let bench = estimated.map(|of| (of.parameter.name.clone(), of.estimate.json()));
         let budget = found.bench.iter().map(|line| {
@@ -186,7 +173,7 @@ impl Answer {
             "valid": self.valid, "verdict": self.verdict, "findings": self.findings,
             "lambdaHat": per(&found.lambda, |of| of.value), "lambdaStd": per(&found.lambda, |of| of.noise_std),
             "lambdaStdTotal": per(&found.lambda, |of| of.total_std),
-            "lambdaStdTypical": typical.iter().zip(&found.lambda).map(|(part, of)| part * of.value.abs()).collect::<Vec<_>>(),
+            "lambdaStdTypical": found.typical_std.iter().zip(&found.lambda).map(|(part, of)| part * of.value.abs()).collect::<Vec<_>>(),
             "magnets": stated.machine.of_magnets("lambda"),
             "unbalance": one_or_all(found.unbalance.iter().map(unbalance).collect()),
             "stated": stated.json(), "noise": noise(&found.conditions[0]),

@@ -66,7 +66,7 @@ const UNUSUAL: f64 = 10.0;
 /// A remark on an estimated parameter that is far from its stated value.
 fn unusual(BenchEstimate { parameter, estimate, estimated, .. }: &BenchEstimate) -> Option<String> {
     let times = estimate.value.abs() / parameter.typical;
-    let is_unusual = *estimated && parameter.in_typical_bench && times > UNUSUAL;
+    let is_unusual = *estimated && times > UNUSUAL;
     let (name, (factor, unit)) = (&parameter.name, shown(parameter));
     let [value, times] = [estimate.value / factor, times].map(|of| significant(of, 2));
     is_unusual.then(|| {
@@ -179,6 +179,20 @@ pub(super) fn called(found: &Identification, suspect: &Suspect) -> [String; 2] {
         _ => parameter(&suspect.parameters[0]).description.clone(),
     };
     [names.join(" and "), description]
+}
+
+/// The clause on what the residuals call for together, with the largest errors in typical tolerances.
+pub(super) fn together(found: &Identification) -> String {
+    let Some(Suspect { parameters, chi_square, .. }) = &found.together else { return String::new() };
+    let mut sorted = parameters.clone();
+    let size = |(j, value): &(usize, f64)| (value / found.bench[*j].parameter.typical).abs();
+    sorted.sort_by(|a, b| size(b).total_cmp(&size(a)));
+    let names: Vec<&str> = sorted.iter().take(3).map(|(j, _)| &*found.bench[*j].parameter.name).collect();
+    let chi_square = significant(*chi_square, 2);
+    format!(
+        "the residuals call for several small errors of the bench at once, most for {} (χ² {chi_square})",
+        names.join(", ")
+    )
 }
 
 /// The sentence on what the residuals call for, with the options to estimate it.

@@ -29,10 +29,8 @@ pub struct BenchParameter {
     /// SI unit; `1` for a relative error.
     pub unit: &'static str,
     /// Standard deviation on a typical bench, in `unit`: the scale of the parameter, and the basis of its contribution to the budget if no
-    /// tolerance is stated. Gap 1 %, angles 0.5°, offsets 5 µm and gains 0.5 % are those of a careful assembly.
+    /// tolerance is stated. Gap 1 %, angles 0.5°, offsets 5 µm and 5 mA, and gains 0.5 % are those of a careful assembly.
     pub typical: f64,
-    /// Whether a typical bench has it at all: its contribution is then in the budget without being requested.
-    pub in_typical_bench: bool,
     /// Description, for tables.
     pub description: String,
     /// How well it is known.
@@ -67,44 +65,44 @@ enum Scope {
     Axial,
 }
 
-/// Scope, name, unit, typical tolerance, whether a typical bench has it, and description; `{}` in a name stands for the number of each magnet.
-type Row = (Scope, &'static str, &'static str, f64, bool, &'static str);
+/// Scope, name, unit, typical tolerance and description; `{}` in a name stands for the number of each magnet.
+type Row = (Scope, &'static str, &'static str, f64, &'static str);
 
 /// All parameters, in the order of their indices.
 const PARAMETERS: [Row; 33] = [
-    (Machine, "m", "1", 0.01, true, "mass of the rotor, relative"),
-    (Bearing, "s", "1", 0.01, true, "nominal gap, relative"),
-    (Radial, "alpha[{}]", "rad", HALF_DEGREE, true, "angle of magnet {}"),
-    (Radial, "sensor.offset[y]", "m", 5e-6, true, "offset of the position sensor y"),
-    (Radial, "sensor.offset[z]", "m", 5e-6, true, "offset of the position sensor z"),
-    (Axial, "sensor.offset", "m", 5e-6, true, "offset of the position sensor"),
-    (Radial, "sensor.gain", "1", 0.005, true, "common gain of the position sensors"),
-    (Radial, GAIN_DIFFERENCE, "1", 0.005, true, "half the difference of the gains of the sensors y and z"),
-    (Axial, "sensor.gain", "1", 0.005, true, "gain of the position sensor"),
-    (Radial, "sensor.rotation", "rad", HALF_DEGREE, false, "rotation of the sensors about the shaft"),
-    (Radial, "sensor.skew", "rad", HALF_DEGREE, false, "half of what the sensors y and z lack to 90° between them"),
-    (Machine, DELAY, "s", 2e-5, false, "positions later than currents"),
-    (Radial, "runout1.forward.cos", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    (Radial, "runout1.forward.sin", "m", 1e-6, false, "run-out, once per turn, turning with the shaft"),
-    (Radial, "runout1.backward.cos", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    (Radial, "runout1.backward.sin", "m", 1e-6, false, "run-out, once per turn, turning against the shaft"),
-    (Radial, "runout2.y.cos", "m", 1e-6, false, "run-out in y, twice per turn"),
-    (Radial, "runout2.y.sin", "m", 1e-6, false, "run-out in y, twice per turn"),
-    (Radial, "runout2.z.cos", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Radial, "runout2.z.sin", "m", 1e-6, false, "run-out in z, twice per turn"),
-    (Bearing, "current.offset[{}]", "A", 0.005, false, "offset of the current sensor {}"),
-    (Bearing, "current.gain[{}]", "1", 0.005, true, "gain of the current sensor {}"),
-    (Bearing, IRON, "m", 5e-6, false, "length of the iron path as a gap"),
-    (Radial, "force.backward.cos", "N", 1.0, false, "synchronous force against the rotation"),
-    (Radial, "force.backward.sin", "N", 1.0, false, "synchronous force against the rotation"),
-    (Shaft, "Jt", "1", 0.01, true, "transverse moment of inertia, relative to that of the mass"),
-    (Shaft, "Jp", "1", 0.01, true, "polar moment of inertia, relative to that of the mass"),
-    (OnShaft, "position", "m", 5e-4, true, "position of the magnets along the shaft"),
-    (OnShaft, "sensorPosition", "m", 5e-4, true, "position of the sensors along the shaft"),
-    (Shaft, "unbalance[1].position", "m", 5e-4, false, "position of plane 1 of the unbalance"),
-    (Shaft, "unbalance[2].position", "m", 5e-4, false, "position of plane 2 of the unbalance"),
-    (Machine, DYNAMICS, "1", 0.05, false, "κ − 1, by how much more force accelerations take than the statics say"),
-    (Machine, LAG, "s", 2e-5, false, "time constant with which the currents follow their commands"),
+    (Machine, "m", "1", 0.01, "mass of the rotor, relative"),
+    (Bearing, "s", "1", 0.01, "nominal gap, relative"),
+    (Radial, "alpha[{}]", "rad", HALF_DEGREE, "angle of magnet {}"),
+    (Radial, "sensor.offset[y]", "m", 5e-6, "offset of the position sensor y"),
+    (Radial, "sensor.offset[z]", "m", 5e-6, "offset of the position sensor z"),
+    (Axial, "sensor.offset", "m", 5e-6, "offset of the position sensor"),
+    (Radial, "sensor.gain", "1", 0.005, "common gain of the position sensors"),
+    (Radial, GAIN_DIFFERENCE, "1", 0.005, "half the difference of the gains of the sensors y and z"),
+    (Axial, "sensor.gain", "1", 0.005, "gain of the position sensor"),
+    (Radial, "sensor.rotation", "rad", HALF_DEGREE, "rotation of the sensors about the shaft"),
+    (Radial, "sensor.skew", "rad", HALF_DEGREE, "half of what the sensors y and z lack to 90° between them"),
+    (Machine, DELAY, "s", 2e-5, "positions later than currents"),
+    (Radial, "runout1.forward.cos", "m", 1e-6, "run-out, once per turn, turning with the shaft"),
+    (Radial, "runout1.forward.sin", "m", 1e-6, "run-out, once per turn, turning with the shaft"),
+    (Radial, "runout1.backward.cos", "m", 1e-6, "run-out, once per turn, turning against the shaft"),
+    (Radial, "runout1.backward.sin", "m", 1e-6, "run-out, once per turn, turning against the shaft"),
+    (Radial, "runout2.y.cos", "m", 1e-6, "run-out in y, twice per turn"),
+    (Radial, "runout2.y.sin", "m", 1e-6, "run-out in y, twice per turn"),
+    (Radial, "runout2.z.cos", "m", 1e-6, "run-out in z, twice per turn"),
+    (Radial, "runout2.z.sin", "m", 1e-6, "run-out in z, twice per turn"),
+    (Bearing, "current.offset[{}]", "A", 0.005, "offset of the current sensor {}"),
+    (Bearing, "current.gain[{}]", "1", 0.005, "gain of the current sensor {}"),
+    (Bearing, IRON, "m", 5e-6, "length of the iron path as a gap"),
+    (Radial, "force.backward.cos", "N", 1.0, "synchronous force against the rotation"),
+    (Radial, "force.backward.sin", "N", 1.0, "synchronous force against the rotation"),
+    (Shaft, "Jt", "1", 0.01, "transverse moment of inertia, relative to that of the mass"),
+    (Shaft, "Jp", "1", 0.01, "polar moment of inertia, relative to that of the mass"),
+    (OnShaft, "position", "m", 5e-4, "position of the magnets along the shaft"),
+    (OnShaft, "sensorPosition", "m", 5e-4, "position of the sensors along the shaft"),
+    (Shaft, "unbalance[1].position", "m", 5e-4, "position of plane 1 of the unbalance"),
+    (Shaft, "unbalance[2].position", "m", 5e-4, "position of plane 2 of the unbalance"),
+    (Machine, DYNAMICS, "1", 0.05, "κ − 1, by how much more force accelerations take than the statics say"),
+    (Machine, LAG, "s", 2e-5, "time constant with which the currents follow their commands"),
 ];
 
 /// Name of half the difference between the gains of a pair of position sensors.
@@ -133,7 +131,7 @@ pub fn parameters(body: &Body, settings: &PartSettings) -> Vec<BenchParameter> {
         Radial => is_radial,
         Axial => !is_radial,
     };
-    let of = |(scope, name, unit, typical, in_typical_bench, description): Row| {
+    let of = |(scope, name, unit, typical, description): Row| {
         let prefixes = match scope {
             // The axial motion has a mass and a delay of its own.
             Machine | Shaft => vec![body.prefix()],
@@ -147,7 +145,6 @@ pub fn parameters(body: &Body, settings: &PartSettings) -> Vec<BenchParameter> {
                 name: format!("{prefix}{}", numbered(name)),
                 unit,
                 typical,
-                in_typical_bench,
                 description: numbered(description),
                 knowledge: Knowledge::Exact,
             }

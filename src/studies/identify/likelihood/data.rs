@@ -34,9 +34,10 @@ impl Case<'_> {
         !self.is_missing(row) && !(row.saturating_sub(RECOVERY_ROWS)..=row).any(is_unknown)
     }
 
-    /// Whether all currents were recorded.
-    pub fn has_all_currents(&self) -> bool {
-        self.square_error.iter().copied().flatten().all(|error_a2| *error_a2 == 0.0)
+    /// Part of the readings of currents that were restored, or of which nothing is known.
+    pub fn part_restored(&self) -> f64 {
+        let restored = self.square_error.iter().copied().flatten().filter(|error_a2| **error_a2 != 0.0);
+        restored.count() as f64 / (self.square_error.len() * self.at.len()).max(1) as f64
     }
 
     /// Standard deviation of the squared current `k` of the interval that ends at a row, A²: 0 if recorded. `level` scales the errors of restored readings.

@@ -1,25 +1,15 @@
 //! Results of a finished search: estimates with their standard deviations, budget, residuals, suspects.
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DMatrix;
 
-use super::bench::{GAIN_DIFFERENCE, IRON, Sensors};
-use super::case::Case;
 use super::data::Input;
-use super::filter::{Columns, HARMONICS};
+use super::filter::HARMONICS;
 use super::rotor::ByMagnet;
-use super::search::{BENCH_ROWS, Finished};
-use super::solve::{self, Normal, inverse, submatrix};
-use super::{
-    BenchEstimate, Conditions, Contradiction, DELAY, Estimate, Identification, PartResults, SILENT_M, Suspect,
-    Unbalance,
-};
+use super::search::Finished;
+use super::solve::{inverse, submatrix};
+use super::{BenchEstimate, Conditions, Contradiction, Estimate, Identification, PartResults, Unbalance};
 use crate::bearing::array;
-use crate::studies::identify::{mean, plain};
-
-/// χ² with one degree of freedom above which a bench parameter is a suspect; chance exceeds it with a probability of 8 · 10⁻⁶.
-const SUSPECT: f64 = 20.0;
-/// Part of the information on a parameter below which instruments alone do not test it.
-const INFORMED: f64 = 0.5;
+use crate::studies::identify::mean;
 
 pub(super) fn report(
     finished: &Finished<'_>,
@@ -29,6 +19,10 @@ pub(super) fn report(
 ) -> Identification {
     let search = &finished.search;
     let layout = search.model.layout;
+    let (suspects, together) = finished.test.suspects(search);
+    let added = finished.test.typical_variance(search);
+    let typical_std =
+        (0..layout.magnets).map(|k| (finished.total[(k, k)] + added[k]).sqrt() / search.x[k].abs()).collect();
     let lambda: Vec<Estimate> = (0..layout.magnets).map(|k| finished.estimate(k)).collect();
     let errors_m = search.prediction_errors().into_iter().enumerate();
     let conditions = errors_m.map(|(r, errors_m)| conditions(finished, r, &lambda, errors_m));
@@ -41,8 +35,10 @@ pub(super) fn report(
             .collect(),
         conditions: conditions.collect(),
         lambda,
+        typical_std,
         bench: (0..search.model.part.parameters.len()).map(|j| of_bench(finished, j, held.contains(&j))).collect(),
-        suspects: suspects(finished),
+        suspects,
+        together,
         contradictions,
         covariance_from_scores: finished.covariance_from_scores,
         iterations: search.iterations,
@@ -150,7 +146,11 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
     let sensitivity = |k: usize| response.as_ref().map_or(f64::NAN, |response| relative(k, response[(k, 0)]));
     let sensitivity: Vec<f64> = (0..magnets).map(sensitivity).collect();
     let contribution = match finished.at(unknown) {
-        None => sensitivity.iter().map(|s| s.abs() * tolerance).collect(),
+        None => {
+            // With that tolerance, the data would determine the parameter within this standard deviation.
+            let std = tolerance / (1.0 + finished.test.information[(j, j)]).sqrt();
+            sensitivity.iter().map(|s| s.abs() * std).collect()
+        }
         Some(i) => {
             // Cov(λ, p)²/Var p is the variance that λ loses if p is known.
             let own = finished.total[(i, i)];
@@ -158,92 +158,4 @@ fn of_bench(finished: &Finished<'_>, j: usize, is_held: bool) -> BenchEstimate {
         }
     };
     BenchEstimate { parameter: parameter.clone(), estimate, estimated, is_held, sensitivity, tolerance, contribution }
-}
-
-/// Lagrange multiplier tests of the bench parameters that are not estimated, and of the gain of each position sensor of a pair. Measured sensitivities
-/// count as well for the gains of a pair, which they tell apart best if all currents were recorded (with dropouts a good recording was refused), and where
-/// instruments have less than [`INFORMED`] of their information (that of a motion that does not repeat with the turns, for instance); elsewhere they
-/// would be biased by noise.
-fn suspects(finished: &Finished<'_>) -> Vec<Suspect> {
-    let Finished { search, normal, estimated: of, columns, .. } = finished;
-    let coordinates = search.model.layout.loads() as f64;
-    let rows: f64 = finished.blocks.iter().map(|block| block.count).sum();
-    let nis = (finished.blocks.iter().map(|block| block.nis).sum::<f64>() / (coordinates * rows)).max(1.0);
-    let parameters = &search.model.part.parameters;
-    let single = (0..parameters.len()).map(|j| vec![(j, 1.0)]);
-    let sensor = |of: &Sensors| [1.0, -1.0].map(|sign| vec![(of.gain, 1.0), (of.gain_difference, sign)]);
-    let directions: Vec<Direction> = single.chain(search.model.places.pairs.iter().flat_map(sensor)).collect();
-    let mut all = tests(finished, &directions, normal, columns, None);
-    if of != columns && search.cases.iter().all(|case| case.position_noise >= SILENT_M) {
-        let weight = (BENCH_ROWS / rows).min(1.0);
-        let normal = search.normal(&search.pass(Columns::All));
-        let measured = tests(finished, &directions, &normal, of, finished.bias.as_ref());
-        let is_complete = search.cases.iter().all(Case::has_all_currents);
-        for ((test, measured), direction) in all.iter_mut().zip(measured).zip(&directions) {
-            let names = direction.iter().map(|(j, _)| plain(&parameters[*j].name));
-            let [is_of_pair, is_delay] = [GAIN_DIFFERENCE, DELAY].map(|name| names.clone().any(|of| of == name));
-            // The delay, which is biased most, has a test of its own (`answer::with_delay`).
-            let counts = is_of_pair && is_complete || test[1] < INFORMED * measured[1] && !is_delay;
-            let square = |[score, own]: [f64; 2]| if own > 0.0 { score * score / own } else { 0.0 };
-            if counts && square(*test) < weight * square(measured) {
-                *test = measured.map(|sum| weight * sum);
-            }
-        }
-    }
-    let suspect = |(direction, [score, own]): (Direction, [f64; 2])| {
-        // A gap and an iron path are the same in the model: rounding must not decide which is named first.
-        let (value, chi_square) = (score / own, f64::from((score * score / own / nis) as f32));
-        let parameters = direction.iter().map(|(j, part)| (*j, part * value)).collect();
-        let suspect = Suspect { parameters, std: (nis / own).sqrt(), chi_square };
-        let is_open = |(j, _): &(usize, f64)| {
-            let is_negative_path = value < 0.0 && plain(&search.model.part.parameters[*j].name) == IRON;
-            finished.at(search.model.layout.own + j).is_none() && !is_negative_path
-        };
-        (direction.iter().all(is_open) && chi_square > SUSPECT).then_some(suspect)
-    };
-    let mut suspects: Vec<Suspect> = directions.into_iter().zip(all).filter_map(suspect).collect();
-    suspects.sort_by(|a, b| b.chi_square.total_cmp(&a.chi_square));
-    suspects
-}
-
-/// Direction of a test: indices of bench parameters with factors.
-type Direction = Vec<(usize, f64)>;
-
-/// Score and information along each direction, with these columns of the sensitivities to the estimated unknowns. If a bias was removed from the
-/// estimates, with this covariance left, their scores are bias alone. How much of it the score along a direction contains is unknown: of the scores with
-/// all of it and with none the smaller one counts, and its size and the rest of the bias lower the information.
-fn tests(
-    finished: &Finished<'_>,
-    directions: &[Direction],
-    normal: &Normal,
-    columns: &[usize],
-    bias: Option<&DMatrix<f64>>,
-) -> Vec<[f64; 2]> {
-    let Finished { search, estimated: of, .. } = finished;
-    let (h, b) = search.equations_by(normal, of, of, columns);
-    let (g, _) = search.equations(normal, of);
-    let Some(inverse) = solve::general_inverse(&h) else { return vec![[0.0; 2]; directions.len()] };
-    let test = |direction: &Direction| {
-        let along = DVector::from_iterator(direction.len(), direction.iter().map(|(_, part)| *part));
-        let own: Vec<usize> = direction.iter().map(|(j, _)| search.model.layout.own + j).collect();
-        let projected = along.transpose() * submatrix(&normal.j, &own, columns) * &inverse;
-        let all = along.dot(&(submatrix(&normal.j, &own, &own) * &along));
-        let score = along.dot(&normal.b.select_rows(&own));
-        let cross = submatrix(&normal.j, of, &own) * along;
-        let own = all - 2.0 * (&projected * &cross)[(0, 0)] + (&projected * &g * projected.transpose())[(0, 0)];
-        // A direction that the other unknowns reproduce up to rounding cannot be suspected.
-        if own <= 1e-9 * all {
-            return [0.0; 2];
-        }
-        let of_estimates = (&projected * &b)[(0, 0)];
-        let other = score - of_estimates;
-        match bias {
-            Some(bias) => {
-                let part = own / (own + of_estimates * of_estimates + cross.dot(&(bias * &cross)));
-                [part * if score.abs() < other.abs() { score } else { other }, part * own]
-            }
-            None => [other, own],
-        }
-    };
-    directions.iter().map(test).collect()
 }

@@ -1,6 +1,7 @@
 //! Search for the most likely parameters; `finish.rs` turns it into results with their covariance.
 
 mod finish;
+mod test;
 
 use std::ops::Range;
 
