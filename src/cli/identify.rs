@@ -14,8 +14,8 @@ use fmu_export::variable::Value;
 use serde_json::json;
 
 use super::{
-    DEVIATION, DIFFERS, Failure, NOT_VALID, Result, SPEED, TIME, above_0, claim, finite, from_0, pair, print, refused,
-    say, write, write_json, write_page, write_table,
+    DIFFERS, Failure, NOT_VALID, OF_CURRENTS, OF_POSITIONS, Result, SPEED, TIME, above_0, claim, from_0, number, pair,
+    print, refused, say, write, write_json, write_page, write_table,
 };
 use crate::estimation::{Hold, Method};
 use crate::machine::{AXIAL, MACHINES, Machine};
@@ -67,7 +67,7 @@ pub struct Arguments {
     #[arg(long, value_name = "RATE", value_parser = identify::rate_s, conflicts_with = "step")]
     rate: Option<f64>,
     /// Sample time, as in 100us, instead of --rate; seconds if there is no unit.
-    #[arg(long, value_name = "TIME", value_parser = identify::duration_s)]
+    #[arg(long, value_name = "TIME", value_parser = above_0(TIME))]
     step: Option<f64>,
     /// Scenario whose estimator has the parameters of the machine: a file or a built-in scenario; by default unbalanced, and for other
     /// machines than planar the built-in one with the name of the machine. A file needs no title, duration and step.
@@ -116,20 +116,20 @@ pub struct Arguments {
     /// unless another one is more likely; of an axis, linear. A lag behind commands, and a delay of the positions of which nothing is stated, are found as well.
     #[arg(long, value_name = "HOLD", value_parser = names::<Hold>(&[AUTO]), hide_possible_values = true, default_value = AUTO)]
     hold: String,
-    /// Length of the window, in s; one revolution by default.
-    #[arg(long, value_name = "SECONDS", value_parser = above_0(TIME), allow_hyphen_values = true)]
+    /// Length of the window, as in 20ms; one revolution by default.
+    #[arg(long, value_name = "TIME", value_parser = above_0(TIME), allow_hyphen_values = true)]
     window: Option<f64>,
     /// Speed in rpm, for recordings without angle and speed.
     #[arg(long, value_name = "RPM", value_parser = rpm, allow_hyphen_values = true)]
     speed: Option<f64>,
-    /// Standard deviation of the position noise, in m; estimated from the data by default.
-    #[arg(long, value_name = "METRES", value_parser = from_0(DEVIATION), allow_hyphen_values = true)]
+    /// Standard deviation of the position noise, as in 0.1um; estimated from the data by default.
+    #[arg(long, value_name = "LENGTH", value_parser = from_0(OF_POSITIONS), allow_hyphen_values = true)]
     position_noise: Option<f64>,
-    /// Standard deviation of the current noise, in A; estimated from the data by default.
-    #[arg(long, value_name = "AMPERES", value_parser = from_0(DEVIATION), allow_hyphen_values = true)]
+    /// Standard deviation of the current noise, as in 10mA; estimated from the data by default.
+    #[arg(long, value_name = "CURRENT", value_parser = from_0(OF_CURRENTS), allow_hyphen_values = true)]
     current_noise: Option<f64>,
     /// Interpolates a recording without a uniform sample time to this one, as in 100us; seconds if there is no unit.
-    #[arg(long, value_name = "TIME", value_parser = identify::duration_s, conflicts_with_all = ["rate", "step"])]
+    #[arg(long, value_name = "TIME", value_parser = above_0(TIME), conflicts_with_all = ["rate", "step"])]
     resample: Option<f64>,
     /// Writes the estimates over time as CSV, of an axis the prediction errors and the slow force; - is the standard output, as for --json.
     #[arg(long, value_name = "FILE")]
@@ -436,7 +436,8 @@ fn report_errors(wrong: &[String]) -> Result<()> {
 }
 
 fn rpm(text: &str) -> Result<f64, String> {
-    finite(text).ok_or_else(|| format!("expected {SPEED}, negative against the angle"))
+    let [what, si] = SPEED;
+    number(text, si).ok_or_else(|| format!("expected {what}, negative against the angle"))
 }
 
 /// The names of all items and further words, as the values of an option.

@@ -21,7 +21,7 @@ use crate::report::frame;
 use crate::report::{campbell, experiment};
 use crate::simulation::{Pair, Recording, Scenario, ScenarioError, scenario, simulate, summary};
 use crate::studies::design;
-use crate::studies::identify::{Stated, tolerance};
+use crate::studies::identify::{Stated, quantity, tolerance};
 use crate::studies::montecarlo::{self, hostile, hostile::Course};
 use crate::studies::sensitivity;
 use crate::studies::sweep::Sweep;
@@ -31,10 +31,11 @@ use crate::studies::whirl::{self, Whirl};
 const FMU_FOLDER: &str = "target/fmu";
 const REPORT_FOLDER: &str = "target/report";
 
-/// Names of numbers, for messages.
-const DEVIATION: &str = "a standard deviation";
-const TIME: &str = "a time in s";
-const SPEED: &str = "a speed in rpm";
+/// Names of numbers, for messages, and their SI units.
+const OF_POSITIONS: [&str; 2] = ["a standard deviation as in 0.1um", "m"];
+const OF_CURRENTS: [&str; 2] = ["a standard deviation as in 10mA", "A"];
+const TIME: [&str; 2] = ["a time as in 100us", "s"];
+const SPEED: [&str; 2] = ["a speed in rpm", ""];
 
 /// Number of speed steps in the table of `whirl`.
 const SPEEDS: usize = 12;
@@ -109,17 +110,17 @@ enum Command {
         /// Speed of the rotor, in rpm, by default that of the scenario; 0 means a rotor at rest.
         #[arg(long, value_name = "RPM", value_parser = from_0(SPEED), allow_hyphen_values = true)]
         speed: Option<f64>,
-        /// Sample time, in s.
-        #[arg(long, value_name = "SECONDS", value_parser = above_0(TIME), allow_hyphen_values = true)]
+        /// Sample time, as in 100us.
+        #[arg(long, value_name = "TIME", value_parser = above_0(TIME), allow_hyphen_values = true)]
         sample_time: Option<f64>,
-        /// Standard deviation of the position noise, in m; by default that of the scenario, or 0.1 µm if it has none.
-        #[arg(long, value_name = "METRES", value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
+        /// Standard deviation of the position noise, as in 0.1um; by default that of the scenario, or 0.1 µm if it has none.
+        #[arg(long, value_name = "LENGTH", value_parser = above_0(OF_POSITIONS), allow_hyphen_values = true)]
         position_noise: Option<f64>,
-        /// Standard deviation of the current noise, in A; by default that of the scenario, or 10 mA if it has none.
-        #[arg(long, value_name = "AMPERES", value_parser = above_0(DEVIATION), allow_hyphen_values = true)]
+        /// Standard deviation of the current noise, as in 10mA; by default that of the scenario, or 10 mA if it has none.
+        #[arg(long, value_name = "CURRENT", value_parser = above_0(OF_CURRENTS), allow_hyphen_values = true)]
         current_noise: Option<f64>,
-        /// Time by which λ must be known, in s.
-        #[arg(long, value_name = "SECONDS", default_value_t = 0.1, value_parser = above_0(TIME), allow_hyphen_values = true)]
+        /// Time by which λ must be known, as in 0.1s.
+        #[arg(long, value_name = "TIME", default_value_t = 0.1, value_parser = above_0(TIME), allow_hyphen_values = true)]
         at: f64,
     },
     /// Peak of the sensitivity function of each position sensor, with its zone of ISO 14839-3: with the first guess of λ and with the true
@@ -139,10 +140,10 @@ enum Command {
         #[arg(value_name = "SCENARIO", default_value = "spindle")]
         scenario: PathBuf,
         /// Stiffness of each bearing, in N/m.
-        #[arg(long, value_name = "N/m", default_value_t = 2e6, value_parser = above_0("a stiffness in N/m"), allow_hyphen_values = true)]
+        #[arg(long, value_name = "N/m", default_value_t = 2e6, value_parser = above_0(["a stiffness in N/m", ""]), allow_hyphen_values = true)]
         stiffness: f64,
         /// Damping of each bearing, in N·s/m.
-        #[arg(long, value_name = "N.s/m", default_value_t = 200.0, value_parser = from_0("a damping in N·s/m"), allow_hyphen_values = true)]
+        #[arg(long, value_name = "N.s/m", default_value_t = 200.0, value_parser = from_0(["a damping in N·s/m", ""]), allow_hyphen_values = true)]
         damping: f64,
         /// Greatest speed, in rpm.
         #[arg(long, value_name = "RPM", default_value_t = 12_000.0, value_parser = above_0(SPEED), allow_hyphen_values = true)]
@@ -233,17 +234,17 @@ struct MonteCarlo {
     /// Runs only studies with this text in their title.
     #[arg(long, value_name = "TEXT")]
     only: Option<String>,
-    /// Standard deviation of the position noise, in m; by default that of the scenario, or 0.1 µm if it has none.
-    #[arg(long, value_name = "METRES", value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
+    /// Standard deviation of the position noise, as in 0.1um; by default that of the scenario, or 0.1 µm if it has none.
+    #[arg(long, value_name = "LENGTH", value_parser = from_0(OF_POSITIONS), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
     position_noise: Option<f64>,
-    /// Standard deviation of the current noise, in A; by default that of the scenario, or 10 mA if it has none.
-    #[arg(long, value_name = "AMPERES", value_parser = from_0(DEVIATION), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
+    /// Standard deviation of the current noise, as in 10mA; by default that of the scenario, or 10 mA if it has none.
+    #[arg(long, value_name = "CURRENT", value_parser = from_0(OF_CURRENTS), allow_hyphen_values = true, requires = "scenario", conflicts_with = "only")]
     current_noise: Option<f64>,
     /// The estimator estimates the noise instead of knowing it.
     #[arg(long, requires = "scenario", conflicts_with = "only")]
     estimate_noise: bool,
-    /// Times at which the estimates are evaluated, in seconds; hostile courses are judged at all times.
-    #[arg(long, value_name = "SECONDS", value_delimiter = ',', value_parser = above_0(TIME), allow_hyphen_values = true)]
+    /// Times at which the estimates are evaluated, as in 100ms,1s; hostile courses are judged at all times.
+    #[arg(long, value_name = "TIME", value_delimiter = ',', value_parser = above_0(TIME), allow_hyphen_values = true)]
     at: Vec<f64>,
 }
 
@@ -559,18 +560,19 @@ fn write_page(folder: &Path, page: &str) -> Result<()> {
     write(&folder.join("index.html"), Format::Page, page.as_bytes())
 }
 
-/// Parses a number above 0.
-fn above_0(what: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| finite(text).filter(|value| *value > 0.0).ok_or_else(|| format!("expected {what} above 0"))
+/// Parses a number above 0, with or without its unit.
+fn above_0([what, si]: [&'static str; 2]) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| number(text, si).filter(|value| *value > 0.0).ok_or_else(|| format!("expected {what}, above 0"))
 }
 
-/// Parses a number, 0 or above.
-fn from_0(what: &'static str) -> impl Fn(&str) -> Result<f64, String> + Clone {
-    move |text| finite(text).filter(|value| *value >= 0.0).ok_or_else(|| format!("expected {what}, 0 or above"))
+/// Parses a number, 0 or above, with or without its unit.
+fn from_0([what, si]: [&'static str; 2]) -> impl Fn(&str) -> Result<f64, String> + Clone {
+    move |text| number(text, si).filter(|value| *value >= 0.0).ok_or_else(|| format!("expected {what}, 0 or above"))
 }
 
-fn finite(text: &str) -> Option<f64> {
-    text.parse().ok().filter(|value: &f64| value.is_finite())
+/// A number with or without a unit, in SI.
+fn number(text: &str, si: &str) -> Option<f64> {
+    quantity("", text, si).ok()
 }
 
 /// A number of runs.

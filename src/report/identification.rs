@@ -121,7 +121,7 @@ fn budget(found: &Identification, machine: &Machine) -> Figure {
         plot.title(bearing.name()).height(90.0 + 38.0 * names.len() as f64)
     };
     let caption = "Contribution of each bench parameter to the standard deviation of λ: with its tolerance if one is stated, \
-                   otherwise with that of a typical bench, which is not in the ± above.";
+                   otherwise with that of a typical bench, as far as the data do not exclude it, which is not in the ± above.";
     let plots = machine.magnets_of_bearings().into_iter().map(of_bearing).collect();
     Figure::new("budget", "Budget", plots, caption.into())
 }

@@ -131,14 +131,16 @@ impl Bench {
         estimator.set(GAP, gap_m.unwrap_or(f64::NAN));
         let stated = Stated::of(&AXIAL, &estimator);
         let parameters = stated.parameters();
-        let whole = name;
         for (at, std) in identify::tolerance(name, value, &stated)? {
-            let name = parameters[at].name.as_str();
-            let is_unused = (0..2).any(|k| !axis.used.contains(&k) && name.ends_with(&format!("[{}]", k + 1)));
-            // Of all parameters, one axis shows some.
-            let is_unknown = whole == identify::ALL && parameter(name).is_err();
-            if !is_unused && !is_unknown {
-                axis.tolerance[parameter(name)?] = if name == GAP { gap_m.unwrap_or(0.0) * std } else { std };
+            let own = parameters[at].name.as_str();
+            let is_unused = (0..2).any(|k| !axis.used.contains(&k) && own.ends_with(&format!("[{}]", k + 1)));
+            let at = match parameter(own) {
+                // Of all parameters, one axis shows some.
+                Err(_) if name == identify::ALL => continue,
+                found => found?,
+            };
+            if !is_unused {
+                axis.tolerance[at] = if own == GAP { gap_m.unwrap_or(0.0) * std } else { std };
             }
         }
         Ok(())

@@ -34,7 +34,7 @@ pub use self::read::{Reading, Unusable};
 pub use self::samples::{Rotation, Samples};
 use self::tolerance::plain;
 use self::track::chosen;
-pub use self::units::{duration_s, rate_s};
+pub use self::units::rate_s;
 use self::units::{significant, time};
 use crate::bearing::{BearingConfig, RotorConfig, Shaft, array};
 use crate::estimation::Hold;

@@ -4,7 +4,7 @@ use fmu_export::variable::Value;
 
 use super::Stated;
 use super::likelihood::BenchParameter;
-use super::units::{self, factor};
+use super::units::{self, factor, significant};
 use crate::simulation::scenario::number_and_unit;
 use crate::simulation::{Element, suggestion};
 
@@ -107,7 +107,10 @@ pub fn tolerance(name: &str, value: &str, stated: &Stated) -> Result<Vec<(usize,
             return Err(wanted());
         }
         if own == "1" && std >= 1.0 {
-            return Err(format!("tolerance {name}={value}: this is {} %, expected less than 100 %", 100.0 * std));
+            return Err(format!(
+                "tolerance {name}={value}: this is {} %, expected less than 100 %",
+                significant(100.0 * std, 3)
+            ));
         }
         Ok((at, std))
     };

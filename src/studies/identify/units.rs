@@ -110,15 +110,6 @@ pub(super) fn names(quantity: Quantity) -> String {
     names.filter(|name| *name != RATIO[0].0[0]).collect::<Vec<_>>().join(", ")
 }
 
-/// A duration with its unit, `100us` or `100 µs`; seconds by default.
-///
-/// # Errors
-/// The expected form.
-pub fn duration_s(text: &str) -> Result<f64, String> {
-    let value = value(text, TIME).filter(|value| *value > 0.0);
-    value.ok_or_else(|| format!("{text}: expected a time above 0, as in 100us, 0.1ms or 1e-4 s"))
-}
-
 /// The sample time of a rate with its unit, `10kHz` or `9600 Hz`.
 ///
 /// # Errors

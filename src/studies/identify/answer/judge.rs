@@ -161,8 +161,9 @@ pub fn judge(found: &Identification, all: &[Recording], machine: &Machine, parts
              simulation whose positions need noise of some nanometres too"
         ));
     }
-    if let Some(differs) = found.together.as_ref().filter(|_| !silent).and_then(differs) {
-        return Some(format!("{}, and with them {differs}: --tolerance all=typical", together(found)));
+    let of_all = found.together.as_ref().filter(|_| !silent);
+    if let Some((suspect, differs)) = of_all.and_then(|suspect| Some((suspect, differs(suspect)?))) {
+        return Some(format!("{}, and with them {differs}: --tolerance all=typical", together(found, suspect)));
     }
     for conditions in &found.conditions {
         for (part, Part { body, .. }) in conditions.parts.iter().zip(parts) {

@@ -12,8 +12,8 @@ use crate::table::Table;
 use crate::variables::Choice;
 
 /// Note below the first budget.
-const SENSITIVITIES: &str =
-    "The sensitivities say by how much λ is wrong if the parameter differs from its stated value.";
+const SENSITIVITIES: &str = "The sensitivities say by how much λ is wrong if the parameter differs from its stated value. Contributions of typical tolerances are of \
+     what the data do not exclude.";
 
 /// Factor and name of the unit in which a parameter is shown.
 pub fn shown(parameter: &BenchParameter) -> (f64, &'static str) {

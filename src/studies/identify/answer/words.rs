@@ -71,8 +71,8 @@ fn unusual(BenchEstimate { parameter, estimate, estimated, .. }: &BenchEstimate)
     let [value, times] = [estimate.value / factor, times].map(|of| significant(of, 2));
     is_unusual.then(|| {
         format!(
-            "{name} of {value} {unit} is {times} times what is usual on a bench: check it, since saturation or hysteresis of the magnets, which the \
-             model lacks, would look like that, and λ would be wrong."
+            "{name} of {value} {unit} is {times} times what is usual on a bench: check it, since what the model lacks, such as saturation or hysteresis \
+             of the magnets, may look like that, and λ would be wrong."
         )
     })
 }
@@ -182,8 +182,7 @@ pub(super) fn called(found: &Identification, suspect: &Suspect) -> [String; 2] {
 }
 
 /// The clause on what the residuals call for together, with the largest errors in typical tolerances.
-pub(super) fn together(found: &Identification) -> String {
-    let Some(Suspect { parameters, chi_square, .. }) = &found.together else { return String::new() };
+pub(super) fn together(found: &Identification, Suspect { parameters, chi_square, .. }: &Suspect) -> String {
     let mut sorted = parameters.clone();
     let size = |(j, value): &(usize, f64)| (value / found.bench[*j].parameter.typical).abs();
     sorted.sort_by(|a, b| size(b).total_cmp(&size(a)));
